@@ -1,0 +1,15 @@
+"""Errors that a user can cause and can mend: messages name the item, what was expected, what was found."""
+
+from __future__ import annotations
+
+
+class BdamperError(Exception):
+    """Base class of all errors raised on purpose by this package."""
+
+
+class ModelError(BdamperError, ValueError):
+    """A model, or a model file, contradicts itself or the conventions."""
+
+
+class SettingError(BdamperError, ValueError):
+    """A setting of a study is out of range or does not fit the model."""

@@ -1,0 +1,552 @@
+"""The model file: a :class:`~bdamper.model.Model` in HDF5.
+
+The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how
+to write such a file with h5py alone.  The reader looks after the container: what must be there, of which
+type, in which units.  What the numbers have to satisfy is checked by :func:`~bdamper.checks.check_model`, for
+files and for models built in memory alike.
+
+A file is a closed box: links to other files, external storage and virtual datasets are refused, and so is
+everything that the format does not know, since a misspelt optional dataset would otherwise be lost in
+silence.  Additional attributes are left alone.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import secrets
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.checks import check_model
+from bdamper.errors import ModelError
+from bdamper.model import (
+    Body,
+    BodyLoad,
+    ContactStiffness,
+    Interface,
+    Location,
+    ModalBasis,
+    Model,
+    Port,
+    StaticContact,
+    SurfaceMesh,
+)
+
+FORMAT = "bdamper-model"
+VERSION = 1
+AXIS = (0.0, 0.0, 1.0)
+TIME_CONVENTION = "exp(+i omega t)"
+PHASE_CONVENTION = "u(k+1) = Rz(-2 pi/N) u(k) exp(+i 2 pi d/N), k toward +X"
+
+UNITS = {
+    "omega2": "rad2/s2",
+    "damping_ratio": "1",
+    "modes": "kg^-1/2",
+    "locations": "kg^-1/2",
+    "flexibility": "m/N",
+    "mass": "kg",
+    "centre": "m",
+    "inertia": "kg m2",
+    "direction": "1",
+    "generalised": "kg^-1/2",
+    "displacement": "m/N",
+    "points": "m",
+    "area": "m2",
+    "frame": "1",
+    "gap": "m",
+    "position": "m",
+    "stiffness": "N/m",
+    "fallback": "1",
+    "force": "N",
+    "displacement_a": "m",
+    "displacement_b": "m",
+    "quads": "1",
+}
+"""Units of every dataset, by its name (by the name of its group for modes and locations)."""
+
+_COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
+_LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
+_LONGEST_ATTRIBUTE = 60000  # bytes; HDF5 has room for 64 KiB
+
+Kind = Literal["real", "field", "integer", "bool"]
+_KINDS: dict[str, tuple[str, str]] = {
+    "real": ("f", "real numbers"),
+    "field": ("fc", "real or complex numbers"),
+    "integer": ("iu", "integers"),
+    "bool": ("b", "booleans"),
+}
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Writing
+
+
+def save_model(model: Model, path: str | os.PathLike[str]) -> None:
+    """Write a model to an HDF5 file, replacing an existing one in a single step.
+
+    Parameters
+    ----------
+    model : Model
+        It is checked first; an inconsistent model is not written.
+    path : path-like
+        The file; its directory must exist.
+
+    Raises
+    ------
+    ModelError
+        If the model does not pass :func:`~bdamper.checks.check_model`.
+    OSError
+        If the file cannot be written; an existing file is then unchanged.
+    """
+    check_model(model)
+    _check_attribute_lengths(model)
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with h5py.File(temporary, "x", track_order=True) as file:
+            _write_model(file, model)
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _check_attribute_lengths(model: Model) -> None:
+    for key, value in model.provenance.items():
+        if len(key.encode()) + len(value.encode()) > _LONGEST_ATTRIBUTE:
+            raise ModelError(
+                f"model: /provenance: expected texts of at most {_LONGEST_ATTRIBUTE} bytes, "
+                f"found {len(value.encode())} bytes in '{key[:40]}'"
+            )
+
+
+def _write_model(file: h5py.File, model: Model) -> None:
+    file.attrs["format"] = FORMAT
+    file.attrs["version"] = VERSION
+    file.attrs["n_blades"] = int(model.n_blades)
+    file.attrs["axis"] = np.array(AXIS)
+    file.attrs["time_convention"] = TIME_CONVENTION
+    file.attrs["phase_convention"] = PHASE_CONVENTION
+    bodies = _new_group(file, "bodies")
+    for name, body in model.bodies.items():
+        _write_body(_new_group(bodies, name), model, body)
+    interfaces = _new_group(file, "interfaces")
+    for name, interface in model.interfaces.items():
+        _write_interface(_new_group(interfaces, name), interface)
+    _write_optional_parts(file, model)
+    provenance = file.create_group("provenance")
+    for key, value in model.provenance.items():
+        provenance.attrs[key] = value
+
+
+def _write_optional_parts(file: h5py.File, model: Model) -> None:
+    locations = _new_group(file, "locations")
+    for name, location in model.locations.items():
+        group = _new_group(locations, name)
+        group.attrs["body"] = location.body
+        _write(group, "position", location.position)
+    contacts = _new_group(file, "contact")
+    for name, contact in model.contact.items():
+        group = _new_group(contacts, name)
+        group.attrs["source"] = contact.source
+        _write(group, "stiffness", contact.stiffness)
+        if contact.fallback is not None:
+            _write(group, "fallback", contact.fallback)
+    statics = _new_group(file, "static")
+    for name, static in model.static.items():
+        group = _new_group(statics, name)
+        for key in ("force", "displacement_a", "displacement_b"):
+            _write(group, key, getattr(static, key))
+    meshes = _new_group(file, "mesh")
+    for name, mesh in model.meshes.items():
+        group = _new_group(meshes, name)
+        _write(group, "points", mesh.points)
+        _write(group, "quads", mesh.quads)
+
+
+def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
+    group.attrs["kind"] = body.kind
+    ports = [f"{interface}.{side}" for interface, side in body.ports]
+    group.attrs["ports"] = np.array(ports, dtype=h5py.string_dtype())
+    for key in ("mass", "centre", "inertia"):
+        value = getattr(body, key)
+        if value is not None:
+            _write(group, key, np.asarray(value, dtype=float))
+    for d, basis in body.bases.items():
+        _write_basis(_new_group(group, f"nd{d:03d}"), model, body, basis)
+    if body.load is not None:
+        load = _new_group(group, "load")
+        for key in ("direction", "generalised", "displacement"):
+            _write(load, key, getattr(body.load, key))
+
+
+def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis) -> None:
+    _write(group, "omega2", basis.omega2)
+    _write(group, "damping_ratio", basis.damping_ratio)
+    modes = _new_group(group, "modes")
+    for port in body.ports:
+        rows = model.port_slice(body.name, port)
+        _write(modes, f"{port[0]}.{port[1]}", basis.contact_modes[rows], UNITS["modes"])
+    locations = _new_group(group, "locations")
+    for name, values in basis.locations.items():
+        _write(locations, name, values, UNITS["locations"])
+    if basis.flexibility is not None:
+        _write(group, "flexibility", basis.flexibility)
+
+
+def _write_interface(group: h5py.Group, interface: Interface) -> None:
+    group.attrs["kind"] = interface.kind
+    group.attrs["body_a"] = interface.body_a
+    group.attrs["sector_a"] = int(interface.sector_a)
+    group.attrs["body_b"] = interface.body_b
+    group.attrs["sector_b"] = int(interface.sector_b)
+    for key in ("points", "area", "frame", "gap"):
+        _write(group, key, getattr(interface, key))
+
+
+def _new_group(parent: h5py.Group, name: str) -> h5py.Group:
+    """A subgroup that remembers the order of its members, so that a model comes back in the order it had."""
+    return parent.create_group(name, track_order=True)
+
+
+def _write(group: h5py.Group, name: str, array: NDArray, units: str | None = None) -> None:
+    options: dict[str, Any] = {}
+    if array.nbytes > _COMPRESS_FROM:
+        options = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+    dataset = group.create_dataset(name, data=array, **options)
+    dataset.attrs["units"] = UNITS[name] if units is None else units
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Reading
+
+
+def load_model(path: str | os.PathLike[str]) -> Model:
+    """Read a model from an HDF5 file and check it.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Model
+        With all numbers in double precision, whatever the precision in the file.
+
+    Raises
+    ------
+    FileNotFoundError
+        If there is no such file.
+    ModelError
+        If the file cannot be read as a model, or the model in it does not pass
+        :func:`~bdamper.checks.check_model`.
+    """
+    source = Path(path)
+    if not source.exists():
+        raise FileNotFoundError(f"there is no model file '{source}'")
+    try:
+        with h5py.File(source, "r") as file:
+            model = _read_model(file)
+    except ModelError:
+        raise
+    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
+        raise ModelError(f"{source}: expected a readable HDF5 file, found: {_first_line(error)}") from error
+    check_model(model, where=str(source))
+    return model
+
+
+def _first_line(error: Exception) -> str:
+    text = str(error).strip().splitlines()
+    return text[0] if text else type(error).__name__
+
+
+def _item(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
+    """How a message names something in a file: ``file: /path/in/the/file``."""
+    path = f"{parent.name.rstrip('/')}/{name}" if name else parent.name
+    return f"{parent.file.filename}: {path}"
+
+
+def _mismatch(item: str, expected: str, found: str) -> ModelError:
+    return ModelError(f"{item}: expected {expected}, found {found}")
+
+
+def _read_model(file: h5py.File) -> Model:
+    _check_root(file)
+    n_blades = _read_integer(file, "n_blades")
+    interfaces = {n: _read_interface(g) for n, g in _subgroups(file, "interfaces").items()}
+    bodies = {n: _read_body(g, interfaces) for n, g in _subgroups(file, "bodies").items()}
+    return Model(
+        n_blades=n_blades,
+        bodies=bodies,
+        interfaces=interfaces,
+        locations={n: _read_location(g) for n, g in _subgroups(file, "locations").items()},
+        contact={n: _read_contact(g) for n, g in _subgroups(file, "contact").items()},
+        static={n: _read_static(g) for n, g in _subgroups(file, "static").items()},
+        meshes={n: _read_mesh(g) for n, g in _subgroups(file, "mesh").items()},
+        provenance=_read_provenance(file),
+    )
+
+
+def _check_root(file: h5py.File) -> None:
+    """Format, version and conventions; nothing else is looked at before these fit."""
+    found = _read_text(file, "format")
+    if found != FORMAT:
+        raise _mismatch(_item(file, "@format"), f"'{FORMAT}'", f"'{found}'")
+    version = _read_integer(file, "version")
+    if version != VERSION:
+        raise _mismatch(_item(file, "@version"), f"{VERSION}", f"{version}")
+    for key, convention in (("time_convention", TIME_CONVENTION), ("phase_convention", PHASE_CONVENTION)):
+        found = _read_text(file, key)
+        if found != convention:
+            raise _mismatch(_item(file, f"@{key}"), f"'{convention}'", f"'{found}'")
+    axis = np.asarray(_attribute(file, "axis"))
+    if axis.dtype.kind not in "fiu" or axis.shape != (3,) or not np.array_equal(axis, AXIS):
+        raise _mismatch(_item(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
+    _check_members(file, ["bodies", "interfaces"], ["locations", "contact", "static", "mesh", "provenance"])
+
+
+def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
+    bases = {}
+    others = []
+    for name in group:
+        match = re.fullmatch(r"nd(\d{3,9})", name, re.ASCII)
+        if match is None:
+            others.append(name)
+        else:
+            bases[int(match[1])] = name
+    _check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load"])
+    ports = _read_ports(group, interfaces)
+    return Body(
+        name=_own_name(group),
+        kind=cast(Any, _read_text(group, "kind")),
+        ports=ports,
+        bases={d: _read_basis(_subgroup(group, n), ports, interfaces) for d, n in bases.items()},
+        mass=float(_read(group, "mass", shape=())) if "mass" in others else None,
+        centre=_read(group, "centre") if "centre" in others else None,
+        inertia=_read(group, "inertia") if "inertia" in others else None,
+        load=_read_load(_subgroup(group, "load")) if "load" in others else None,
+    )
+
+
+def _read_ports(group: h5py.Group, interfaces: Mapping[str, Interface]) -> tuple[Port, ...]:
+    if "ports" not in group.attrs:
+        return ()
+    texts = np.atleast_1d(_attribute(group, "ports"))
+    ports = []
+    for text in (_as_text(t, _item(group, "@ports")) for t in texts.ravel()):
+        interface, dot, side = text.rpartition(".")
+        if not dot or side not in ("a", "b"):
+            raise _mismatch(_item(group, "@ports"), "texts like 'interface.a' or 'interface.b'", f"'{text}'")
+        if interface not in interfaces:
+            raise _mismatch(_item(group, "@ports"), f"an interface of {list(interfaces)}", f"'{interface}'")
+        ports.append((interface, side))
+    return tuple(ports)
+
+
+def _read_basis(
+    group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]
+) -> ModalBasis:
+    _check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility"])
+    omega2 = _read(group, "omega2", shape=(None,))
+    n_modes = len(omega2)
+    modes = _subgroup(group, "modes")
+    names = [f"{interface}.{side}" for interface, side in ports]
+    _check_members(modes, names, [])
+    parts = [
+        _read(modes, name, "field", UNITS["modes"], (interfaces[port[0]].n_points, 3, n_modes))
+        for name, port in zip(names, ports)
+    ]
+    locations = {}
+    if "locations" in group:
+        parent = _subgroup(group, "locations")
+        locations = {n: _read(parent, n, "field", UNITS["locations"], (3, n_modes)) for n in parent}
+    return ModalBasis(
+        omega2=omega2,
+        damping_ratio=_read(group, "damping_ratio"),
+        contact_modes=np.concatenate(parts) if parts else np.zeros((0, 3, n_modes)),
+        locations=locations,
+        flexibility=_read(group, "flexibility", "field") if "flexibility" in group else None,
+    )
+
+
+def _read_load(group: h5py.Group) -> BodyLoad:
+    _check_members(group, ["direction", "generalised", "displacement"], [])
+    return BodyLoad(_read(group, "direction"), _read(group, "generalised"), _read(group, "displacement"))
+
+
+def _read_interface(group: h5py.Group) -> Interface:
+    _check_members(group, ["points", "area", "frame", "gap"], [])
+    return Interface(
+        name=_own_name(group),
+        kind=cast(Any, _read_text(group, "kind")),
+        body_a=_read_text(group, "body_a"),
+        sector_a=_read_integer(group, "sector_a"),
+        body_b=_read_text(group, "body_b"),
+        sector_b=_read_integer(group, "sector_b"),
+        points=_read(group, "points"),
+        area=_read(group, "area", shape=(None,)),
+        frame=_read(group, "frame"),
+        gap=_read(group, "gap"),
+    )
+
+
+def _read_location(group: h5py.Group) -> Location:
+    _check_members(group, ["position"], [])
+    return Location(_own_name(group), _read_text(group, "body"), _read(group, "position"))
+
+
+def _read_contact(group: h5py.Group) -> ContactStiffness:
+    _check_members(group, ["stiffness"], ["fallback"])
+    fallback = _read(group, "fallback", "bool") if "fallback" in group else None
+    return ContactStiffness(_read(group, "stiffness"), _read_text(group, "source"), fallback)
+
+
+def _read_static(group: h5py.Group) -> StaticContact:
+    _check_members(group, ["force", "displacement_a", "displacement_b"], [])
+    return StaticContact(*(_read(group, key) for key in ("force", "displacement_a", "displacement_b")))
+
+
+def _read_mesh(group: h5py.Group) -> SurfaceMesh:
+    _check_members(group, ["points", "quads"], [])
+    return SurfaceMesh(_read(group, "points"), _read(group, "quads", "integer"))
+
+
+def _read_provenance(file: h5py.File) -> dict[str, str]:
+    if "provenance" not in file:
+        return {}
+    group = _subgroup(file, "provenance")
+    _check_members(group, [], [])
+    return {key: _read_text(group, key) for key in group.attrs}
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Groups, datasets and attributes
+
+
+def _own_name(group: h5py.Group) -> str:
+    return cast(str, group.name).rsplit("/", 1)[-1]
+
+
+def _check_members(group: h5py.Group, required: Iterable[str], optional: Iterable[str]) -> None:
+    """Everything required is there, nothing unknown is, and nothing points elsewhere."""
+    required = list(required)
+    known = [*required, *optional]
+    for name in required:
+        if name not in group:
+            raise _mismatch(_item(group, name), "this group or dataset", "nothing")
+    for name in group:
+        if name not in known:
+            raise _mismatch(_item(group, name), f"no other names than {known}", "this one")
+        _check_link(group, name)
+
+
+def _check_link(group: h5py.Group, name: str) -> None:
+    link = group.get(name, getlink=True)
+    if not isinstance(link, h5py.HardLink):
+        raise _mismatch(_item(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
+
+
+def _subgroup(group: h5py.Group, name: str) -> h5py.Group:
+    _check_link(group, name)
+    member = group[name]
+    if not isinstance(member, h5py.Group):
+        raise _mismatch(_item(group, name), "a group", f"a {type(member).__name__.lower()}")
+    return member
+
+
+def _subgroups(file: h5py.File, name: str) -> dict[str, h5py.Group]:
+    """All groups inside a group; empty if that group is absent (only the optional ones can be)."""
+    if name not in file:
+        return {}
+    parent = _subgroup(file, name)
+    return {key: _subgroup(parent, key) for key in parent}
+
+
+def _read(
+    group: h5py.Group,
+    name: str,
+    kind: Kind = "real",
+    units: str | None = None,
+    shape: tuple[int | None, ...] | None = None,
+) -> NDArray:
+    """A dataset as an array of native double precision (or int64, bool), with its type and units checked."""
+    _check_link(group, name)
+    dataset = group[name]
+    item = _item(group, name)
+    if not isinstance(dataset, h5py.Dataset):
+        raise _mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
+    _check_storage(dataset, item)
+    letters, words = _KINDS[kind]
+    if dataset.dtype.kind not in letters:
+        raise _mismatch(item, words, f"data of type {dataset.dtype}")
+    _check_units(dataset, UNITS[name] if units is None else units)
+    if shape is not None and not _fits(dataset.shape, shape):
+        raise _mismatch(item, f"shape {_shape_text(shape)}", f"{dataset.shape}")
+    array = np.asarray(dataset[()])
+    native = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
+    return array.astype(native[array.dtype.kind], copy=False)
+
+
+def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    return len(found) == len(expected) and all(e is None or e == f for f, e in zip(found, expected))
+
+
+def _shape_text(shape: tuple[int | None, ...]) -> str:
+    sizes = ", ".join("any" if n is None else str(n) for n in shape)
+    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
+
+
+def _check_storage(dataset: h5py.Dataset, item: str) -> None:
+    """The numbers lie in this file, and there are no more of them than its bytes can hold."""
+    if dataset.is_virtual or dataset.external is not None:
+        raise _mismatch(item, "numbers stored in this file", "a reference to other files")
+    if dataset.shape is None:
+        raise _mismatch(item, "numbers", "an empty dataset")
+    stored = dataset.id.get_storage_size()
+    wanted = dataset.size * dataset.dtype.itemsize
+    if wanted > _LARGEST_EXPANSION * stored:
+        raise _mismatch(item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
+
+
+def _check_units(dataset: h5py.Dataset, expected: str) -> None:
+    found = _read_text(dataset, "units")
+    if found != expected:
+        raise _mismatch(_item(dataset, "@units"), f"'{expected}'", f"'{found}'")
+
+
+def _attribute(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
+    if name not in owner.attrs:
+        raise _mismatch(_item(owner, f"@{name}"), "this attribute", "nothing")
+    return owner.attrs[name]
+
+
+def _read_text(owner: h5py.Group | h5py.Dataset, name: str) -> str:
+    return _as_text(_attribute(owner, name), _item(owner, f"@{name}"))
+
+
+def _as_text(value: Any, item: str) -> str:
+    """A text, also if stored with fixed length or as an array of one element."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", errors="replace")
+    if not isinstance(value, str):
+        raise _mismatch(item, "a text", f"{_brief(value)}")
+    return str(value)
+
+
+def _read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
+    value = np.asarray(_attribute(owner, name))
+    if value.dtype.kind not in "iu" or value.size != 1:
+        raise _mismatch(_item(owner, f"@{name}"), "one integer", _brief(_attribute(owner, name)))
+    return int(value.reshape(-1)[0])
+
+
+def _brief(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
