@@ -1,10 +1,11 @@
 """Small synthetic models, consistent in themselves, for tests of anything that takes a model.
 
 The geometry is a wedge damper under two platforms: a prism of triangular section, apex outward, faces
-inclined by ``alpha`` (left, toward -X) and ``beta`` (right, toward +X) from the radial axis, which is +Y of the
-reference sector and passes through the middle of the damper (so the two blades lean by half a sector).  The
-rigid-body modes of the damper are exact; all elastic modes are smooth random polynomials of the position, real
-at nodal diameters 0 and N/2; the flexibility is that of the modes plus a Hermitian positive definite rest.
+inclined by ``alpha`` (left, toward -X) and ``beta`` (right, toward +X) from the radial axis, which is +Y of
+the reference sector and passes through the middle of the damper (so the two blades lean by half a sector).
+The rigid-body modes of the damper are exact; all elastic modes are smooth random polynomials of the
+position, real at nodal diameters 0 and N/2; the flexibility is that of the modes plus a Hermitian positive
+definite rest.
 """
 
 from __future__ import annotations
