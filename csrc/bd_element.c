@@ -1,0 +1,165 @@
+/* From the sums over a cycle to force coefficients and tangent.
+ *
+ * One tangential direction carries, at every instant, one of
+ *
+ *     stick   T = kt (u - w)                w fixed since it was set at theta*
+ *     slip+-  T = +- mu N,   N = n0 + kn v
+ *     open    T = 0
+ *
+ * Projection on the basis b needs the integrals of b b^T over the parts in each state.  Products of sines and cosines
+ * are sums of exponentials, so with E_n = int exp(i n theta) over the parts in question
+ *
+ *     int cos_l cos_m = Re(E_{l-m} + E_{l+m})/2
+ *     int sin_l sin_m = Re(E_{l-m} - E_{l+m})/2
+ *     int cos_l sin_m = Im(E_{l+m} + E_{m-l})/2,      E_{-n} = conj E_n.
+ *
+ * With Gs and Gp - Gm these matrices over the parts that stick and that slip, gs, gp - gm the integrals of b itself,
+ *
+ *     T  = kt (Gs u - sum_parts g w) + mu n0 (gp - gm) + mu kn (Gp - Gm) v
+ *     dT = kt (Gs - sum_parts g dw/du^T) du + (mu kn (Gp - Gm) - kt sum_parts g dw/dv^T) dv
+ *
+ * because the force is continuous where the state changes, so that moving those instants has no effect of first order.
+ * Rows are scaled by 1/(2 pi) for the mean and 1/pi for the harmonics.  A quadrature in place of the integrals gives the
+ * sampled evaluation with the same formulas. */
+#include "bd_element.h"
+
+#include <string.h>
+
+void bd_cycle_clear(bd_cycle *cycle) {
+    const size_t n_coef = (size_t)bd_n_coef(cycle->n_harm), n_power = (size_t)bd_n_power(cycle->n_harm);
+    memset(cycle->stick, 0, sizeof(double) * n_power);
+    memset(cycle->slip, 0, sizeof(double) * n_power);
+    memset(cycle->held, 0, sizeof(double) * n_coef);
+    if (cycle->held_u) {
+        memset(cycle->held_u, 0, sizeof(double) * n_coef * n_coef);
+        memset(cycle->held_v, 0, sizeof(double) * n_coef * n_coef);
+    }
+}
+
+void bd_cycle_integrate(int n_harm, double *E, double length, const double *start, const double *end, double sign) {
+    E[0] += sign * length;
+    E[1] = E[0];
+    for (int n = 1; n <= 2 * n_harm; ++n) {
+        const double factor = sign / n;
+        E[2 * n] += factor * (end[2 * n + 1] - start[2 * n + 1]);
+        E[2 * n + 1] -= factor * (end[2 * n] - start[2 * n]);
+    }
+}
+
+void bd_cycle_hold(bd_cycle *cycle, const double *g, double w, const double *du_part, const double *dv_part) {
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    for (int i = 0; i < n_coef; ++i) cycle->held[i] += w * g[i];
+    if (!cycle->held_u || !du_part) return;
+    for (int i = 0; i < n_coef; ++i) {
+        double *restrict row_u = cycle->held_u + (size_t)i * (size_t)n_coef;
+        double *restrict row_v = cycle->held_v + (size_t)i * (size_t)n_coef;
+        for (int j = 0; j < n_coef; ++j) {
+            row_u[j] += g[i] * du_part[j];
+            row_v[j] += g[i] * dv_part[j];
+        }
+    }
+}
+
+void bd_cycle_products(int n_harm, const double *E, double *products) {
+    const size_t n_coef = (size_t)bd_n_coef(n_harm);
+    const double *g = E + 1;
+    for (size_t j = 0; j < n_coef; ++j) products[j] = products[j * n_coef] = g[j];
+    for (int l = 1; l <= n_harm; ++l) {
+        double *cos_row = products + (size_t)(2 * l - 1) * n_coef, *sin_row = cos_row + n_coef;
+        for (int m = 1; m <= n_harm; ++m) {
+            const int d = l > m ? l - m : m - l, s = l + m;
+            const double re_d = E[2 * d], im_d = d == 0 ? 0.0 : (m > l ? E[2 * d + 1] : -E[2 * d + 1]);
+            const double re_s = E[2 * s], im_s = E[2 * s + 1];
+            cos_row[2 * m - 1] = 0.5 * (re_d + re_s);
+            cos_row[2 * m] = 0.5 * (im_s + im_d);
+            sin_row[2 * m - 1] = 0.5 * (im_s - im_d);
+            sin_row[2 * m] = 0.5 * (re_d - re_s);
+        }
+    }
+}
+
+static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; }
+
+void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u, const double *v,
+                       bd_response *out, double *scratch) {
+    const int n_coef = bd_n_coef(cycle->n_harm);
+    const size_t n = (size_t)n_coef;
+    const double kt = element->kt[d], mu = element->mu, mu_kn = element->mu * element->kn;
+    double *F = out->F + (size_t)d * n;
+    double *dT = out->dT[d], *dTv = out->dTv[d];
+    const int tangent = cycle->held_u != NULL;
+
+    bd_cycle_products(cycle->n_harm, cycle->stick, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = -cycle->held[i];
+        for (int j = 0; j < n_coef; ++j) sum += row[j] * u[j];
+        F[i] = scale * kt * sum;
+        if (tangent)
+            for (int j = 0; j < n_coef; ++j)
+                dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->held_u[(size_t)i * n + (size_t)j]);
+    }
+    bd_cycle_products(cycle->n_harm, cycle->slip, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = mu * element->n0 * cycle->slip[1 + i];
+        for (int j = 0; j < n_coef; ++j) sum += mu_kn * row[j] * v[j];
+        F[i] += scale * sum;
+        if (tangent)
+            for (int j = 0; j < n_coef; ++j)
+                dTv[(size_t)i * n + (size_t)j] =
+                    scale * (mu_kn * row[j] - kt * cycle->held_v[(size_t)i * n + (size_t)j]);
+    }
+    out->tangential[d] = 1;
+}
+
+void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v, bd_response *out,
+                     double *scratch) {
+    const int n_coef = bd_n_coef(n_harm);
+    const size_t n = (size_t)n_coef;
+    bd_cycle_products(n_harm, contact, scratch);
+    for (int i = 0; i < n_coef; ++i) {
+        const double scale = row_scale(i);
+        const double *row = scratch + (size_t)i * n;
+        double sum = element->n0 * contact[1 + i];
+        for (int j = 0; j < n_coef; ++j) sum += element->kn * row[j] * v[j];
+        out->F[2 * n + (size_t)i] = scale * sum;
+        if (out->dN)
+            for (int j = 0; j < n_coef; ++j) out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
+    }
+    out->normal = 1;
+}
+
+static void set_diagonal(double *block, int n_coef, double value) {
+    memset(block, 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
+    for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
+}
+
+void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    double *N = out->F + 2 * (size_t)n_coef;
+    for (int i = 0; i < n_coef; ++i) N[i] = element->kn * v[i];
+    N[0] += element->n0;
+    if (out->dN) set_diagonal(out->dN, n_coef, element->kn);
+    out->normal = 1;
+}
+
+void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    double *T = out->F + (size_t)d * (size_t)n_coef;
+    for (int i = 0; i < n_coef; ++i) T[i] = element->kt[d] * u[i];
+    T[0] -= element->kt[d] * element->w[d];
+    if (out->dT[d]) {
+        set_diagonal(out->dT[d], n_coef, element->kt[d]);
+        memset(out->dTv[d], 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
+    }
+    out->tangential[d] = 1;
+}
+
+void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
+    (void)element;
+    memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
+    out->tangential[0] = out->tangential[1] = out->normal = 0;
+}

@@ -1,0 +1,63 @@
+/* Harmonic balance in modal coordinates: residual and Jacobian over all contact points. */
+#ifndef BD_HBM_H
+#define BD_HBM_H
+
+#include "bd_contact.h"
+#include "bd_lapack.h"
+
+/* Input of bd_hbm_create; everything is copied. */
+typedef struct {
+    int n_point, n_harm;
+    const int *n_mode;        /* (n_harm + 1); zero leaves a harmonic out */
+    const double *stiffness;  /* (sum n_mode) modal stiffness, Omega^2 for mass-normalised modes */
+    const double *mass;       /* (sum n_mode) modal mass: 1, or 0 for a massless residual mode */
+    const double *damping;    /* (sum n_mode) modal damping 2 zeta Omega */
+    const double *G;          /* complex, harmonic after harmonic, each (n_point, 3, n_mode[l]), interleaved re, im */
+    const double *kt;         /* (n_point, 2) */
+    const double *kn;         /* (n_point) */
+    const double *mu;         /* (n_point) */
+    const double *n0;         /* (n_point) */
+    const double *w;          /* (n_point, 2) */
+    const int *law;           /* (n_point) bd_law */
+    const double *shift;      /* (n_point, 3) constant part of (u1, u2, v) besides the modes */
+    const double *force;      /* (n_unknown) modal excitation, in the layout of the unknowns */
+    bd_evaluation evaluation;
+    int n_time;
+} bd_hbm_input;
+
+typedef struct {
+    double contact, assembly, algebra; /* seconds */
+    long n_evaluation, n_jacobian, n_factorisation;
+} bd_cost;
+
+/* Unknowns: for harmonic 0 the n_mode[0] coordinates, then for each harmonic its cosines followed by its sines. */
+typedef struct {
+    int n_point, n_harm, n_coef, n_unknown;
+    int *n_mode;    /* (n_harm + 1) */
+    int *first;     /* (n_harm + 2) first unknown of each harmonic */
+    double *stiffness, *mass, *damping;
+    double **G;     /* for each harmonic the real matrix (n_point, 3, rows, columns) of bd_hbm.c */
+    bd_element *element;
+    double *shift, *force;
+    bd_evaluator evaluator;
+    bd_status_share *share; /* (n_point) of the latest evaluation */
+    double *X;      /* (n_point, 3, n_coef) relative motion of the latest evaluation */
+    double *F;      /* (n_point, 3, n_coef) contact force of the latest evaluation */
+    double *gather; /* (n_point, 3, 2) one harmonic of X or F */
+    double *block;  /* (5, n_coef, n_coef) tangent of one point */
+    double *Z;      /* (chunk, 3, n_coef, n_unknown) tangent times G */
+    int chunk;      /* contact points taken together in the assembly */
+    bd_lapack lapack;
+    bd_cost cost;
+} bd_hbm;
+
+bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *input, const bd_lapack *lapack);
+void bd_hbm_destroy(bd_hbm *hbm);
+
+/* r (n_unknown), J (n_unknown, n_unknown) row-major or NULL, r_omega (n_unknown) or NULL.
+ * Returns BD_NOT_FINITE if anything is. */
+bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
+
+double bd_seconds(void);
+
+#endif

@@ -1,0 +1,202 @@
+/* Newton's method on the bordered system
+ *
+ *     r(u, omega) = 0
+ *     normal . (z - z_predicted) = 0,      z = (u, omega)/scale,
+ *
+ * which is regular at folds of the response curve.  The matrix is built in scaled unknowns and its rows are brought to
+ * unit size before the LU factorisation, so the condition estimate does not depend on units.  If the estimate says that
+ * the system is rank-deficient (a free body whose mean position no contact determines) the least-norm solution of a
+ * rank-revealing QR takes the place of the LU solution, which leaves such a position where it is.
+ *
+ * With the last factorisation the tangent of the branch is one more solution, with right-hand side (0, ..., 0, 1). */
+#include "bd_newton.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack *lapack) {
+    memset(work, 0, sizeof *work);
+    const size_t n = (size_t)n_unknown, n1 = n + 1;
+    int m = (int)n1, one = 1, query = -1, rank = 0, info = 0, pivot = 0;
+    double a = 0.0, b = 0.0, rcond = 0.0, size = 0.0;
+    lapack->dgelsy(&m, &m, &one, &a, &m, &b, &m, &pivot, &rcond, &rank, &size, &query, &info);
+    if (info != 0) return BD_BAD_ARGUMENT;
+    work->n = n_unknown;
+    work->lwork = (int)size + 1;
+    const size_t n_work = (size_t)work->lwork > 4 * n1 ? (size_t)work->lwork : 4 * n1;
+    work->memory = malloc(sizeof(double) * (2 * n + n * n + 2 * n1 * n1 + 4 * n1 + n_work));
+    work->pivot = malloc(sizeof(int) * 2 * n1);
+    if (!work->memory || !work->pivot) {
+        bd_newton_destroy(work);
+        return BD_NO_MEMORY;
+    }
+    double *p = work->memory;
+    work->r = p, p += n;
+    work->r_omega = p, p += n;
+    work->J = p, p += n * n;
+    work->A = p, p += n1 * n1;
+    work->LU = p, p += n1 * n1;
+    work->row = p, p += n1;
+    work->b = p, p += n1;
+    work->step = p, p += n1;
+    work->y_old = p, p += n1;
+    work->work = p;
+    work->iwork = work->pivot + n1;
+    return BD_OK;
+}
+
+void bd_newton_destroy(bd_newton_work *work) {
+    free(work->memory);
+    free(work->pivot);
+    memset(work, 0, sizeof *work);
+}
+
+static double largest(const double *r, const double *row_scale, size_t n) {
+    double most = 0.0;
+    for (size_t i = 0; i < n; ++i) {
+        const double a = fabs(r[i] * row_scale[i]);
+        if (!(a <= most)) most = a; /* keeps a NaN */
+    }
+    return most;
+}
+
+/* A and row: the bordered matrix in scaled unknowns with rows of unit size. */
+static void build_matrix(bd_newton_work *w, const double *normal, const double *scale) {
+    const size_t n = (size_t)w->n, n1 = n + 1;
+    for (size_t i = 0; i < n1; ++i) {
+        double *row = w->A + i * n1;
+        for (size_t j = 0; j < n; ++j) row[j] = i < n ? w->J[i * n + j] * scale[j] : normal[j];
+        row[n] = i < n ? w->r_omega[i] * scale[n] : normal[n];
+        double most = 0.0;
+        for (size_t j = 0; j < n1; ++j) most = fmax(most, fabs(row[j]));
+        w->row[i] = most > 0.0 ? 1.0 / most : 1.0;
+        for (size_t j = 0; j < n1; ++j) row[j] *= w->row[i];
+    }
+}
+
+/* Factorises A; report->condition tells how far it is from singular. */
+static void factorise(bd_hbm *hbm, bd_newton_work *w, bd_newton_report *report) {
+    const size_t n1 = (size_t)w->n + 1;
+    int m = (int)n1, info = 0;
+    double norm = 0.0;
+    for (size_t i = 0; i < n1; ++i) { /* row sums of A: the 1-norm of the transpose that Fortran sees */
+        double sum = 0.0;
+        for (size_t j = 0; j < n1; ++j) sum += fabs(w->A[i * n1 + j]);
+        norm = fmax(norm, sum);
+    }
+    memcpy(w->LU, w->A, sizeof(double) * n1 * n1);
+    hbm->lapack.dgetrf(&m, &m, w->LU, &m, w->pivot, &info);
+    report->condition = 0.0;
+    if (info == 0) {
+        char one = '1';
+        hbm->lapack.dgecon(&one, &m, w->LU, &m, &norm, &report->condition, w->work, w->iwork, &info);
+    }
+    report->rank = m;
+    ++hbm->cost.n_factorisation;
+}
+
+/* Solves A x = b in place: by the factors, or by least norm where A is rank-deficient. */
+static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, double *b,
+                       bd_newton_report *report) {
+    const size_t n1 = (size_t)w->n + 1;
+    int m = (int)n1, one = 1, info = 0;
+    if (report->condition > options->rank_tolerance) {
+        char transposed = 'T';
+        hbm->lapack.dgetrs(&transposed, &m, &one, w->LU, &m, w->pivot, b, &m, &info);
+        return info == 0 ? BD_OK : BD_SINGULAR;
+    }
+    if (!options->least_norm) return BD_SINGULAR;
+    for (size_t i = 0; i < n1; ++i)
+        for (size_t j = 0; j < n1; ++j) w->LU[j * n1 + i] = w->A[i * n1 + j];
+    memset(w->pivot, 0, sizeof(int) * n1);
+    double cut = options->rank_tolerance * 10.0;
+    hbm->lapack.dgelsy(&m, &m, &one, w->LU, &m, b, &m, w->pivot, &cut, &report->rank, w->work, &w->lwork, &info);
+    ++hbm->cost.n_factorisation;
+    return info == 0 ? BD_OK : BD_SINGULAR;
+}
+
+static double length(const double *x, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; ++i) sum += x[i] * x[i];
+    return sqrt(sum);
+}
+
+/* y = y_old + fraction * step * scale */
+static void move(const bd_newton_work *w, double *y, double fraction, const double *scale) {
+    for (size_t i = 0; i <= (size_t)w->n; ++i) y[i] = w->y_old[i] + fraction * w->step[i] * scale[i];
+}
+
+/* Halves the step until the residual shrinks; takes the best fraction if none does. */
+static void search_line(bd_hbm *hbm, bd_newton_work *w, double *y, double before, const double *scale,
+                        const double *row_scale) {
+    double best = INFINITY, best_fraction = 1.0, fraction = 1.0;
+    for (int i = 0; i < 14; ++i, fraction *= 0.5) {
+        move(w, y, fraction, scale);
+        if (bd_hbm_evaluate(hbm, y, y[w->n], w->r, NULL, NULL) != BD_OK) continue;
+        const double now = largest(w->r, row_scale, (size_t)w->n);
+        if (now < best) best = now, best_fraction = fraction;
+        if (now <= (1.0 - 1e-3 * fraction) * before) break;
+    }
+    move(w, y, best_fraction, scale);
+}
+
+static bd_status find_tangent(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, double *tangent,
+                              bd_newton_report *report) {
+    const size_t n1 = (size_t)w->n + 1;
+    memset(tangent, 0, sizeof(double) * n1);
+    tangent[n1 - 1] = w->row[n1 - 1];
+    bd_status status = solve(hbm, w, options, tangent, report);
+    const double size = length(tangent, n1);
+    if (status != BD_OK || !(size > 0.0) || !isfinite(size)) return BD_SINGULAR;
+    for (size_t i = 0; i < n1; ++i) tangent[i] /= size;
+    return BD_OK;
+}
+
+bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, double *y,
+                            const double *normal, const double *scale, const double *row_scale, double *tangent,
+                            bd_newton_report *report) {
+    const size_t n = (size_t)w->n, n1 = n + 1;
+    *report = (bd_newton_report){.residual = INFINITY, .rank = (int)n1};
+    memcpy(w->y_old, y, sizeof(double) * n1); /* doubles as the prediction for the first border equation */
+    double border = 0.0, started_at = 0.0; /* normal . (z - z_predicted), carried along */
+    int stalls = 0;
+    for (int i = 0;; ++i) {
+        bd_status status = bd_hbm_evaluate(hbm, y, y[n], w->r, w->J, w->r_omega);
+        if (status != BD_OK) return status;
+        const double before = report->residual;
+        report->residual = largest(w->r, row_scale, n);
+        report->iterations = i;
+        const int converged = report->residual <= options->tolerance;
+        if (i == 0) started_at = report->residual;
+        if (!converged && (i >= options->max_iterations || isnan(report->residual))) return BD_NOT_CONVERGED;
+        if (!converged && report->residual > 1e6 * (1.0 + started_at)) return BD_DIVERGED;
+        if (!converged && !options->line_search && i > 2) {
+            stalls = report->residual > 0.5 * before ? stalls + 1 : 0;
+            if (stalls >= 3) return BD_NOT_CONVERGED;
+        }
+        if (converged && !tangent) return BD_OK;
+
+        const double clock = bd_seconds();
+        build_matrix(w, normal, scale);
+        factorise(hbm, w, report);
+        if (converged) {
+            status = find_tangent(hbm, w, options, tangent, report);
+            hbm->cost.algebra += bd_seconds() - clock;
+            return status;
+        }
+        for (size_t j = 0; j < n; ++j) w->step[j] = -w->r[j] * w->row[j];
+        w->step[n] = -border * w->row[n];
+        status = solve(hbm, w, options, w->step, report);
+        hbm->cost.algebra += bd_seconds() - clock;
+        if (status != BD_OK) return status;
+        report->last_step = length(w->step, n1);
+        if (!isfinite(report->last_step)) return BD_SINGULAR;
+        if (i == 0) report->first_step = report->last_step;
+
+        memcpy(w->y_old, y, sizeof(double) * n1);
+        move(w, y, 1.0, scale);
+        if (options->line_search) search_line(hbm, w, y, report->residual, scale, row_scale);
+        for (size_t j = 0; j < n1; ++j) border += normal[j] * (y[j] - w->y_old[j]) / scale[j];
+    }
+}

@@ -1,0 +1,48 @@
+/* The corrector of one continuation step: Newton on the bordered system, in one call. */
+#ifndef BD_NEWTON_H
+#define BD_NEWTON_H
+
+#include "bd_hbm.h"
+
+typedef struct {
+    double tolerance;    /* on the largest scaled residual */
+    int max_iterations;
+    int line_search;     /* 1: halve a step that does not reduce the residual */
+    int least_norm;      /* 1: a rank-deficient system is solved by least norm instead of failing */
+    double rank_tolerance; /* reciprocal condition below which the system counts as rank-deficient */
+} bd_newton_options;
+
+typedef struct {
+    int iterations;
+    double residual;     /* largest scaled residual at the returned point */
+    double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
+    double condition;    /* estimated reciprocal condition of the last factorisation (1-norm, equilibrated) */
+    int rank;            /* rank that the least-norm solution found, n + 1 where LU served */
+} bd_newton_report;
+
+typedef struct {
+    int n;               /* unknowns without the frequency */
+    double *r, *r_omega; /* (n) */
+    double *J;           /* (n, n) row-major */
+    double *A, *LU;      /* (n + 1, n + 1) row-major bordered system, equilibrated, and its factors */
+    double *row;         /* (n + 1) row equilibration */
+    double *b, *step;    /* (n + 1) */
+    double *y_old;       /* (n + 1) */
+    double *work;
+    int *pivot, *iwork;
+    int lwork;
+    double *memory;
+} bd_newton_work;
+
+bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack *lapack);
+void bd_newton_destroy(bd_newton_work *work);
+
+/* y (n + 1) holds unknowns and frequency: the prediction on entry, the corrected point on return.  The corrected point
+ * lies in the plane through the prediction that is normal to `normal` (n + 1) in scaled unknowns z = y/scale.
+ * row_scale (n) multiplies the residual.  On BD_OK tangent (n + 1, unit length in z, normal . tangent > 0) is the
+ * direction of the branch; it may be NULL. */
+bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *work, const bd_newton_options *options, double *y,
+                            const double *normal, const double *scale, const double *row_scale, double *tangent,
+                            bd_newton_report *report);
+
+#endif

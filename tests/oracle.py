@@ -1,0 +1,208 @@
+"""Slow, plain NumPy counterparts of the C kernels, written from the laws alone.
+
+Events come from the roots of a companion matrix, integrals from Gauss-Legendre quadrature on each piece, the slider from
+the clip law applied piece by piece: nothing is shared with the code under test but the equations.
+"""
+
+import numpy as np
+
+STICK, PLUS, MINUS, OPEN = range(4)
+
+
+def basis(theta, n_harm):
+    """(…, 2 n_harm + 1) values of [1, cos, sin, cos 2, …] at the angles theta."""
+    theta = np.asarray(theta, float)[..., None]
+    out = np.ones(theta.shape[:-1] + (2 * n_harm + 1,))
+    l = np.arange(1, n_harm + 1)
+    out[..., 1::2] = np.cos(l * theta)
+    out[..., 2::2] = np.sin(l * theta)
+    return out
+
+
+def derivative(x):
+    d = np.zeros_like(x)
+    l = np.arange(1, len(x) // 2 + 1)
+    d[1::2] = l * x[2::2]
+    d[2::2] = -l * x[1::2]
+    return d
+
+
+def shift(x, delta):
+    """Coefficients of x(theta + delta)."""
+    y = np.array(x, float)
+    l = np.arange(1, x.shape[-1] // 2 + 1)
+    c, s = x[..., 1::2], x[..., 2::2]
+    y[..., 1::2] = c * np.cos(l * delta) + s * np.sin(l * delta)
+    y[..., 2::2] = s * np.cos(l * delta) - c * np.sin(l * delta)
+    return y
+
+
+def roots(f):
+    """Angles in [0, 2 pi) at which the trigonometric polynomial f crosses zero."""
+    n = len(f) // 2
+    z = np.zeros(2 * n + 1, complex)
+    z[n] = f[0]
+    for l in range(1, n + 1):
+        z[n + l] = 0.5 * (f[2 * l - 1] - 1j * f[2 * l])
+        z[n - l] = 0.5 * (f[2 * l - 1] + 1j * f[2 * l])
+    if np.max(np.abs(f[1:]), initial=0.0) == 0.0:
+        return np.zeros(0)
+    r = np.roots(z[::-1])
+    r = np.sort(np.angle(r[np.abs(np.abs(r) - 1.0) < 1e-6]) % (2 * np.pi))
+    for _ in range(3):  # polish on the circle
+        slope = basis(r, n) @ derivative(f)
+        r = r - np.where(slope != 0.0, (basis(r, n) @ f) / np.where(slope == 0.0, 1.0, slope), 0.0)
+    return np.sort(r % (2 * np.pi))
+
+
+def bisect(f, a, b):
+    fa = f(a)
+    for _ in range(200):
+        m = 0.5 * (a + b)
+        fm = f(m)
+        if (fm < 0) == (fa < 0):
+            a, fa = m, fm
+        else:
+            b = m
+    return 0.5 * (a + b)
+
+
+def pieces(u, v, kt, kn, mu, n0, w):
+    """Settled cycle of one tangential direction: list of (start, end, state, slider)."""
+    h = len(u) // 2
+    r = mu * kn / kt
+    g = kn * v
+    g[0] += n0
+    lo, hi = u - mu / kt * g, u + mu / kt * g
+    cuts = np.concatenate([roots(g), roots(derivative(lo)), roots(derivative(hi)), [0.0]])
+    cuts = np.unique(np.concatenate([cuts % (2 * np.pi), [2 * np.pi]]))
+    del r
+
+    def at(x, t):
+        return float(basis(t, h) @ x)
+
+    out = []
+    for period in range(3):
+        out = []
+        for a, b in zip(cuts[:-1], cuts[1:]):
+            middle = 0.5 * (a + b)
+            if at(g, middle) <= 0.0:
+                out.append((a, b, OPEN, 0.0))
+                w = at(u, b)
+            elif at(lo, b) > w:
+                t = bisect(lambda t: at(lo, t) - w, a, b) if at(lo, a) < w else a  # noqa: B023
+                out.append((a, t, STICK, w))
+                out.append((t, b, PLUS, 0.0))
+                w = at(lo, b)
+            elif at(hi, b) < w:
+                t = bisect(lambda t: at(hi, t) - w, a, b) if at(hi, a) > w else a  # noqa: B023
+                out.append((a, t, STICK, w))
+                out.append((t, b, MINUS, 0.0))
+                w = at(hi, b)
+            else:
+                out.append((a, b, STICK, w))
+    return out
+
+
+def contact(x, kt, kn, mu, n0, w):
+    """Force coefficients (3, n_coef) of one point, to rounding."""
+    h = x.shape[1] // 2
+    node, weight = np.polynomial.legendre.leggauss(24 + 6 * h)
+    scale = np.full(2 * h + 1, 1 / np.pi)
+    scale[0] = 0.5 / np.pi
+    force = np.zeros_like(x)
+
+    def project(start, end, f):
+        t = 0.5 * (end - start) * node + 0.5 * (end + start)
+        b = basis(t, h)
+        return scale * (b.T @ (0.5 * (end - start) * weight * f(b)))
+
+    v = x[2].copy()
+    normal = pieces(x[0], v.copy(), max(kt[0], 1.0), kn, 0.0, n0, 0.0)
+    for start, end, state, _ in normal:
+        if state != OPEN:
+            force[2] += project(start, end, lambda b: n0 + kn * (b @ v))
+    for d in range(2):
+        if mu == 0.0 or kt[d] == 0.0:
+            continue
+        u = x[d]
+        for start, end, state, slider in pieces(u, v.copy(), kt[d], kn, mu, n0, w[d]):
+            if state == STICK:
+                force[d] += project(start, end, lambda b: kt[d] * (b @ u - slider))  # noqa: B023
+            elif state in (PLUS, MINUS):
+                sign = 1.0 if state == PLUS else -1.0
+                force[d] += sign * mu * project(start, end, lambda b: n0 + kn * (b @ v))
+    return force
+
+
+def contact_sampled(x, kt, kn, mu, n0, w, n_time, interpolate, periods=2):
+    """The clip law at n_time samples, marched over two periods."""
+    h = x.shape[1] // 2
+    b = basis(2 * np.pi * np.arange(n_time) / n_time, h)
+    u, v = b @ x[:2].T, b @ x[2]
+    g = n0 + kn * v
+    normal = np.maximum(g, 0.0)
+    friction = np.zeros((n_time, 2))
+    for d in range(2):
+        s = w[d]
+        for k in range(periods * n_time):
+            i, j = k % n_time, (k - 1) % n_time
+            if mu == 0.0 or kt[d] == 0.0:
+                continue
+            if interpolate and k > 0 and g[j] <= 0.0 < g[i]:
+                t = -g[j] / (g[i] - g[j])
+                s = (1 - t) * u[j, d] + t * u[i, d]
+            bound = mu * normal[i] / kt[d]
+            s = min(max(s, u[i, d] - bound), u[i, d] + bound)
+            friction[i, d] = kt[d] * (u[i, d] - s)
+    scale = np.full(2 * h + 1, 2 / n_time)
+    scale[0] = 1 / n_time
+    return np.column_stack([friction, normal]).T @ b * scale
+
+
+def split(u, n_mode):
+    """Complex modal amplitudes of each harmonic from the vector of unknowns."""
+    out, start = [], 0
+    for l, n in enumerate(n_mode):
+        if l == 0:
+            out.append(u[:n].astype(complex))
+            start = n
+        else:
+            out.append(u[start : start + n] - 1j * u[start + n : start + 2 * n])
+            start += 2 * n
+    return out
+
+
+def motion(u, n_mode, G, shift_):
+    """(n_point, 3, n_coef) relative motion at the contact points."""
+    n_point = shift_.shape[0]
+    x = np.zeros((n_point, 3, 2 * len(n_mode) - 1))
+    for l, q in enumerate(split(u, n_mode)):
+        value = np.einsum("paj,j->pa", G[l], q)
+        if l == 0:
+            x[..., 0] = value.real + shift_
+        else:
+            x[..., 2 * l - 1], x[..., 2 * l] = value.real, -value.imag
+    return x
+
+
+def residual(u, omega, arrays, law=contact):
+    """Harmonic-balance residual of the arrays handed to the core (a dict of its arguments, G as a list)."""
+    a = arrays
+    x = motion(u, a["n_mode"], a["G"], a["shift"])
+    force = np.array([law(x[p], a["kt"][p], a["kn"][p], a["mu"][p], a["n0"][p], a["w"][p]) for p in range(len(x))])
+    out, first, start = [], 0, 0
+    for l, q in enumerate(split(u, a["n_mode"])):
+        n = a["n_mode"][l]
+        k, m, c = (a[key][first : first + n] for key in ("stiffness", "mass", "damping"))
+        first += n
+        if l == 0:
+            r = k * q.real + np.einsum("paj,pa->j", a["G"][0].real, force[..., 0]) if len(x) else k * q.real
+            out.append(r - a["force"][:n])
+            start = n
+        else:
+            f = force[..., 2 * l - 1] - 1j * force[..., 2 * l]
+            r = (k - (l * omega) ** 2 * m + 1j * l * omega * c) * q + np.einsum("paj,pa->j", a["G"][l].conj(), f)
+            out += [r.real - a["force"][start : start + n], -r.imag - a["force"][start + n : start + 2 * n]]
+            start += 2 * n
+    return np.concatenate(out)
