@@ -1,0 +1,101 @@
+r"""Stiffness and mass matrices and body-force loads of 20-node hexahedra.
+
+With the shape functions :math:`N_a`, gradients :math:`g_a = \nabla N_a` and the Lamé constants,
+
+.. math:: K_{ai,bj} = \int \lambda g_{ai} g_{bj} + \mu g_{aj} g_{bi} + \mu \delta_{ij}\, g_a\cdot g_b\,dV,
+          \qquad M_{ai,bj} = \delta_{ij} \int \rho N_a N_b\,dV,
+
+integrated with 3 x 3 x 3 Gauss points.  Shape functions, the map and the numbering come from scikit-fem's
+scalar element; the three components of node ``a`` are the degrees of freedom ``3 a``, ``3 a + 1``, ``3 a +
+2``.  Nodes are the corners of the mesh first, in its order, then the midpoints of its edges, in its order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from skfem import Basis, ElementHexS2, MeshHex
+
+from bdamper.fe.geometry import Material
+
+
+@dataclass(frozen=True)
+class Discretisation:
+    """A meshed body with its matrices.
+
+    Parameters
+    ----------
+    mesh : MeshHex
+    nodes : (n_nodes, 3) float, m
+    elements : (n_elements, 20) int
+        Nodes of each element in scikit-fem's local order.
+    stiffness, mass : (3 n_nodes, 3 n_nodes) sparse, N/m and kg
+    material : Material
+    """
+
+    mesh: MeshHex
+    nodes: NDArray
+    elements: NDArray
+    stiffness: sp.csr_matrix
+    mass: sp.csr_matrix
+    material: Material
+
+    @property
+    def n_dof(self) -> int:
+        return 3 * len(self.nodes)
+
+    def dofs(self, nodes: NDArray) -> NDArray:
+        """Degrees of freedom (3 n,) of nodes (n,), grouped by node."""
+        return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
+
+    def nearest_node(self, position: NDArray) -> int:
+        """The node closest to ``position`` (3,)."""
+        return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
+
+    def body_force(self, density: NDArray) -> NDArray:
+        """Consistent nodal forces (n_nodes, 3) of a force per mass given at the nodes (n_nodes, 3), N.
+
+        The field is interpolated with the shape functions, exactly so if it is linear in the coordinates.
+        """
+        return (self.mass @ np.asarray(density, float).ravel()).reshape(-1, 3)
+
+
+def discretise(mesh: MeshHex, material: Material) -> Discretisation:
+    """Assemble stiffness and mass of ``mesh``."""
+    basis = Basis(mesh, ElementHexS2(), intorder=5)
+    gradient = np.stack([b[0].grad for b in basis.basis], axis=1)  # (3, 20, n_elements, n_points)
+    value = np.stack(
+        [np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis]
+    )  # (20, n_elements, n_points)
+    e, nu = material.youngs_modulus, material.poisson_ratio
+    lame, shear = e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+
+    weighted = (gradient * basis.dx).transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
+    plain = gradient.transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
+    h = (weighted @ plain.transpose(0, 2, 1)).reshape(-1, 3, 20, 3, 20)  # int g_ai g_bj
+    k = lame * h + shear * h.transpose(0, 3, 2, 1, 4)
+    trace = shear * np.einsum("eiaib->eab", h)
+    v = value.transpose(1, 0, 2)
+    m = material.density * (v * basis.dx[:, None]) @ v.transpose(0, 2, 1)
+    for i in range(3):
+        k[:, i, :, i, :] += trace
+    k = k.transpose(0, 2, 1, 4, 3)  # node, component, node, component
+
+    elements = basis.element_dofs.T
+    n_nodes = basis.N
+    dof = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 60)
+    stiffness = sp.coo_matrix(
+        (k.ravel(), (np.repeat(dof, 60, axis=1).ravel(), np.tile(dof, (1, 60)).ravel())),
+        shape=(3 * n_nodes,) * 2,
+    ).tocsr()
+    scalar = sp.coo_matrix(
+        (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())),
+        shape=(n_nodes,) * 2,
+    )
+    mass = sp.kron(scalar, sp.identity(3), format="csr")
+    # Rounding leaves a trace of asymmetry, which the Hermitian solvers would only carry along.
+    stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
+    return Discretisation(mesh, basis.doflocs.T.copy(), elements, stiffness, mass, material)

@@ -1,0 +1,87 @@
+r"""Full finite element frequencies of the sector with its damper bonded at the contact patches.
+
+All patch means of damper and blades are made equal by multipliers :math:`\lambda`.  With the averaging
+matrices :math:`G_b` (reduced to one sector, the phase :math:`e^{i\varphi}` of the neighbour in its rows) and
+:math:`-G_d`, the shift-and-invert step about zero solves, for given :math:`f_b, f_d`,
+
+.. math:: u_b = K_b^{-1}(f_b - G_b^H\lambda),\quad u_d = \Psi\eta + R_e(f_d + G_d^T\lambda),\quad
+          G_b u_b = G_d u_d,\quad \Psi^T(f_d + G_d^T\lambda) = 0,
+
+that is, one small dense system in :math:`(\lambda, \eta)` with the receptances of both bodies:
+
+.. math:: \begin{bmatrix} R_b + R_d & G_d\Psi\\ \Psi^T G_d^T & 0\end{bmatrix}
+          \begin{bmatrix}\lambda\\ \eta\end{bmatrix} =
+          \begin{bmatrix} G_b K_b^{-1} f_b - G_d R_e f_d\\ -\Psi^T f_d\end{bmatrix}.
+
+No stiffness is added and no mode is left out: these are the frequencies that a reduced model must approach.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.fe.contact_points import Patches, averaging_matrix
+from bdamper.fe.cyclic import lowest_modes
+
+if TYPE_CHECKING:
+    from bdamper.fe.sector import SectorFE
+
+
+def bonded_frequencies(
+    fe: SectorFE, nodal_diameter: int, left: Patches, right: Patches, n_modes: int = 5
+) -> NDArray:
+    """Frequencies (n_modes,), Hz, of the travelling wave of one nodal diameter."""
+    sector, damper = fe.cyclic(nodal_diameter), fe.damper
+    dtype = sector.stiffness.dtype
+    n_left, n_right = 3 * len(left.size), 3 * len(right.size)
+    phase = np.exp(2j * np.pi * nodal_diameter / fe.geometry.n_blades)
+    if dtype.kind == "f":
+        phase = phase.real
+    scale = sp.diags(np.concatenate([np.ones(n_left), np.full(n_right, phase)]))
+    g_blade = (scale @ fe.blade_contact(left, right) @ sector.transformation).tocsr()
+    g_damper = sp.vstack(
+        [averaging_matrix(damper.body, left), averaging_matrix(damper.body, right)], format="csr"
+    )
+
+    blade_columns = sector.solver.solve(g_blade.conj().T.toarray())
+    damper_columns = damper.elastic_response(g_damper.T.toarray())
+    rigid = g_damper @ damper.rigid
+    n_b, n_lambda = g_blade.shape[1], len(rigid)
+    system = np.zeros((n_lambda + 6, n_lambda + 6), dtype)
+    system[:n_lambda, :n_lambda] = g_blade @ blade_columns + g_damper @ damper_columns
+    system[:n_lambda, n_lambda:] = rigid
+    system[n_lambda:, :n_lambda] = rigid.T
+    # The two blocks of unknowns differ by many orders of magnitude; equal units keep the factorisation
+    # accurate.
+    unit = np.concatenate(
+        [np.full(n_lambda, 1.0 / np.sqrt(np.abs(np.diag(system)[:n_lambda]).mean())), np.ones(6)]
+    )
+    unit[n_lambda:] = 1.0 / (unit[0] * np.abs(rigid).max())
+    factor = scipy.linalg.lu_factor(system * unit[:, None] * unit)
+
+    def solve(load: NDArray) -> NDArray:
+        load = load.ravel()
+        f_b, f_d = load[:n_b], load[n_b:]
+        # Loads on the damper may be complex while its matrices are real.
+        if dtype.kind == "c":
+            pair = damper.elastic_response(np.stack([f_d.real, f_d.imag], axis=1))
+            u_d = pair[:, 0] + 1j * pair[:, 1]
+        else:
+            u_d = damper.elastic_response(f_d)
+        u_b = sector.solver.solve(f_b)
+        right_side = np.concatenate([g_blade @ u_b - g_damper @ u_d, -(damper.rigid.T @ f_d)])
+        solution = unit * scipy.linalg.lu_solve(factor, unit * right_side)
+        multiplier, eta = solution[:n_lambda], solution[n_lambda:]
+        u_b = u_b - blade_columns @ multiplier
+        u_d = u_d + damper_columns @ multiplier + damper.rigid @ eta
+        return np.concatenate([u_b, u_d])
+
+    stiffness = sp.block_diag([sector.stiffness, damper.body.stiffness], format="csr").astype(dtype)
+    mass = sp.block_diag([sector.mass, damper.body.mass], format="csr").astype(dtype)
+    omega2, _ = lowest_modes(stiffness, mass, solve, n_modes)
+    return np.sqrt(omega2) / (2.0 * np.pi)

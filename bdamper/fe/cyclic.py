@@ -1,0 +1,182 @@
+r"""One sector of a cyclic structure at one nodal diameter.
+
+A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}`, :math:`\varphi = 2\pi
+d/N`, with R the rotation that carries sector k onto sector k+1 (see :mod:`bdamper.fe.geometry`).  The right
+face of sector 0 is the left face of sector 1, so with :math:`x_R = R x_L`
+
+.. math:: u(x_R) = e^{i\varphi} R\, u(x_L).
+
+Collected in a matrix T from the independent degrees of freedom to all of the sector, this gives the Hermitian
+problem :math:`(T^H K T - \omega^2 T^H M T)\,q = 0` of one sector; :math:`u = T q` with :math:`u^H M u = 1`.
+The matrices are real for d = 0 and d = N/2.  A single factorisation of :math:`T^H K T` serves both the modes
+(shift and invert about zero) and the static receptances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+from scipy.spatial import cKDTree
+
+from bdamper.fe.assemble import Discretisation
+from bdamper.fe.geometry import turn
+
+
+def factorise(matrix: sp.spmatrix) -> SuperLU:
+    """Sparse factorisation of a positive definite Hermitian matrix."""
+    return splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+
+
+def match_faces(nodes: NDArray, left: NDArray, right: NDArray, pitch: float) -> NDArray:
+    """The nodes of ``right`` in the order in which rotation by one pitch carries ``left`` onto them."""
+    target = nodes[left] @ turn(pitch).T
+    distance, index = cKDTree(nodes[right]).query(target)
+    if len(left) != len(right) or distance.max() > 1e-8 or len(np.unique(index)) != len(index):
+        raise ValueError(
+            f"sector faces do not match under rotation by {pitch:.6g} rad: "
+            f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
+        )
+    return right[index]
+
+
+def cyclic_transformation(
+    n_nodes: int, left: NDArray, right: NDArray, clamped: NDArray, n_sectors: int, nodal_diameter: int
+) -> sp.csr_matrix:
+    """Matrix T (3 n_nodes, n_independent) of the module's docstring; ``right[m]`` is ``left[m]``'s image."""
+    dependent = np.zeros(n_nodes, bool)
+    dependent[right] = True
+    fixed = np.zeros(n_nodes, bool)
+    fixed[clamped] = True
+    free = np.flatnonzero(~dependent & ~fixed)
+    column = np.full(n_nodes, -1)
+    column[free] = np.arange(len(free))
+
+    # For d = 0 and d = N/2 the phase is +-1 and everything stays real.
+    if 2 * nodal_diameter % n_sectors == 0:
+        phase: complex = -1.0 if nodal_diameter % n_sectors else 1.0
+    else:
+        phase = np.exp(2j * np.pi * nodal_diameter / n_sectors)
+    keep = ~fixed[left]
+    if np.any(fixed[left] != fixed[right]):
+        raise ValueError("a clamped node of one sector face has a free image on the other")
+    rows, columns = np.concatenate([free, right[keep]]), np.concatenate([column[free], column[left[keep]]])
+    blocks = np.concatenate(
+        [
+            np.broadcast_to(np.eye(3), (len(free), 3, 3)),
+            np.broadcast_to(phase * turn(2.0 * np.pi / n_sectors), (keep.sum(), 3, 3)),
+        ]
+    )
+    order = np.argsort(rows, kind="stable")
+    pointer = np.searchsorted(rows[order], np.arange(n_nodes + 1))
+    return sp.bsr_matrix((blocks[order], columns[order], pointer), shape=(3 * n_nodes, 3 * len(free))).tocsr()
+
+
+def fix_phase(vectors: NDArray, mass: sp.spmatrix) -> NDArray:
+    """Give each column a definite phase: ``u^T M u`` real and positive, the largest component positive.
+
+    The first makes the mode as real as it can be, and unlike a rule on one component it cannot jump when two
+    components are about equally large; the second decides the remaining sign.
+    """
+    if np.iscomplexobj(vectors):
+        square = np.einsum("ij,ij->j", vectors, mass @ vectors)
+        vectors = vectors * np.exp(-0.5j * np.angle(square))
+    largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)[0]
+    return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
+
+
+def lowest_modes(
+    stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
+) -> tuple[NDArray, NDArray]:
+    """Lowest modes of ``stiffness x = omega2 mass x``; ``solve`` is the action of the inverse stiffness.
+
+    Returns
+    -------
+    omega2 : (n_modes,) float, ascending
+    shapes : (n, n_modes)
+        Mass-normalised.
+    """
+    n = mass.shape[0]
+    inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
+    # A fixed start makes the result reproducible.
+    start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
+    _, v = eigsh(stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20))
+    # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
+    # the mass matrix; one Rayleigh-Ritz step does.
+    k, m = v.conj().T @ (stiffness @ v), v.conj().T @ (mass @ v)
+    omega2, combination = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
+    return omega2, v @ combination
+
+
+@dataclass
+class CyclicSector:
+    """One sector at one nodal diameter: reduced matrices, factorisation and modes, made once when needed.
+
+    Parameters
+    ----------
+    body : Discretisation
+    left, right, clamped : int arrays
+        Matched nodes of the two sector faces, and the clamped nodes.
+    n_sectors, nodal_diameter : int
+    """
+
+    body: Discretisation
+    left: NDArray
+    right: NDArray
+    clamped: NDArray
+    n_sectors: int
+    nodal_diameter: int
+    _lu: SuperLU | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self.transformation = cyclic_transformation(
+            len(self.body.nodes), self.left, self.right, self.clamped, self.n_sectors, self.nodal_diameter
+        )
+        adjoint = self.transformation.conj().T
+        self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
+        self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
+
+    @property
+    def solver(self) -> SuperLU:
+        """Factorisation of the reduced stiffness matrix."""
+        if self._lu is None:
+            self._lu = factorise(self.stiffness)
+        return self._lu
+
+    def release(self) -> None:
+        """Forget the factorisation (by far the largest object here); it is made again when needed."""
+        self._lu = None
+
+    def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Lowest modes.
+
+        Returns
+        -------
+        omega2 : (n_modes,) float, rad2/s2
+        shapes : (3 n_nodes, n_modes) float or complex, kg^-1/2
+            Of all nodes of the sector.
+        """
+        if self._modes is None or len(self._modes[0]) < n_modes:
+            omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
+            self._modes = omega2, fix_phase(self.transformation @ reduced, self.body.mass)
+        return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
+
+    def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
+        """Displacements (n_independent, n) under loads ``load`` (3 n_nodes, n) on all nodes of the sector."""
+        reduced = self.transformation.conj().T @ load
+        reduced = reduced.toarray() if sp.issparse(reduced) else np.asarray(reduced)
+        return self.solver.solve(np.ascontiguousarray(reduced.astype(self.stiffness.dtype)))
+
+    def receptance(self, contact: sp.spmatrix) -> NDArray:
+        """Static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        reduced = contact @ self.transformation
+        flexibility = reduced @ self.static_response(contact.T)
+        return 0.5 * (flexibility + flexibility.conj().T)

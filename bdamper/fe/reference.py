@@ -1,0 +1,231 @@
+"""The reference model: a bladed disk of 65 sectors with wedge dampers, from its own finite element meshes.
+
+The blade (with its disk segment) touches two dampers, the damper two blades:
+
+=========  ===============  ==================  ==========================
+interface  body a (normal)  body b              kind
+=========  ===============  ==================  ==========================
+left       damper 0         blade 0             friction
+right      damper 0         blade 1             friction
+front      damper 0         ground (axial stop) constraint, with clearance
+back       damper 0         ground (axial stop) constraint, with clearance
+=========  ===============  ==================  ==========================
+
+Positions and axes of an interface are those of its place on the damper of sector 0.  The modes and
+receptances of the blade at "right" belong to blade 0's own left underside, with the axes turned back by one
+pitch; the phase of the neighbouring sector enters where the interface is put together.
+"""
+
+from __future__ import annotations
+
+import datetime
+
+import numpy as np
+import scipy
+import scipy.sparse as sp
+import skfem
+from numpy.typing import NDArray
+
+from bdamper.fe.assemble import Discretisation
+from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, wedge_patches
+from bdamper.fe.geometry import turn
+from bdamper.fe.mesh import MeshDensity
+from bdamper.fe.sector import SectorFE
+from bdamper.model import Body, BodyLoad, Interface, Location, ModalBasis, Model, SurfaceMesh
+
+BLADE_PORTS = (("left", "b"), ("right", "b"))
+DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
+
+
+def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
+    """Nodal diameters of the harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
+    orders = (engine_order * h % n_blades for h in range(harmonics + 1))
+    return tuple(sorted({min(d, n_blades - d) for d in orders}))
+
+
+def surface_mesh(body: Discretisation) -> SurfaceMesh:
+    """Outer surface of a body as quadrilaterals of its corner nodes."""
+    facets = body.mesh.facets[:, body.mesh.boundary_facets()]
+    points = body.mesh.p.T
+    # Facets come with sorted corners: run around each, so that neighbours in the list are neighbours in
+    # space.
+    a, b, c, d = (points[facets[k]] for k in range(4))
+    around = np.stack(
+        [
+            np.linalg.norm(np.cross(p[2] - p[0], p[3] - p[1]), axis=1)
+            for p in ((a, b, c, d), (a, b, d, c), (a, c, b, d))
+        ]
+    )
+    order = np.array([[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 1, 3]])[around.argmax(axis=0)]
+    quads = np.take_along_axis(facets.T, order, axis=1)
+    used, compact = np.unique(quads, return_inverse=True)
+    return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape))
+
+
+def _interface(name: str, patches: Patches, gap: float = 0.0) -> Interface:
+    kind, body_b, sector_b = {
+        "left": ("friction", "blade", 0),
+        "right": ("friction", "blade", 1),
+        "front": ("constraint", "ground", 0),
+        "back": ("constraint", "ground", 0),
+    }[name]
+    n = len(patches.size)
+    return Interface(
+        name=name,
+        kind=kind,
+        body_a="damper",
+        sector_a=0,
+        body_b=body_b,
+        sector_b=sector_b,
+        points=patches.centre.copy(),
+        area=patches.area,
+        frame=np.array(patches.frame),
+        gap=np.full(n, gap),
+    )
+
+
+def _assert_same_place(
+    fe: SectorFE, contact_blade: sp.spmatrix, contact_damper: sp.spmatrix, n_left: int
+) -> None:
+    """The patches of blade and damper coincide: equal mean positions once blade 0 is turned onto sector 1."""
+    blade = (contact_blade @ fe.blade.nodes.ravel()).reshape(-1, 3)
+    damper = (contact_damper @ fe.damper.body.nodes.ravel()).reshape(-1, 3)[: len(blade)]
+    # Components along the contact axes do not change in the turn, which acts on points and axes alike.
+    if not np.allclose(blade[:n_left], damper[:n_left], atol=1e-10) or not np.allclose(
+        blade[n_left:], damper[n_left:], atol=1e-10
+    ):
+        raise AssertionError("patches of blade and damper do not coincide")
+
+
+def _location_rows(body: Discretisation, nodes: dict[str, int], shapes: NDArray) -> dict[str, NDArray]:
+    return {name: shapes[3 * node : 3 * node + 3].copy() for name, node in nodes.items()}
+
+
+def bladed_disk(
+    points: int | tuple[int, int] = 24,
+    mesh: str = "coarse",
+    n_modes: int = 40,
+    n_damper_modes: int = 16,
+    engine_order: int = 5,
+    harmonics: int = 7,
+    damping_ratio: float = 0.002,
+    nodal_diameters: tuple[int, ...] | None = None,
+    flexibility_at: tuple[int, ...] | None = None,
+    fe: SectorFE | None = None,
+) -> Model:
+    """Build the reference model.
+
+    Parameters
+    ----------
+    points : int or (int, int)
+        Contact points on each face, or their number along slope and axis.
+    mesh : {"coarse", "reference"}
+        Ignored if ``fe`` is given.
+    n_modes : int
+        Modes of the blade at each nodal diameter.
+    n_damper_modes : int
+        Modes of the damper, the six rigid ones included.
+    engine_order, harmonics : int
+        Decide which nodal diameters are stored, unless ``nodal_diameters`` says it.
+    damping_ratio : float
+        Of all elastic modes.
+    nodal_diameters : tuple of int, optional
+        0 to N/2; 0 is always added, for the bias.
+    flexibility_at : tuple of int, optional
+        Nodal diameters whose static receptance is stored; all by default.
+    fe : SectorFE, optional
+        Finite element objects to use again; only the parts that depend on the contact points are computed.
+
+    Returns
+    -------
+    Model
+        Without contact stiffness (``contact`` is empty).
+    """
+    if fe is None:
+        fe = SectorFE(density=MeshDensity.preset(mesh))
+    g = fe.geometry
+    if nodal_diameters is None:
+        nodal_diameters = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
+    diameters = tuple(sorted({0, *nodal_diameters}))
+    wanted = set(diameters if flexibility_at is None else flexibility_at)
+
+    patches = {side: wedge_patches(g, side, points) for side in ("left", "right")}
+    patches |= {side: end_patches(g, side) for side in ("front", "back")}
+    interfaces = {
+        name: _interface(name, p, g.end_gap if name in ("front", "back") else 0.0)
+        for name, p in patches.items()
+    }
+    contact_blade = fe.blade_contact(patches["left"], patches["right"])
+    contact_damper = sp.vstack(
+        [averaging_matrix(fe.damper.body, patches[name]) for name, _ in DAMPER_PORTS], format="csr"
+    )
+    _assert_same_place(fe, contact_blade, contact_damper, 3 * interfaces["left"].n_points)
+
+    top = g.ridge_radius + g.platform_edge_thickness
+    blade_nodes = {
+        "tip": fe.blade.nearest_node(np.array([g.camber / 3.0, top + g.airfoil_height, 0.0])),
+        "platform": fe.blade.nearest_node(np.array([g.camber / 3.0, top, 0.0])),
+    }
+    damper_nodes = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+
+    bases = {}
+    for d in diameters:
+        sector = fe.cyclic(d)
+        omega2, shapes = sector.modes(n_modes)
+        bases[d] = ModalBasis(
+            omega2=omega2.copy(),
+            damping_ratio=np.full(n_modes, damping_ratio),
+            contact_modes=(contact_blade @ shapes).reshape(-1, 3, n_modes),
+            locations=_location_rows(fe.blade, blade_nodes, shapes),
+            flexibility=sector.receptance(contact_blade) if d in wanted else None,
+        )
+    blade = Body("blade", "constrained", BLADE_PORTS, bases)
+
+    omega2, shapes = fe.damper.modes(n_damper_modes)
+    radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
+    force = fe.damper.centrifugal_load(radial)
+    damper = Body(
+        "damper",
+        "free",
+        DAMPER_PORTS,
+        {
+            0: ModalBasis(
+                omega2=omega2,
+                damping_ratio=np.where(omega2 > 0.0, damping_ratio, 0.0),
+                contact_modes=(contact_damper @ shapes).reshape(-1, 3, n_damper_modes),
+                locations=_location_rows(fe.damper.body, damper_nodes, shapes),
+                flexibility=fe.damper.receptance(contact_damper),
+            )
+        },
+        mass=fe.damper.total_mass,
+        centre=fe.damper.centre,
+        inertia=fe.damper.inertia,
+        load=BodyLoad(
+            direction=radial,
+            generalised=shapes.T @ force,
+            displacement=(contact_damper @ fe.damper.elastic_response(force)).reshape(-1, 3),
+        ),
+    )
+    ground = Body("ground", "ground", (("front", "b"), ("back", "b")))
+
+    return Model(
+        n_blades=g.n_blades,
+        bodies={"blade": blade, "damper": damper, "ground": ground},
+        interfaces=interfaces,
+        locations={
+            name: Location(name, body, disc.nodes[node].copy())
+            for body, disc, nodes in (
+                ("blade", fe.blade, blade_nodes),
+                ("damper", fe.damper.body, damper_nodes),
+            )
+            for name, node in nodes.items()
+        },
+        meshes={"blade": surface_mesh(fe.blade), "damper": surface_mesh(fe.damper.body)},
+        provenance={
+            "source": "bdamper.fe.reference.bladed_disk",
+            "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
+            "date": datetime.date.today().isoformat(),
+            "elements": f"{fe.blade.mesh.t.shape[1]} + {fe.damper.body.mesh.t.shape[1]} 20-node hexahedra",
+            "rotor speed": "0 (no stress stiffening, no spin softening)",
+        },
+    )
