@@ -209,7 +209,7 @@ static PyObject *System_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     SystemObject *self = (SystemObject *)type->tp_alloc(type, 0);
     if (!self) return NULL;
     self->lock = PyThread_allocate_lock();
-    if (!self->lock || !raise_status(bd_hbm_create(&self->hbm, &in, &state->lapack)) ||
+    if (!self->lock || !raise_status(bd_hbm_create(&self->hbm, &in)) ||
         !raise_status(bd_newton_create(&self->newton, self->hbm.n_unknown, &state->lapack))) {
         if (!PyErr_Occurred()) PyErr_NoMemory();
         Py_DECREF(self);
@@ -475,21 +475,17 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
 
 static int find_lapack(bd_lapack *lapack) {
     int failed = -1;
-    PyObject *blas = PyImport_ImportModule("scipy.linalg.cython_blas");
-    PyObject *la = blas ? PyImport_ImportModule("scipy.linalg.cython_lapack") : NULL;
-    PyObject *blas_api = la ? PyObject_GetAttrString(blas, "__pyx_capi__") : NULL;
-    PyObject *la_api = blas_api ? PyObject_GetAttrString(la, "__pyx_capi__") : NULL;
-    if (la_api)
-        failed = find_function(blas_api, "dgemm", "cciiiddididdi", &lapack->dgemm) ||
-                 find_function(blas_api, "dgemv", "ciiddididdi", &lapack->dgemv) ||
-                 find_function(la_api, "dgetrf", "iidiii", &lapack->dgetrf) ||
-                 find_function(la_api, "dgetrs", "ciidiidii", &lapack->dgetrs) ||
-                 find_function(la_api, "dgecon", "cididddii", &lapack->dgecon) ||
-                 find_function(la_api, "dgelsy", "iiididiididii", &lapack->dgelsy) ? -1 : 0;
-    Py_XDECREF(la_api);
-    Py_XDECREF(blas_api);
-    Py_XDECREF(la);
-    Py_XDECREF(blas);
+    PyObject *lapack_module = PyImport_ImportModule("scipy.linalg.cython_lapack");
+    PyObject *api = lapack_module ? PyObject_GetAttrString(lapack_module, "__pyx_capi__") : NULL;
+    if (api)
+        failed = find_function(api, "dgetrf", "iidiii", &lapack->dgetrf) ||
+                         find_function(api, "dgetrs", "ciidiidii", &lapack->dgetrs) ||
+                         find_function(api, "dgecon", "cididddii", &lapack->dgecon) ||
+                         find_function(api, "dgelsy", "iiididiididii", &lapack->dgelsy)
+                     ? -1
+                     : 0;
+    Py_XDECREF(api);
+    Py_XDECREF(lapack_module);
     return failed;
 }
 #endif

@@ -17,6 +17,8 @@
  * (diagonal blocks) or stays open (none) costs little. */
 #include "bd_hbm.h"
 
+#include "bd_product.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -62,7 +64,7 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
                                        .w = {in->w[2 * p], in->w[2 * p + 1]}};
 }
 
-bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in, const bd_lapack *lapack) {
+bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     memset(hbm, 0, sizeof *hbm);
     if (in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
     bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
@@ -72,7 +74,6 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in, const bd_lapack *la
     hbm->n_point = in->n_point;
     hbm->n_harm = in->n_harm;
     hbm->n_coef = (int)n_coef;
-    hbm->lapack = *lapack;
     hbm->n_mode = malloc(sizeof(int) * n_group);
     hbm->first = malloc(sizeof(int) * (n_group + 1));
     hbm->G = calloc(n_group, sizeof(double *));
@@ -87,7 +88,7 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in, const bd_lapack *la
     const size_t n_unknown = (size_t)hbm->first[n_group];
     hbm->n_unknown = (int)n_unknown;
     /* some 512 kB of Z at a time */
-    const size_t per_point = 3 * n_coef * (n_unknown + 1);
+    const size_t per_point = 3 * n_coef * bd_product_stride(n_unknown);
     hbm->chunk = (int)(65536 / per_point) + 1;
     if (hbm->chunk > in->n_point) hbm->chunk = in->n_point > 0 ? in->n_point : 1;
 
@@ -150,17 +151,13 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 
 /* ---- motion and force ---- */
 
-/* y = Gr_l x or y += Gr_l^T x; row-major (rows, columns) is the transpose in Fortran's eyes. */
+/* y = Gr_l x, or y += Gr_l^T x. */
 static void multiply_modes(bd_hbm *hbm, int l, int transposed, const double *x, double *y) {
-    int columns = n_row(l) * hbm->n_mode[l], rows = 3 * hbm->n_point * n_row(l), one = 1;
-    double alpha = 1.0, beta = transposed ? 1.0 : 0.0;
-    char op = transposed ? 'N' : 'T';
-    if (rows == 0) return;
-    if (columns == 0) {
-        if (!transposed) memset(y, 0, sizeof(double) * (size_t)rows);
-        return;
-    }
-    hbm->lapack.dgemv(&op, &columns, &rows, &alpha, hbm->G[l], &columns, (double *)x, &one, &beta, y, &one);
+    const size_t columns = (size_t)(n_row(l) * hbm->n_mode[l]), rows = 3 * (size_t)hbm->n_point * (size_t)n_row(l);
+    if (transposed)
+        bd_product_vector_transposed(rows, columns, hbm->G[l], x, y);
+    else
+        bd_product_vector(rows, columns, hbm->G[l], x, y);
 }
 
 static void find_motion(bd_hbm *hbm, const double *u) {
@@ -256,7 +253,7 @@ static void add_block_row(const bd_hbm *hbm, const double *block, int i, size_t 
 static double *z_row(const bd_hbm *hbm, int l, int n_in_chunk, size_t component, int part) {
     const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
     const size_t index = before * 3 * (size_t)n_in_chunk + component * (size_t)n_row(l) + (size_t)part;
-    return hbm->Z + index * (size_t)hbm->n_unknown;
+    return hbm->Z + index * bd_product_stride((size_t)hbm->n_unknown);
 }
 
 static void fill_z(bd_hbm *hbm, int p, int place, int n_in_chunk, const bd_response *response) {
@@ -265,7 +262,7 @@ static void fill_z(bd_hbm *hbm, int p, int place, int n_in_chunk, const bd_respo
             for (int part = 0; part < n_row(l); ++part) {
                 double *z = z_row(hbm, l, n_in_chunk, 3 * (size_t)place + (size_t)a, part);
                 const int i = l == 0 ? 0 : 2 * l - 1 + part;
-                memset(z, 0, sizeof(double) * (size_t)hbm->n_unknown);
+                memset(z, 0, sizeof(double) * bd_product_stride((size_t)hbm->n_unknown));
                 if (a < 2 && response->tangential[a]) {
                     add_block_row(hbm, response->dT[a], i, 3 * (size_t)p + (size_t)a, z);
                     add_block_row(hbm, response->dTv[a], i, 3 * (size_t)p + 2, z);
@@ -277,15 +274,11 @@ static void fill_z(bd_hbm *hbm, int p, int place, int n_in_chunk, const bd_respo
 
 /* J += Gr^T Z for the points of the chunk that starts at first_point. */
 static void add_products(bd_hbm *hbm, int first_point, int n_in_chunk, double *J) {
-    int n = hbm->n_unknown;
-    double one = 1.0;
-    char no = 'N', yes = 'T';
+    const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        int columns = n_row(l) * hbm->n_mode[l], rows = 3 * n_in_chunk * n_row(l);
-        if (columns == 0) continue;
-        double *G = hbm->G[l] + 3 * (size_t)first_point * (size_t)n_row(l) * (size_t)columns;
-        hbm->lapack.dgemm(&no, &yes, &n, &columns, &rows, &one, z_row(hbm, l, n_in_chunk, 0, 0), &n, G, &columns, &one,
-                          J + (size_t)hbm->first[l] * (size_t)n, &n);
+        const size_t columns = (size_t)(n_row(l) * hbm->n_mode[l]), rows = 3 * (size_t)(n_in_chunk * n_row(l));
+        const double *G = hbm->G[l] + 3 * (size_t)first_point * (size_t)n_row(l) * columns;
+        bd_product_add(columns, n, rows, G, z_row(hbm, l, n_in_chunk, 0, 0), J + (size_t)hbm->first[l] * n);
     }
 }
 

@@ -3,7 +3,6 @@
 #define BD_HBM_H
 
 #include "bd_contact.h"
-#include "bd_lapack.h"
 
 /* Input of bd_hbm_create; everything is copied. */
 typedef struct {
@@ -45,13 +44,12 @@ typedef struct {
     double *F;      /* (n_point, 3, n_coef) contact force of the latest evaluation */
     double *gather; /* (n_point, 3, 2) one harmonic of X or F */
     double *block;  /* (5, n_coef, n_coef) tangent of one point */
-    double *Z;      /* (chunk, 3, n_coef, n_unknown) tangent times G */
+    double *Z;      /* (chunk, 3, n_coef, padded n_unknown) tangent times G */
     int chunk;      /* contact points taken together in the assembly */
-    bd_lapack lapack;
     bd_cost cost;
 } bd_hbm;
 
-bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *input, const bd_lapack *lapack);
+bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *input);
 void bd_hbm_destroy(bd_hbm *hbm);
 
 /* r (n_unknown), J (n_unknown, n_unknown) row-major or NULL, r_omega (n_unknown) or NULL.

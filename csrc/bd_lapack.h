@@ -1,14 +1,10 @@
-/* The BLAS and LAPACK functions in use, as a table of pointers (Fortran calling convention, int integers).
+/* The LAPACK functions in use, as a table of pointers (Fortran calling convention, int integers).
  *
  * The extension fills it from SciPy's capsules; built with -Dlapack=system it is filled with the linked functions. */
 #ifndef BD_LAPACK_H
 #define BD_LAPACK_H
 
 typedef struct {
-    void (*dgemm)(char *transa, char *transb, int *m, int *n, int *k, double *alpha, double *a, int *lda, double *b,
-                  int *ldb, double *beta, double *c, int *ldc);
-    void (*dgemv)(char *trans, int *m, int *n, double *alpha, double *a, int *lda, double *x, int *incx, double *beta,
-                  double *y, int *incy);
     void (*dgetrf)(int *m, int *n, double *a, int *lda, int *ipiv, int *info);
     void (*dgetrs)(char *trans, int *n, int *nrhs, double *a, int *lda, int *ipiv, double *b, int *ldb, int *info);
     void (*dgecon)(char *norm, int *n, double *a, int *lda, double *anorm, double *rcond, double *work, int *iwork,
@@ -18,15 +14,13 @@ typedef struct {
 } bd_lapack;
 
 #ifdef BD_SYSTEM_LAPACK
-void dgemm_(char *, char *, int *, int *, int *, double *, double *, int *, double *, int *, double *, double *, int *);
-void dgemv_(char *, int *, int *, double *, double *, int *, double *, int *, double *, double *, int *);
 void dgetrf_(int *, int *, double *, int *, int *, int *);
 void dgetrs_(char *, int *, int *, double *, int *, int *, double *, int *, int *);
 void dgecon_(char *, int *, double *, int *, double *, double *, double *, int *, int *);
 void dgelsy_(int *, int *, int *, double *, int *, double *, int *, int *, double *, int *, double *, int *, int *);
 
 static inline bd_lapack bd_lapack_system(void) {
-    bd_lapack table = {dgemm_, dgemv_, dgetrf_, dgetrs_, dgecon_, dgelsy_};
+    bd_lapack table = {dgetrf_, dgetrs_, dgecon_, dgelsy_};
     return table;
 }
 #endif

@@ -22,6 +22,7 @@ bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack 
     double a = 0.0, b = 0.0, rcond = 0.0, size = 0.0;
     lapack->dgelsy(&m, &m, &one, &a, &m, &b, &m, &pivot, &rcond, &rank, &size, &query, &info);
     if (info != 0) return BD_BAD_ARGUMENT;
+    work->lapack = *lapack;
     work->n = n_unknown;
     work->lwork = (int)size + 1;
     const size_t n_work = (size_t)work->lwork > 4 * n1 ? (size_t)work->lwork : 4 * n1;
@@ -86,11 +87,11 @@ static void factorise(bd_hbm *hbm, bd_newton_work *w, bd_newton_report *report) 
         norm = fmax(norm, sum);
     }
     memcpy(w->LU, w->A, sizeof(double) * n1 * n1);
-    hbm->lapack.dgetrf(&m, &m, w->LU, &m, w->pivot, &info);
+    w->lapack.dgetrf(&m, &m, w->LU, &m, w->pivot, &info);
     report->condition = 0.0;
     if (info == 0) {
         char one = '1';
-        hbm->lapack.dgecon(&one, &m, w->LU, &m, &norm, &report->condition, w->work, w->iwork, &info);
+        w->lapack.dgecon(&one, &m, w->LU, &m, &norm, &report->condition, w->work, w->iwork, &info);
     }
     report->rank = m;
     ++hbm->cost.n_factorisation;
@@ -103,7 +104,7 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
     int m = (int)n1, one = 1, info = 0;
     if (report->condition > options->rank_tolerance) {
         char transposed = 'T';
-        hbm->lapack.dgetrs(&transposed, &m, &one, w->LU, &m, w->pivot, b, &m, &info);
+        w->lapack.dgetrs(&transposed, &m, &one, w->LU, &m, w->pivot, b, &m, &info);
         return info == 0 ? BD_OK : BD_SINGULAR;
     }
     if (!options->least_norm) return BD_SINGULAR;
@@ -111,7 +112,7 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
         for (size_t j = 0; j < n1; ++j) w->LU[j * n1 + i] = w->A[i * n1 + j];
     memset(w->pivot, 0, sizeof(int) * n1);
     double cut = options->rank_tolerance * 10.0;
-    hbm->lapack.dgelsy(&m, &m, &one, w->LU, &m, b, &m, w->pivot, &cut, &report->rank, w->work, &w->lwork, &info);
+    w->lapack.dgelsy(&m, &m, &one, w->LU, &m, b, &m, w->pivot, &cut, &report->rank, w->work, &w->lwork, &info);
     ++hbm->cost.n_factorisation;
     return info == 0 ? BD_OK : BD_SINGULAR;
 }

@@ -3,6 +3,7 @@
 #define BD_NEWTON_H
 
 #include "bd_hbm.h"
+#include "bd_lapack.h"
 
 typedef struct {
     double tolerance;    /* on the largest scaled residual */
@@ -21,6 +22,7 @@ typedef struct {
 } bd_newton_report;
 
 typedef struct {
+    bd_lapack lapack;
     int n;               /* unknowns without the frequency */
     double *r, *r_omega; /* (n) */
     double *J;           /* (n, n) row-major */
