@@ -342,7 +342,7 @@ def _residual(rng: np.random.Generator, points: NDArray, is_complex: bool) -> ND
 
 
 def _flexibility(modes: NDArray, omega2: NDArray, residual: NDArray) -> NDArray:
-    shapes = modes.reshape(-1, len(omega2))
+    shapes = modes.reshape(3 * len(modes), len(omega2))
     total = (shapes / omega2) @ shapes.conj().T + residual
     return (total + total.conj().T) / 2
 

@@ -126,12 +126,12 @@ def _check_attribute_lengths(model: Model) -> None:
 
 
 def _write_model(file: h5py.File, model: Model) -> None:
-    file.attrs["format"] = FORMAT
+    _write_text(file, "format", FORMAT)
     file.attrs["version"] = VERSION
     file.attrs["n_blades"] = int(model.n_blades)
     file.attrs["axis"] = np.array(AXIS)
-    file.attrs["time_convention"] = TIME_CONVENTION
-    file.attrs["phase_convention"] = PHASE_CONVENTION
+    _write_text(file, "time_convention", TIME_CONVENTION)
+    _write_text(file, "phase_convention", PHASE_CONVENTION)
     bodies = _new_group(file, "bodies")
     for name, body in model.bodies.items():
         _write_body(_new_group(bodies, name), model, body)
@@ -141,19 +141,19 @@ def _write_model(file: h5py.File, model: Model) -> None:
     _write_optional_parts(file, model)
     provenance = file.create_group("provenance")
     for key, value in model.provenance.items():
-        provenance.attrs[key] = value
+        _write_text(provenance, key, value)
 
 
 def _write_optional_parts(file: h5py.File, model: Model) -> None:
     locations = _new_group(file, "locations")
     for name, location in model.locations.items():
         group = _new_group(locations, name)
-        group.attrs["body"] = location.body
+        _write_text(group, "body", location.body)
         _write(group, "position", location.position)
     contacts = _new_group(file, "contact")
     for name, contact in model.contact.items():
         group = _new_group(contacts, name)
-        group.attrs["source"] = contact.source
+        _write_text(group, "source", contact.source)
         _write(group, "stiffness", contact.stiffness)
         if contact.fallback is not None:
             _write(group, "fallback", contact.fallback)
@@ -170,9 +170,10 @@ def _write_optional_parts(file: h5py.File, model: Model) -> None:
 
 
 def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
-    group.attrs["kind"] = body.kind
-    ports = [f"{interface}.{side}" for interface, side in body.ports]
-    group.attrs["ports"] = np.array(ports, dtype=h5py.string_dtype())
+    _write_text(group, "kind", body.kind)
+    ports = [f"{interface}.{side}".encode() for interface, side in body.ports]
+    longest = max((len(port) for port in ports), default=1)
+    group.attrs.create("ports", np.array(ports, dtype=f"S{longest}"), dtype=h5py.string_dtype(length=longest))
     for key in ("mass", "centre", "inertia"):
         value = getattr(body, key)
         if value is not None:
@@ -200,10 +201,10 @@ def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis)
 
 
 def _write_interface(group: h5py.Group, interface: Interface) -> None:
-    group.attrs["kind"] = interface.kind
-    group.attrs["body_a"] = interface.body_a
+    _write_text(group, "kind", interface.kind)
+    _write_text(group, "body_a", interface.body_a)
     group.attrs["sector_a"] = int(interface.sector_a)
-    group.attrs["body_b"] = interface.body_b
+    _write_text(group, "body_b", interface.body_b)
     group.attrs["sector_b"] = int(interface.sector_b)
     for key in ("points", "area", "frame", "gap"):
         _write(group, key, getattr(interface, key))
@@ -219,7 +220,17 @@ def _write(group: h5py.Group, name: str, array: NDArray, units: str | None = Non
     if array.nbytes > _COMPRESS_FROM:
         options = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **options)
-    dataset.attrs["units"] = UNITS[name] if units is None else units
+    _write_text(dataset, "units", UNITS[name] if units is None else units)
+
+
+def _write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
+    """A text attribute of fixed length: simple to read from C, Fortran or MATLAB.
+
+    HDF5 keeps texts of variable length in a heap whose reader can run on forever if a byte of it is damaged.
+    """
+    encoded = text.encode()
+    kind = h5py.string_dtype(length=max(len(encoded), 1))
+    owner.attrs.create(name, np.array(encoded, dtype=kind), dtype=kind)
 
 
 # -----------------------------------------------------------------------------------------------------------
