@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.errors import ModelError
+from bdamper.errors import mismatch
 from bdamper.model import (
     Body,
     BodyLoad,
@@ -72,7 +72,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
         At the first violation found.
     """
     if not isinstance(model, Model):
-        raise _mismatch(where, "a Model", type(model).__name__)
+        raise mismatch(where, "a Model", type(model).__name__)
     with np.errstate(all="ignore"):  # absurd numbers shall fail a check, not warn on the way to it
         _check_head(model, where)
         for name, interface in model.interfaces.items():
@@ -94,48 +94,45 @@ def check_model(model: Model, *, where: str = "model") -> None:
 # Messages and elementary checks
 
 
-def _mismatch(item: str, expected: str, found: object) -> ModelError:
-    return ModelError(f"{item}: expected {expected}, found {found}")
-
-
 def _check_name(name: object, item: str) -> None:
     good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
     if not good:
-        raise _mismatch(item, "a name of printable characters without '/' and '.'", repr(name))
+        raise mismatch(item, "a name of printable characters without '/' and '.'", repr(name))
 
 
 def _check_integer(value: object, item: str) -> None:
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise _mismatch(item, "an integer", repr(value))
+        raise mismatch(item, "an integer", repr(value))
 
 
 def _check_one_of(value: object, choices: tuple[str, ...], item: str) -> None:
     if value not in choices:
-        raise _mismatch(item, f"one of {list(choices)}", repr(value))
+        raise mismatch(item, f"one of {list(choices)}", repr(value))
 
 
 def _check_type(value: object, expected: type, item: str) -> None:
     if not isinstance(value, expected):
-        raise _mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
+        raise mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
 
 
 def _check_array(array: Any, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
     """Type, shape (None stands for any size) and finiteness."""
     if not isinstance(array, np.ndarray):
-        raise _mismatch(item, "a NumPy array", f"a {type(array).__name__}")
+        raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
     types, words = _TYPES[kind]
     if array.dtype not in types:
-        raise _mismatch(item, words, f"dtype {array.dtype}")
+        raise mismatch(item, words, f"dtype {array.dtype}")
     fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape))
     if not fits:
-        raise _mismatch(item, f"shape {_shape_text(shape)}", array.shape)
+        raise mismatch(item, f"shape {shape_text(shape)}", array.shape)
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise _mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
+        raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
 
 
-def _shape_text(shape: tuple[int | None, ...]) -> str:
+def shape_text(shape: tuple[int | None, ...]) -> str:
+    """A shape in words, with "any" for a size that is free."""
     sizes = ", ".join("any" if n is None else str(n) for n in shape)
     return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
 
@@ -145,7 +142,7 @@ def _check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
     wrong = np.argwhere(~good)
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
-        raise _mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
+        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -155,7 +152,7 @@ def _check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
 def _check_head(model: Model, where: str) -> None:
     _check_integer(model.n_blades, f"{where}: /@n_blades")
     if model.n_blades < 1:
-        raise _mismatch(f"{where}: /@n_blades", "at least 1", model.n_blades)
+        raise mismatch(f"{where}: /@n_blades", "at least 1", model.n_blades)
     groups = {
         "bodies": model.bodies,
         "interfaces": model.interfaces,
@@ -170,9 +167,9 @@ def _check_head(model: Model, where: str) -> None:
             item = f"{where}: /{group}/{name}"
             _check_name(name, item)
             if group in ("bodies", "interfaces", "locations") and getattr(member, "name", None) != name:
-                raise _mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
+                raise mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
     if not model.bodies:
-        raise _mismatch(f"{where}: /bodies", "at least one body", "none")
+        raise mismatch(f"{where}: /bodies", "at least one body", "none")
 
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
@@ -181,7 +178,7 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
     _check_array(interface.area, (None,), f"{item}/area")
     n = interface.n_points
     if n == 0:
-        raise _mismatch(f"{item}/area", "at least one point", "none")
+        raise mismatch(f"{item}/area", "at least one point", "none")
     _check_array(interface.points, (n, 3), f"{item}/points")
     _check_array(interface.frame, (n, 3, 3), f"{item}/frame")
     _check_array(interface.gap, (n,), f"{item}/gap")
@@ -193,7 +190,7 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
         allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
         if sector not in allowed:
             expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
-            raise _mismatch(f"{item}/@sector_{side}", expected, sector)
+            raise mismatch(f"{item}/@sector_{side}", expected, sector)
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
@@ -201,10 +198,10 @@ def _check_frame(frame: NDArray, item: str) -> None:
     worst = int(np.argmax(error))
     if not error[worst] <= FRAME_TOLERANCE:
         found = f"an error of {error[worst]:.3g} in their products at point {worst}"
-        raise _mismatch(item, "orthonormal rows t1, t2, n", found)
+        raise mismatch(item, "orthonormal rows t1, t2, n", found)
     left = np.flatnonzero(np.linalg.det(frame) < 0)
     if len(left):
-        raise _mismatch(item, "right-handed rows t1, t2, n", f"left-handed ones at point {left[0]}")
+        raise mismatch(item, "right-handed rows t1, t2, n", f"left-handed ones at point {left[0]}")
 
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
@@ -216,16 +213,16 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
     for port in body.ports:
         good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
         if not good or port[1] not in ("a", "b"):
-            raise _mismatch(item, "pairs (interface, 'a' or 'b')", repr(port))
+            raise mismatch(item, "pairs (interface, 'a' or 'b')", repr(port))
         interface = model.interfaces.get(port[0])
         if interface is None:
-            raise _mismatch(item, f"an interface of {list(model.interfaces)}", f"'{port[0]}'")
+            raise mismatch(item, f"an interface of {list(model.interfaces)}", f"'{port[0]}'")
         owner = interface.body_a if port[1] == "a" else interface.body_b
         if owner != body.name:
             found = f"body_{port[1]} = {owner!r} there"
-            raise _mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
+            raise mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
     if len(set(body.ports)) != len(body.ports):
-        raise _mismatch(item, "each port once", f"{list(body.ports)}")
+        raise mismatch(item, "each port once", f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
@@ -234,18 +231,18 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
     for side, name in (("a", interface.body_a), ("b", interface.body_b)):
         body = model.bodies.get(name) if isinstance(name, str) else None
         if body is None:
-            raise _mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
+            raise mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
         if body.kind != "ground" and (interface.name, side) not in body.ports:
             found = f"{['.'.join(port) for port in body.ports]}"
-            raise _mismatch(
+            raise mismatch(
                 f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found
             )
         bodies.append(body)
     if bodies[0].kind == bodies[1].kind == "ground":
-        raise _mismatch(item, "a body that can move", "ground on both sides")
+        raise mismatch(item, "a body that can move", "ground on both sides")
     if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
         found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
-        raise _mismatch(item, "two bodies, or one body in two sectors", found)
+        raise mismatch(item, "two bodies, or one body in two sectors", found)
 
 
 def _check_locations(model: Model, where: str) -> None:
@@ -255,9 +252,9 @@ def _check_locations(model: Model, where: str) -> None:
         _check_array(location.position, (3,), f"{item}/position")
         body = model.bodies.get(location.body) if isinstance(location.body, str) else None
         if body is None:
-            raise _mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
+            raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
         if body.kind == "ground":
-            raise _mismatch(f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
+            raise mismatch(f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -282,9 +279,9 @@ def _check_body(body: Body, model: Model, item: str) -> None:
 
 def _check_ground(body: Body, item: str) -> None:
     if body.bases:
-        raise _mismatch(item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+        raise mismatch(item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
     if body.load is not None:
-        raise _mismatch(f"{item}/load", "no load on a ground body", "one")
+        raise mismatch(f"{item}/load", "no load on a ground body", "one")
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
@@ -293,20 +290,20 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
         _check_integer(d, f"{item} (nodal diameter)")
         if not 0 <= d <= largest:
             expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
-            raise _mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
+            raise mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
     if 0 not in body.bases:
-        raise _mismatch(f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+        raise mismatch(f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
 
 
 def _check_inertia(body: Body, item: str) -> None:
     """Mass, centre and inertia: all present on a free body, and physical wherever present."""
     for key in ("mass", "centre", "inertia"):
         if body.kind == "free" and getattr(body, key) is None:
-            raise _mismatch(f"{item}/{key}", f"the {key} of a free body", "nothing")
+            raise mismatch(f"{item}/{key}", f"the {key} of a free body", "nothing")
     if body.mass is not None:
         number = isinstance(body.mass, int | float | np.floating)
         if not (number and np.isfinite(body.mass) and body.mass > 0):
-            raise _mismatch(f"{item}/mass", "a finite number > 0", repr(body.mass))
+            raise mismatch(f"{item}/mass", "a finite number > 0", repr(body.mass))
     if body.centre is not None:
         _check_array(body.centre, (3,), f"{item}/centre")
     if body.inertia is not None:
@@ -314,7 +311,7 @@ def _check_inertia(body: Body, item: str) -> None:
         _check_hermitian(body.inertia, f"{item}/inertia", "symmetric")
         smallest = np.linalg.eigvalsh(body.inertia)[0]
         if not smallest > 0:
-            raise _mismatch(f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
+            raise mismatch(f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
 
 
 def _check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
@@ -322,7 +319,7 @@ def _check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> Non
     size = np.abs(matrix).max(initial=0.0)
     if not error.max(initial=0.0) <= HERMITIAN_TOLERANCE * size:
         at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
-        raise _mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
+        raise mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
 
 
 def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
@@ -345,14 +342,14 @@ def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None
 def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
     expected = [name for name, location in model.locations.items() if location.body == body.name]
     if set(basis.locations) != set(expected):
-        raise _mismatch(f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
+        raise mismatch(f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
     for name, values in basis.locations.items():
         _check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
 
 
 def _check_frequencies(omega2: NDArray, n_rigid: int, item: str) -> None:
     if len(omega2) < n_rigid:
-        raise _mismatch(item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+        raise mismatch(item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
     if n_rigid:
         _check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
@@ -369,7 +366,7 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     size = np.linalg.norm(flexibility)
     allowed = SEMIDEFINITE_TOLERANCE * size
     if not (np.isfinite(size) and np.isfinite(rest).all()):
-        raise _mismatch(
+        raise mismatch(
             item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}"
         )
     if _is_positive_definite(rest + allowed * np.eye(len(rest))):
@@ -377,7 +374,7 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
     if smallest < -allowed:
         expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
-        raise _mismatch(item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
+        raise mismatch(item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
 
 
 def _is_positive_definite(matrix: NDArray) -> bool:
@@ -403,7 +400,7 @@ def _check_imaginary(arrays: Mapping[str, NDArray], size: float, item: str) -> N
         largest = np.abs(values.imag).max(initial=0.0)
         if not largest <= REAL_TOLERANCE * size:
             found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-            raise _mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
+            raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
 def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
@@ -413,7 +410,7 @@ def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
     _check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
     length = np.linalg.norm(load.direction)
     if not abs(length - 1) <= UNIT_TOLERANCE:
-        raise _mismatch(f"{item}/direction", "a unit vector", f"length {length:.9g}")
+        raise mismatch(f"{item}/direction", "a unit vector", f"length {length:.9g}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -430,13 +427,13 @@ def _check_rigid(body: Body, model: Model, item: str) -> None:
         return
     size = np.abs(exact).max()
     if not (np.isfinite(exact).all() and np.isfinite(given @ given.T).all() and size > 0):
-        raise _mismatch(f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
+        raise mismatch(f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
     mix, _, rank, _ = np.linalg.lstsq(exact, given, rcond=1e-9)
     error = np.abs(exact @ mix - given).max(axis=0) / size
     worst = int(np.argmax(error))
     if not error[worst] <= RIGID_TOLERANCE:
         found = f"mode {worst} off by {error[worst]:.3g} of the largest rigid motion"
-        raise _mismatch(f"{item}/modes", "rigid motions about the centre as the first six modes", found)
+        raise mismatch(f"{item}/modes", "rigid motions about the centre as the first six modes", found)
     if rank == N_RIGID:
         _check_orthonormal(mix, f"{item}/modes")
     else:
@@ -481,20 +478,20 @@ def _check_orthonormal(mix: NDArray, item: str) -> None:
     lengths = np.linalg.norm(mix, axis=0)
     rank = np.linalg.matrix_rank(mix / np.where(lengths > 0, lengths, 1.0), tol=1e-6)
     if rank < N_RIGID:
-        raise _mismatch(item, "six independent rigid-body modes", f"{rank}")
+        raise mismatch(item, "six independent rigid-body modes", f"{rank}")
     products = mix.T @ mix
     for j, k in np.ndindex(N_RIGID, N_RIGID):
         expected = 1.0 if j == k else 0.0
         if not abs(products[j, k] - expected) <= 4 * RIGID_TOLERANCE:
             text = f"u{j}^T M u{k} = {expected:g} of the mass-normalised rigid-body modes"
-            raise _mismatch(item, text, f"{products[j, k]:.9g}")
+            raise mismatch(item, text, f"{products[j, k]:.9g}")
 
 
 def _check_same_products(exact: NDArray, given: NDArray, size: float, item: str) -> None:
     error = np.abs(given @ given.T - exact @ exact.T).max() / size**2
     if not error <= 4 * RIGID_TOLERANCE:
         expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
-        raise _mismatch(item, expected, f"a relative difference of {error:.3g}")
+        raise mismatch(item, expected, f"a relative difference of {error:.3g}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -504,7 +501,7 @@ def _check_same_products(exact: NDArray, given: NDArray, size: float, item: str)
 def _check_on_interface(name: str, model: Model, item: str) -> int:
     """The interface to which an optional part belongs exists; its number of points."""
     if name not in model.interfaces:
-        raise _mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
+        raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
     return model.interfaces[name].n_points
 
 
@@ -534,14 +531,14 @@ def _check_meshes(model: Model, where: str) -> None:
         item = f"{where}: /mesh/{name}"
         _check_type(mesh, SurfaceMesh, item)
         if name not in model.bodies:
-            raise _mismatch(item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
+            raise mismatch(item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
         _check_array(mesh.points, (None, 3), f"{item}/points")
         quads = mesh.quads
         good = isinstance(quads, np.ndarray) and quads.dtype.kind in "iu"
         if not good:
-            raise _mismatch(f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
+            raise mismatch(f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
         if quads.ndim != 2 or quads.shape[1] != 4:
-            raise _mismatch(f"{item}/quads", "shape (any, 4)", quads.shape)
+            raise mismatch(f"{item}/quads", "shape (any, 4)", quads.shape)
         inside = (quads >= 0) & (quads < len(mesh.points))
         _check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
 
@@ -551,9 +548,9 @@ def _check_provenance(model: Model, where: str) -> None:
     _check_type(model.provenance, Mapping, item)
     for key, value in model.provenance.items():
         if not isinstance(key, str) or not isinstance(value, str):
-            raise _mismatch(item, "texts", f"{key!r}: {value!r}")
+            raise mismatch(item, "texts", f"{key!r}: {value!r}")
         if key == "" or "\0" in key + value or _has_surrogates(key + value):
-            raise _mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
+            raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
 
 
 def _has_surrogates(text: str) -> bool:

@@ -13,3 +13,14 @@ class ModelError(BdamperError, ValueError):
 
 class SettingError(BdamperError, ValueError):
     """A setting of a study is out of range or does not fit the model."""
+
+
+_LONGEST_FOUND = 300
+
+
+def mismatch(item: str, expected: str, found: object) -> ModelError:
+    """An error of one line: the item, what was expected of it and what was found instead."""
+    text = " ".join(str(found).split())
+    if len(text) > _LONGEST_FOUND:
+        text = text[: _LONGEST_FOUND - 3] + "..."
+    return ModelError(f"{item}: expected {expected}, found {text}")

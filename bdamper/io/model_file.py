@@ -23,8 +23,8 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.checks import check_model
-from bdamper.errors import ModelError
+from bdamper.checks import check_model, shape_text
+from bdamper.errors import ModelError, mismatch
 from bdamper.model import (
     Body,
     BodyLoad,
@@ -266,24 +266,15 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     except ModelError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise ModelError(f"{source}: expected a readable HDF5 file, found: {_first_line(error)}") from error
+        raise mismatch(str(source), "a readable HDF5 file", str(error) or type(error).__name__) from error
     check_model(model, where=str(source))
     return model
-
-
-def _first_line(error: Exception) -> str:
-    text = str(error).strip().splitlines()
-    return text[0] if text else type(error).__name__
 
 
 def _item(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
     """How a message names something in a file: ``file: /path/in/the/file``."""
     path = f"{parent.name.rstrip('/')}/{name}" if name else parent.name
     return f"{parent.file.filename}: {path}"
-
-
-def _mismatch(item: str, expected: str, found: str) -> ModelError:
-    return ModelError(f"{item}: expected {expected}, found {found}")
 
 
 def _read_model(file: h5py.File) -> Model:
@@ -307,17 +298,17 @@ def _check_root(file: h5py.File) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
     found = _read_text(file, "format")
     if found != FORMAT:
-        raise _mismatch(_item(file, "@format"), f"'{FORMAT}'", f"'{found}'")
+        raise mismatch(_item(file, "@format"), f"'{FORMAT}'", f"'{found}'")
     version = _read_integer(file, "version")
     if version != VERSION:
-        raise _mismatch(_item(file, "@version"), f"{VERSION}", f"{version}")
+        raise mismatch(_item(file, "@version"), f"{VERSION}", f"{version}")
     for key, convention in (("time_convention", TIME_CONVENTION), ("phase_convention", PHASE_CONVENTION)):
         found = _read_text(file, key)
         if found != convention:
-            raise _mismatch(_item(file, f"@{key}"), f"'{convention}'", f"'{found}'")
+            raise mismatch(_item(file, f"@{key}"), f"'{convention}'", f"'{found}'")
     axis = np.asarray(_attribute(file, "axis"))
     if axis.dtype.kind not in "fiu" or axis.shape != (3,) or not np.array_equal(axis, AXIS):
-        raise _mismatch(_item(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
+        raise mismatch(_item(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
     _check_members(file, ["bodies", "interfaces"], ["locations", "contact", "static", "mesh", "provenance"])
 
 
@@ -352,9 +343,9 @@ def _read_ports(group: h5py.Group, interfaces: Mapping[str, Interface]) -> tuple
     for text in (_as_text(t, _item(group, "@ports")) for t in texts.ravel()):
         interface, dot, side = text.rpartition(".")
         if not dot or side not in ("a", "b"):
-            raise _mismatch(_item(group, "@ports"), "texts like 'interface.a' or 'interface.b'", f"'{text}'")
+            raise mismatch(_item(group, "@ports"), "texts like 'interface.a' or 'interface.b'", f"'{text}'")
         if interface not in interfaces:
-            raise _mismatch(_item(group, "@ports"), f"an interface of {list(interfaces)}", f"'{interface}'")
+            raise mismatch(_item(group, "@ports"), f"an interface of {list(interfaces)}", f"'{interface}'")
         ports.append((interface, side))
     return tuple(ports)
 
@@ -449,24 +440,24 @@ def _check_members(group: h5py.Group, required: Iterable[str], optional: Iterabl
     known = [*required, *optional]
     for name in required:
         if name not in group:
-            raise _mismatch(_item(group, name), "this group or dataset", "nothing")
+            raise mismatch(_item(group, name), "this group or dataset", "nothing")
     for name in group:
         if name not in known:
-            raise _mismatch(_item(group, name), f"no other names than {known}", "this one")
+            raise mismatch(_item(group, name), f"no other names than {known}", "this one")
         _check_link(group, name)
 
 
 def _check_link(group: h5py.Group, name: str) -> None:
     link = group.get(name, getlink=True)
     if not isinstance(link, h5py.HardLink):
-        raise _mismatch(_item(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
+        raise mismatch(_item(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
 
 
 def _subgroup(group: h5py.Group, name: str) -> h5py.Group:
     _check_link(group, name)
     member = group[name]
     if not isinstance(member, h5py.Group):
-        raise _mismatch(_item(group, name), "a group", f"a {type(member).__name__.lower()}")
+        raise mismatch(_item(group, name), "a group", f"a {type(member).__name__.lower()}")
     return member
 
 
@@ -490,14 +481,14 @@ def _read(
     dataset = group[name]
     item = _item(group, name)
     if not isinstance(dataset, h5py.Dataset):
-        raise _mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
+        raise mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
     _check_storage(dataset, item)
     letters, words = _KINDS[kind]
     if dataset.dtype.kind not in letters:
-        raise _mismatch(item, words, f"data of type {dataset.dtype}")
+        raise mismatch(item, words, f"data of type {dataset.dtype}")
     _check_units(dataset, UNITS[name] if units is None else units)
     if shape is not None and not _fits(dataset.shape, shape):
-        raise _mismatch(item, f"shape {_shape_text(shape)}", f"{dataset.shape}")
+        raise mismatch(item, f"shape {shape_text(shape)}", f"{dataset.shape}")
     array = np.asarray(dataset[()])
     native = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
     return array.astype(native[array.dtype.kind], copy=False)
@@ -507,32 +498,27 @@ def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
     return len(found) == len(expected) and all(e is None or e == f for f, e in zip(found, expected))
 
 
-def _shape_text(shape: tuple[int | None, ...]) -> str:
-    sizes = ", ".join("any" if n is None else str(n) for n in shape)
-    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
-
-
 def _check_storage(dataset: h5py.Dataset, item: str) -> None:
     """The numbers lie in this file, and there are no more of them than its bytes can hold."""
     if dataset.is_virtual or dataset.external is not None:
-        raise _mismatch(item, "numbers stored in this file", "a reference to other files")
+        raise mismatch(item, "numbers stored in this file", "a reference to other files")
     if dataset.shape is None:
-        raise _mismatch(item, "numbers", "an empty dataset")
+        raise mismatch(item, "numbers", "an empty dataset")
     stored = dataset.id.get_storage_size()
     wanted = dataset.size * dataset.dtype.itemsize
     if wanted > _LARGEST_EXPANSION * stored:
-        raise _mismatch(item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
+        raise mismatch(item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
 
 
 def _check_units(dataset: h5py.Dataset, expected: str) -> None:
     found = _read_text(dataset, "units")
     if found != expected:
-        raise _mismatch(_item(dataset, "@units"), f"'{expected}'", f"'{found}'")
+        raise mismatch(_item(dataset, "@units"), f"'{expected}'", f"'{found}'")
 
 
 def _attribute(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
     if name not in owner.attrs:
-        raise _mismatch(_item(owner, f"@{name}"), "this attribute", "nothing")
+        raise mismatch(_item(owner, f"@{name}"), "this attribute", "nothing")
     return owner.attrs[name]
 
 
@@ -547,17 +533,17 @@ def _as_text(value: Any, item: str) -> str:
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
     if not isinstance(value, str):
-        raise _mismatch(item, "a text", f"{_brief(value)}")
+        raise mismatch(item, "a text", f"{_brief(value)}")
     return str(value)
 
 
 def _read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
     value = np.asarray(_attribute(owner, name))
     if value.dtype.kind not in "iu" or value.size != 1:
-        raise _mismatch(_item(owner, f"@{name}"), "one integer", _brief(_attribute(owner, name)))
+        raise mismatch(_item(owner, f"@{name}"), "one integer", _brief(_attribute(owner, name)))
     return int(value.reshape(-1)[0])
 
 
 def _brief(value: Any) -> str:
     text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= 100 else text[:97] + "..."
