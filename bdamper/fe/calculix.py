@@ -1,0 +1,144 @@
+r"""Input for CalculiX, a finite element program that shares nothing with this one, and its frequencies.
+
+The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
+faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so
+it can be compared without any convention.  CalculiX lists each frequency of a cyclic model twice, for the
+real and the imaginary part.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from skfem import ElementHexS2
+
+from bdamper.fe.assemble import Discretisation
+
+# C3D20: bottom corners, top corners, bottom middles, top middles, upright middles, on the cube [-1, 1]^3.
+_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+_MIDDLES = np.array([[0, -1], [1, 0], [0, 1], [-1, 0]], float)
+_C3D20 = np.concatenate(
+    [
+        np.column_stack([xy, np.full(4, z)])
+        for xy, z in ((_CORNERS, -1), (_CORNERS, 1), (_MIDDLES, -1), (_MIDDLES, 1))
+    ]
+    + [np.column_stack([_CORNERS, np.zeros(4)])]
+)
+
+
+def local_order() -> NDArray:
+    """For each of CalculiX's 20 local nodes the number of the same node in scikit-fem."""
+    ours = 2.0 * ElementHexS2().doflocs - 1.0
+    distance = np.abs(_C3D20[:, None] - ours[None]).max(axis=2)
+    return distance.argmin(axis=1)
+
+
+def _numbers(nodes: NDArray) -> str:
+    """Numbers from one on, sixteen to a line."""
+    text = [str(n + 1) for n in nodes]
+    return "\n".join(", ".join(text[i : i + 16]) for i in range(0, len(text), 16))
+
+
+def _model(body: Discretisation) -> str:
+    elements = body.elements[:, local_order()] + 1
+    # The map from scikit-fem's cube may be a reflection, which CalculiX refuses; then turn the elements over.
+    corner = body.nodes[elements[0, :8] - 1]
+    if np.linalg.det([corner[1] - corner[0], corner[3] - corner[0], corner[4] - corner[0]]) < 0.0:
+        elements = elements[:, [4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11, 16, 17, 18, 19]]
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{k + 1}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(body.nodes)]
+    lines.append("*ELEMENT, TYPE=C3D20, ELSET=BODY")
+    for k, e in enumerate(elements.tolist()):
+        lines += [f"{k + 1}, " + ", ".join(map(str, e[:12])) + ",", ", ".join(map(str, e[12:]))]
+    m = body.material
+    lines += [
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        f"{m.youngs_modulus:.12e}, {m.poisson_ratio:.12e}",
+        "*DENSITY",
+        f"{m.density:.12e}",
+        "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL",
+    ]
+    return "\n".join(lines)
+
+
+def sector_input(
+    body: Discretisation,
+    left: NDArray,
+    right: NDArray,
+    clamped: NDArray,
+    n_sectors: int,
+    nodal_diameter: int,
+    n_modes: int,
+) -> str:
+    """Input file for ``n_modes`` different frequencies of one nodal diameter, each of which comes twice."""
+    # A degree of freedom of a clamped node must not be tied as well.
+    left, right = np.setdiff1d(left, clamped), np.setdiff1d(right, clamped)
+    return "\n".join(
+        [
+            _model(body),
+            "*NSET, NSET=CLAMPED",
+            _numbers(clamped),
+            "*NSET, NSET=LEFT",
+            _numbers(left),
+            "*NSET, NSET=RIGHT",
+            _numbers(right),
+            "*BOUNDARY",
+            "CLAMPED, 1, 3",
+            "*SURFACE, NAME=SLEFT, TYPE=NODE",
+            "LEFT,",
+            "*SURFACE, NAME=SRIGHT, TYPE=NODE",
+            "RIGHT,",
+            "*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE=1e-6",
+            "SLEFT, SRIGHT",
+            f"*CYCLIC SYMMETRY MODEL, N={n_sectors}, NGRAPH=1, TIE=CYCLE",
+            "0., 0., 0., 0., 0., 1.",
+            "*STEP",
+            "*FREQUENCY",
+            f"{2 * n_modes},",
+            f"*SELECT CYCLIC SYMMETRY MODES, NMIN={nodal_diameter}, NMAX={nodal_diameter}",
+            "*END STEP",
+            "",
+        ]
+    )
+
+
+def free_input(body: Discretisation, n_modes: int) -> str:
+    """Input file for a free body; ``n_modes`` counts the six rigid ones."""
+    return "\n".join([_model(body), "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
+
+
+def read_frequencies(path: Path) -> NDArray:
+    """Frequencies, Hz, from the eigenvalue table of a ``.dat`` file; squares below zero count as zero."""
+    values = []
+    for line in path.read_text().splitlines():
+        # Mode, eigenvalue, then rad/s and cycles/s; with a nodal diameter the row starts with one more
+        # integer.
+        match = re.match(r"\s*(?:\d+\s+)?\d+((?:\s+[-+]?\d\.\d+E[-+]\d+){4})\s*$", line)
+        if match:
+            values.append(float(match.group(1).split()[0]))
+        elif values and "P A R T I C I P A T I O N" in line:
+            break
+    return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
+
+
+def run(text: str, folder: Path, program: str = "ccx", timeout: float = 600.0) -> NDArray:
+    """Run CalculiX on an input text in ``folder`` and return the frequencies, Hz, in its order.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails or lists no frequency; the message ends with its last lines of output.
+    """
+    (folder / "job.inp").write_text(text)
+    done = subprocess.run(
+        [program, "-i", "job"], cwd=folder, capture_output=True, text=True, timeout=timeout, check=False
+    )
+    frequencies = read_frequencies(folder / "job.dat") if (folder / "job.dat").exists() else np.empty(0)
+    if done.returncode or not len(frequencies):
+        raise RuntimeError(f"CalculiX gave no frequencies:\n{done.stdout[-1500:]}")
+    return frequencies

@@ -1,0 +1,92 @@
+"""Make the shipped models of the reference bladed disk, or check that they can still be made.
+
+    python tools/make_reference_model.py            writes bdamper/data/bladed_disk_{9,24,48}.h5
+    python tools/make_reference_model.py --check    makes them again and compares with the stored ones
+
+Squared frequencies and receptances must agree to a relative 1e-6 (they differ in rounding between machines),
+and so must the projections of the modes, taken together over the modes so that a rotation among close
+frequencies does not count.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from bdamper.fe.mesh import MeshDensity
+from bdamper.fe.reference import bladed_disk
+from bdamper.fe.sector import SectorFE
+from bdamper.io.model_file import load_model, save_model
+from bdamper.model import Model
+
+POINTS = (9, 24, 48)
+BONDED_DIAMETER = 5
+FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
+
+
+def build(fe: SectorFE, points: int) -> Model:
+    """One model, with the full finite element frequencies of the bonded damper in its provenance."""
+    model = bladed_disk(points, fe=fe)
+    bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
+    note = {
+        f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
+    }
+    return dataclasses.replace(model, provenance={**model.provenance, **note})
+
+
+def differences(new: Model, old: Model) -> dict[str, float]:
+    """Largest relative difference of each kind of number."""
+    out: dict[str, float] = {}
+
+    def note(name: str, a: np.ndarray, b: np.ndarray) -> None:
+        scale = np.linalg.norm(b) or 1.0
+        out[name] = float(np.linalg.norm(np.asarray(a) - b) / scale) if a.shape == b.shape else np.inf
+
+    for name, body in old.bodies.items():
+        if set(body.bases) != set(new.bodies[name].bases):
+            out[f"{name}: nodal diameters"] = np.inf
+            continue
+        for d, basis in body.bases.items():
+            other = new.bodies[name].bases[d]
+            note(f"{name}, {d}: omega2", other.omega2, basis.omega2)
+            if basis.flexibility is not None and other.flexibility is not None:
+                note(f"{name}, {d}: flexibility", other.flexibility, basis.flexibility)
+            modes = [b.contact_modes.reshape(-1, b.n_modes) for b in (other, basis)]
+            note(f"{name}, {d}: modes", *(m @ m.conj().T for m in modes))
+    for name, face in old.interfaces.items():
+        for key in ("points", "area", "frame", "gap"):
+            note(f"{name}: {key}", getattr(new.interfaces[name], key), getattr(face, key))
+    return out
+
+
+def main() -> int:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
+    parser.add_argument("--folder", type=Path, default=FOLDER, help="where the files are")
+    arguments = parser.parse_args()
+    start = time.perf_counter()
+    fe = SectorFE(density=MeshDensity.preset("reference"))
+    worst = 0.0
+    for points in POINTS:
+        path = arguments.folder / f"bladed_disk_{points}.h5"
+        model = build(fe, points)
+        if arguments.check:
+            found = differences(model, load_model(path))
+            key = max(found, key=found.__getitem__)
+            worst = max(worst, found[key])
+            print(f"{path.name}: largest relative difference {found[key]:.2e} ({key})")
+        else:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            save_model(model, path)
+            print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s")
+    return int(worst > 1e-6)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
