@@ -19,6 +19,7 @@ pitch; the phase of the neighbouring sector enters where the interface is put to
 from __future__ import annotations
 
 import datetime
+from collections.abc import Iterable
 
 import numpy as np
 import scipy
@@ -62,39 +63,33 @@ def surface_mesh(body: Discretisation) -> SurfaceMesh:
     return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape))
 
 
-def _interface(name: str, patches: Patches, gap: float = 0.0) -> Interface:
-    kind, body_b, sector_b = {
-        "left": ("friction", "blade", 0),
-        "right": ("friction", "blade", 1),
-        "front": ("constraint", "ground", 0),
-        "back": ("constraint", "ground", 0),
-    }[name]
+def _interface(name: str, patches: Patches, end_gap: float) -> Interface:
+    friction = name in ("left", "right")
     n = len(patches.size)
     return Interface(
         name=name,
-        kind=kind,
+        kind="friction" if friction else "constraint",
         body_a="damper",
         sector_a=0,
-        body_b=body_b,
-        sector_b=sector_b,
+        body_b="blade" if friction else "ground",
+        sector_b=1 if name == "right" else 0,
         points=patches.centre.copy(),
         area=patches.area,
         frame=np.array(patches.frame),
-        gap=np.full(n, gap),
+        gap=np.full(n, 0.0 if friction else end_gap),
     )
 
 
-def _assert_same_place(
-    fe: SectorFE, contact_blade: sp.spmatrix, contact_damper: sp.spmatrix, n_left: int
-) -> None:
-    """The patches of blade and damper coincide: equal mean positions once blade 0 is turned onto sector 1."""
-    blade = (contact_blade @ fe.blade.nodes.ravel()).reshape(-1, 3)
-    damper = (contact_damper @ fe.damper.body.nodes.ravel()).reshape(-1, 3)[: len(blade)]
-    # Components along the contact axes do not change in the turn, which acts on points and axes alike.
-    if not np.allclose(blade[:n_left], damper[:n_left], atol=1e-10) or not np.allclose(
-        blade[n_left:], damper[n_left:], atol=1e-10
-    ):
-        raise AssertionError("patches of blade and damper do not coincide")
+def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterable[Interface]) -> None:
+    """The mean positions of the patches of ``body`` are the points of ``faces``.
+
+    Components along the contact axes do not change in a turn of points and axes together, so this holds at
+    once for a body that an interface meets in the neighbouring sector.
+    """
+    expected = np.concatenate([np.einsum("pij,pj->pi", f.frame, f.points) for f in faces])
+    distance = np.abs((contact @ body.nodes.ravel()).reshape(-1, 3) - expected).max()
+    if distance > 1e-10:
+        raise AssertionError(f"patches and contact points are up to {distance:.3g} m apart")
 
 
 def _location_rows(body: Discretisation, nodes: dict[str, int], shapes: NDArray) -> dict[str, NDArray]:
@@ -118,7 +113,8 @@ def bladed_disk(
     Parameters
     ----------
     points : int or (int, int)
-        Contact points on each face, or their number along slope and axis.
+        Contact points on each face, or their number along slope and axis.  More points than the mesh has
+        nodes on the face make the static receptance singular.
     mesh : {"coarse", "reference"}
         Ignored if ``fe`` is given.
     n_modes : int
@@ -139,7 +135,9 @@ def bladed_disk(
     Returns
     -------
     Model
-        Without contact stiffness (``contact`` is empty).
+        Without contact stiffness (``contact`` is empty).  The rigid translations of the damper are along its
+        own tangential, radial and axial direction; its centre, inertia and the direction of its load are in
+        the axes of blade 0, like everything else.
     """
     if fe is None:
         fe = SectorFE(density=MeshDensity.preset(mesh))
@@ -151,15 +149,13 @@ def bladed_disk(
 
     patches = {side: wedge_patches(g, side, points) for side in ("left", "right")}
     patches |= {side: end_patches(g, side) for side in ("front", "back")}
-    interfaces = {
-        name: _interface(name, p, g.end_gap if name in ("front", "back") else 0.0)
-        for name, p in patches.items()
-    }
+    interfaces = {name: _interface(name, p, g.end_gap) for name, p in patches.items()}
     contact_blade = fe.blade_contact(patches["left"], patches["right"])
     contact_damper = sp.vstack(
         [averaging_matrix(fe.damper.body, patches[name]) for name, _ in DAMPER_PORTS], format="csr"
     )
-    _assert_same_place(fe, contact_blade, contact_damper, 3 * interfaces["left"].n_points)
+    _assert_same_place(fe.blade, contact_blade, [interfaces[name] for name, _ in BLADE_PORTS])
+    _assert_same_place(fe.damper.body, contact_damper, [interfaces[name] for name, _ in DAMPER_PORTS])
 
     top = g.ridge_radius + g.platform_edge_thickness
     blade_nodes = {
