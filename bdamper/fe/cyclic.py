@@ -88,7 +88,10 @@ def fix_phase(vectors: NDArray, mass: sp.spmatrix) -> NDArray:
     if np.iscomplexobj(vectors):
         square = np.einsum("ij,ij->j", vectors, mass @ vectors)
         vectors = vectors * np.exp(-0.5j * np.angle(square))
-    largest = np.take_along_axis(vectors, np.abs(vectors).argmax(axis=0)[None], axis=0)[0]
+    # In a symmetric body several components are equally large up to rounding: take the first of them.
+    size = np.abs(vectors)
+    first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
+    largest = np.take_along_axis(vectors, first[None], axis=0)[0]
     return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
 
 
