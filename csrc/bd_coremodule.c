@@ -239,6 +239,21 @@ static PyObject *System_evaluate(SystemObject *self, PyObject *args, PyObject *k
     return PyLong_FromLong(status);
 }
 
+/* Stick, slip and open, averaged over the points with friction at the latest evaluation. */
+static void mean_shares(const bd_hbm *hbm, double *mean) {
+    int n = 0;
+    mean[0] = mean[1] = mean[2] = 0.0;
+    for (int p = 0; p < hbm->n_point; ++p) {
+        if (hbm->element[p].law == BD_LAW_NORMAL || hbm->element[p].mu == 0.0) continue;
+        const bd_status_share s = hbm->share[p];
+        mean[0] += 0.5 * (s.stick[0] + s.stick[1]);
+        mean[1] += 0.5 * (s.slip[0] + s.slip[1]);
+        mean[2] += s.open;
+        ++n;
+    }
+    for (int i = 0; n > 0 && i < 3; ++i) mean[i] /= n;
+}
+
 static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "normal", "scale", "row_scale", "tangent", "tolerance", "max_iterations",
                             "line_search", "least_norm", "rank_tolerance", NULL};
@@ -257,13 +272,32 @@ static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kw
     if (!tangent) return NULL;
     bd_newton_report report;
     bd_status status;
+    double mean[3];
     Py_BEGIN_ALLOW_THREADS
     lock_without_gil(self);
     status = bd_newton_correct(&self->hbm, &self->newton, &options, y, normal, scale, row_scale, tangent, &report);
+    mean_shares(&self->hbm, mean);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS
-    return Py_BuildValue("iiddddi", (int)status, report.iterations, report.residual, report.first_step,
-                         report.last_step, report.condition, report.rank);
+    return Py_BuildValue("iiddddi(ddd)", (int)status, report.iterations, report.residual, report.first_step,
+                         report.last_step, report.condition, report.rank, mean[0], mean[1], mean[2]);
+}
+
+static void copy_shares(const bd_hbm *hbm, double *share) {
+    for (int p = 0; p < hbm->n_point; ++p) {
+        const bd_status_share s = hbm->share[p];
+        const double row[5] = {s.stick[0], s.slip[0], s.stick[1], s.slip[1], s.open};
+        memcpy(share + 5 * (size_t)p, row, sizeof row);
+    }
+}
+
+/* State shares of the latest evaluation. */
+static PyObject *System_shares(SystemObject *self, PyObject *object) {
+    const npy_intp by5[2] = {self->hbm.n_point, 5};
+    double *share = doubles(object, "share", 2, by5, 1);
+    if (!share) return NULL;
+    copy_shares(&self->hbm, share);
+    Py_RETURN_NONE;
 }
 
 /* Motion, force and state shares of all points at u. */
@@ -286,11 +320,7 @@ static PyObject *System_contact(SystemObject *self, PyObject *args) {
     const size_t size = sizeof(double) * (size_t)(3 * n_point * self->hbm.n_coef);
     memcpy(X, self->hbm.X, size);
     memcpy(F, self->hbm.F, size);
-    for (npy_intp p = 0; p < n_point; ++p) {
-        const bd_status_share s = self->hbm.share[p];
-        const double row[5] = {s.stick[0], s.slip[0], s.stick[1], s.slip[1], s.open};
-        memcpy(share + 5 * p, row, sizeof row);
-    }
+    copy_shares(&self->hbm, share);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS
     PyMem_Free(r);
@@ -314,8 +344,10 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14)\n-> (status, iterations, residual, first_step, last_step, condition, rank)\n\n"
+     "rank_tolerance=1e-14)\n-> (status, iterations, residual, first_step, last_step, condition, rank, (stick, slip, open))\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place."},
+    {"shares", (PyCFunction)System_shares, METH_O,
+     "shares(share)\n\nFill the shares of the cycle (n_point, 5) of the latest evaluation."},
     {"contact", (PyCFunction)System_contact, METH_VARARGS,
      "contact(u, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
      "(n_point, 5): stick and slip along t1, stick and slip along t2, open."},

@@ -1,0 +1,69 @@
+import numpy as np
+from numpy.typing import NDArray
+
+class System:
+    def __init__(
+        self,
+        n_mode: NDArray[np.intc],
+        stiffness: NDArray[np.float64],
+        mass: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        G: NDArray[np.complex128],
+        kt: NDArray[np.float64],
+        kn: NDArray[np.float64],
+        mu: NDArray[np.float64],
+        n0: NDArray[np.float64],
+        w: NDArray[np.float64],
+        law: NDArray[np.intc],
+        shift: NDArray[np.float64],
+        force: NDArray[np.float64],
+        evaluation: int = 0,
+        n_time: int = 0,
+    ) -> None: ...
+    @property
+    def n_unknown(self) -> int: ...
+    @property
+    def cost(self) -> tuple[float, float, float, int, int, int]: ...
+    def evaluate(
+        self,
+        u: NDArray[np.float64],
+        omega: float,
+        r: NDArray[np.float64],
+        J: NDArray[np.float64] | None = None,
+        r_omega: NDArray[np.float64] | None = None,
+    ) -> int: ...
+    def correct(
+        self,
+        y: NDArray[np.float64],
+        normal: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        row_scale: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        tolerance: float,
+        max_iterations: int,
+        line_search: bool = False,
+        least_norm: bool = True,
+        rank_tolerance: float = 1e-14,
+    ) -> tuple[int, int, float, float, float, float, int, tuple[float, float, float]]: ...
+    def shares(self, share: NDArray[np.float64]) -> None: ...
+    def contact(
+        self,
+        u: NDArray[np.float64],
+        X: NDArray[np.float64],
+        F: NDArray[np.float64],
+        share: NDArray[np.float64],
+    ) -> int: ...
+
+def evaluate_contact(
+    x: NDArray[np.float64],
+    kt: NDArray[np.float64],
+    kn: float,
+    mu: float,
+    n0: float,
+    w: NDArray[np.float64],
+    F: NDArray[np.float64],
+    J: NDArray[np.float64],
+    law: int = 0,
+    evaluation: int = 0,
+    n_time: int = 0,
+) -> tuple[tuple[float, float, float, float, float], tuple[list[tuple[float, float, int]], list[tuple[float, float, int]]]]: ...

@@ -1,0 +1,350 @@
+"""Following a response curve by pseudo-arclength continuation.
+
+A point is ``y = (u, omega)``; steps are measured in scaled unknowns ``z = y/scale``, where each group (mean, vibration,
+frequency) has its own unit, renewed at every step: a step of 0.1 changes the vibration by about a tenth of itself.  The
+predictor is the tangent, the corrector Newton in the plane through the prediction normal to the tangent.
+
+The Jacobian is only piecewise continuous: where a contact starts or ceases to slip or to separate, the curve may have a
+corner.  A step that fails is halved; once it is too short for the failure to be a matter of curvature, the curve must
+have turned: the tangent is then taken from beyond the corner, and both senses are tried.
+
+A step is accepted only if Newton converged *and* the solution is where it was predicted, within half the length of the
+step, and the tangent has not turned by more than a set angle.  That keeps the path from jumping over a sharp resonance
+(the response turns by pi there) or to another branch.
+
+Where the frequency component of the tangent changes sign there is a fold, where the derivative of the response amplitude
+does, an extremum; both are located by a bracketing secant on the length of the step, with a Newton corrector for each
+trial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.errors import SettingError
+from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem
+
+
+@dataclass(frozen=True)
+class ContinuationOptions:
+    """Settings of the path following.
+
+    Parameters
+    ----------
+    tolerance : float
+        On the largest residual, relative to excitation and static load.
+    step, min_step, max_step : float
+        First, smallest and largest step in scaled unknowns (0.1: a tenth of the present vibration).
+    max_turn : float, rad
+        Largest angle between successive tangents of an accepted step.
+    max_points : int
+    max_iterations : int
+        Newton iterations in a step.
+    locate : bool
+        Refine folds and amplitude maxima.
+    locate_tolerance : float
+        On folds and maxima, relative to the step in which they lie.
+    """
+
+    tolerance: float = 1e-9
+    step: float = 0.1
+    min_step: float = 1e-7
+    max_step: float = 0.4
+    max_turn: float = 0.45
+    max_points: int = 5000
+    max_iterations: int = 8
+    locate: bool = True
+    locate_tolerance: float = 1e-8
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.tolerance < 1e-2:
+            raise SettingError(f"tolerance: expected between 0 and 0.01, found {self.tolerance}")
+        if not 0.0 < self.min_step <= self.step <= self.max_step:
+            raise SettingError(
+                f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
+            )
+        if self.max_points < 2 or self.max_iterations < 2:
+            raise SettingError(
+                f"max_points, max_iterations: expected at least 2, found {self.max_points}, {self.max_iterations}"
+            )
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """One solution on the path.
+
+    Parameters
+    ----------
+    y, tangent : (n_unknowns + 1,) float
+        Point and direction of travel, the latter of unit length in the units of the step.
+    scale : (n_unknowns + 1,) float
+    shares : (3,) float
+        Stick, slip and open shares of the cycle, mean over friction points.
+    residual : float
+    iterations : int
+    rank_deficiency : int
+    kind : str
+        "regular", "fold", "maximum" or "end".
+    """
+
+    y: NDArray
+    tangent: NDArray
+    scale: NDArray
+    shares: NDArray
+    residual: float
+    iterations: int
+    rank_deficiency: int
+    kind: str = "regular"
+
+
+@dataclass(frozen=True)
+class Path:
+    """Points of a path and how it ended: "complete", "turned back", "stalled", "too many points" or "interrupted"."""
+
+    points: tuple[PathPoint, ...]
+    status: str
+    reason: str
+    iterations: int
+    failed_steps: int
+
+
+class _Follower:
+    """State of one run."""
+
+    def __init__(
+        self,
+        system: HarmonicSystem,
+        limits: tuple[float, float],
+        options: ContinuationOptions,
+        on_point: Callable[[PathPoint], None] | None,
+    ) -> None:
+        self.system = system
+        self.low, self.high = limits
+        self.options = options
+        self.on_point = on_point
+        self.points: list[PathPoint] = []
+        self.iterations = 0
+        self.failed = 0
+        self.largest = 0.0
+
+    def scale_at(self, y: NDArray) -> NDArray:
+        n = self.system.n_mean
+        vibration = float(np.linalg.norm(y[n:-1]))
+        self.largest = max(self.largest, vibration)
+        vibration = max(vibration, 1e-9 * self.largest, 1e-300)
+        scale = np.empty(len(y))
+        scale[:n] = max(float(np.linalg.norm(y[:n])), vibration)
+        scale[n:-1] = vibration
+        scale[-1] = 0.5 * (self.high - self.low)
+        return scale
+
+    def record(self, c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:
+        point = PathPoint(
+            c.y, c.tangent, scale, np.array(c.shares), c.residual, c.iterations, c.rank_deficiency, kind
+        )
+        self.points.append(point)
+        if self.on_point is not None:
+            self.on_point(point)
+        return point
+
+    def correct(self, y: NDArray, normal: NDArray, scale: NDArray) -> Correction:
+        c = self.system.correct(y, normal, scale, self.options.tolerance, self.options.max_iterations)
+        self.iterations += c.iterations
+        return c
+
+    def try_step(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[Correction, str]:
+        """One predictor and corrector; the text says why it is refused, if it is."""
+        predicted = y + step * tangent * scale
+        if not predicted[-1] > 0.0:
+            return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
+        c = self.correct(predicted, tangent, scale)
+        if c.status != OK:
+            return c, STATUS_TEXT[c.status]
+        if np.linalg.norm((c.y - predicted) / scale) > 0.5 * step:
+            return c, "solution far from its prediction"
+        # below a step of 1e-3 a large turn is a corner, not curvature
+        if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
+            return c, "tangent turned too much"
+        return c, ""
+
+    def around_corner(self, y: NDArray, tangent: NDArray, scale: NDArray) -> tuple[Correction, NDArray] | None:
+        """The first point beyond a corner, with the tangent that led there."""
+        back = -tangent
+        n = len(y) - 1
+        for overshoot in (1e-5, 1e-4, 1e-3, 1e-2):
+            beyond = y + overshoot * tangent * scale
+            r, J, r_omega = self.system.evaluate(beyond[:-1], beyond[-1])
+            del r
+            rows = np.hstack([J * scale[:n], (r_omega * scale[n])[:, None]])
+            rows /= np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
+            turned = np.linalg.svd(rows)[2][-1]
+            for direction in (turned, -turned):
+                if float(direction @ back) > 1.0 - 1e-6:
+                    continue
+                for step in (1e-3, 1e-4, 1e-5, 1e-6):
+                    c, refused = self.try_step(y, direction, scale, step)
+                    if not refused and float((c.y - y) / scale @ back) < 0.999 * np.linalg.norm((c.y - y) / scale):
+                        return c, direction
+        return None
+
+    def locate(
+        self, a: PathPoint, b: Correction, event: Callable[[NDArray, NDArray], float], kind: str
+    ) -> PathPoint | None:
+        """Point between a and b at which the event function changes sign."""
+        end = float(a.tangent @ ((b.y - a.y) / a.scale))
+        low, high = 0.0, end
+        f_low, f_high = event(a.y, a.tangent), event(b.y, b.tangent)
+        best: Correction | None = None
+        side = 0
+        for _ in range(60):
+            s = (low * f_high - high * f_low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
+            if not low < s < high:
+                s = 0.5 * (low + high)
+            c = self.correct(a.y + s * a.tangent * a.scale, a.tangent, a.scale)
+            if c.status != OK or np.linalg.norm((c.y - a.y) / a.scale) > 2.0 * end:
+                break
+            best = c
+            f = event(c.y, c.tangent)
+            if f == 0.0:
+                break
+            if (f < 0.0) == (f_low < 0.0):
+                low, f_low = s, f
+                if side == 1:
+                    f_high *= 0.5  # Illinois: keeps the bracket shrinking from both sides
+                side = 1
+            else:
+                high, f_high = s, f
+                if side == -1:
+                    f_low *= 0.5
+                side = -1
+            if high - low <= self.options.locate_tolerance * end:
+                break
+        if best is None:
+            return None
+        return self.record(best, a.scale, kind)
+
+    def amplitude_slope(self, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
+        """Derivative along the path of half the squared amplitude of the first response harmonic."""
+        x = self.system.amplitudes(y[:-1], 1) @ self.system.response_rows[1]
+        dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
+        return float((x.conjugate() * dx).real)
+
+    def events_between(self, a: PathPoint, b: Correction) -> None:
+        if not self.options.locate:
+            return
+        found: list[tuple[float, Callable[[NDArray, NDArray], float], str]] = []
+        if a.tangent[-1] * b.tangent[-1] < 0.0:
+            found.append((0.0, lambda y, t: float(t[-1]), "fold"))
+
+        def slope(y: NDArray, t: NDArray) -> float:
+            return self.amplitude_slope(y, t, a.scale)
+
+        if slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
+            found.append((1.0, slope, "maximum"))
+        located = []
+        for _, event, kind in found:
+            point = self.locate(a, b, event, kind)
+            if point is not None:
+                located.append(self.points.pop())
+        # both in one step: keep the order along the path
+        located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
+        self.points.extend(located)
+
+    def finish_at(self, y: NDArray, omega: float, scale: NDArray, fraction: float, last: NDArray) -> bool:
+        guess = last + fraction * (y - last)
+        c = self.system.correct_at(guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations)
+        self.iterations += c.iterations
+        if c.status == OK and np.linalg.norm((c.y - guess) / scale) < 1.0:
+            self.record(c, scale, "end")
+            return True
+        return False
+
+    def run(self, start: NDArray, up: bool) -> tuple[str, str]:
+        options = self.options
+        scale = self.scale_at(start)
+        c = self.system.correct_at(start[:-1], start[-1], scale, options.tolerance, 4 * options.max_iterations)
+        self.iterations += c.iterations
+        if c.status != OK:
+            return "stalled", f"no solution at the start: {STATUS_TEXT[c.status]}"
+        tangent = c.tangent if up else -c.tangent
+        point = self.record(replace(c, tangent=tangent), scale, "end")
+        step = options.step
+        while len(self.points) < options.max_points:
+            y = point.y
+            scale = self.scale_at(y)
+            tangent = point.tangent * point.scale / scale
+            tangent /= np.linalg.norm(tangent)
+            here = PathPoint(y, tangent, scale, point.shares, point.residual, point.iterations, point.rank_deficiency)
+            refused = "step too short"
+            while step >= options.min_step:
+                new, refused = self.try_step(y, tangent, scale, step)
+                if not refused:
+                    break
+                self.failed += 1
+                step *= 0.5 if new.status == OK else 0.25
+            if refused:
+                turned = self.around_corner(y, tangent, scale)
+                if turned is None:
+                    return "stalled", f"at {y[-1] / (2 * np.pi):.6g} Hz: {refused} at the smallest step"
+                new, tangent = turned
+                step = 1e-4
+            omega = new.y[-1]
+            if not self.low <= omega <= self.high:
+                bound = self.high if omega > self.high else self.low
+                fraction = (bound - y[-1]) / (omega - y[-1])
+                if self.finish_at(new.y, bound, scale, fraction, y):
+                    if (bound == self.high) == up:
+                        return "complete", f"reached {bound / (2 * np.pi):.6g} Hz"
+                    return "turned back", f"came back to {bound / (2 * np.pi):.6g} Hz, where it started"
+                step *= 0.5
+                self.failed += 1
+                if step < options.min_step:
+                    return "stalled", f"no solution at {bound / (2 * np.pi):.6g} Hz"
+                continue
+            self.events_between(here, new)
+            point = self.record(new, scale)
+            turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
+            growth = min(2.0, 0.6 * options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
+            step = min(options.max_step, step * max(0.5, growth))
+        return "too many points", f"{options.max_points} points before the end of the interval"
+
+
+def follow(
+    system: HarmonicSystem,
+    start: NDArray,
+    limits: tuple[float, float],
+    *,
+    up: bool = True,
+    options: ContinuationOptions | None = None,
+    on_point: Callable[[PathPoint], None] | None = None,
+) -> Path:
+    """Follow the response from a start near the curve until it leaves the frequency interval.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    start : (n_unknowns + 1,) float
+        A point close enough for Newton at its frequency.
+    limits : (low, high), rad/s
+    up : bool
+        Set off toward higher frequency.
+    options : ContinuationOptions
+    on_point : callable
+        Called with every accepted point.
+
+    Returns
+    -------
+    Path
+        Every point of it is converged; ``status`` and ``reason`` say how it ended.  Ctrl-C ends it as "interrupted" with
+        what is there.
+    """
+    follower = _Follower(system, limits, options or ContinuationOptions(), on_point)
+    try:
+        status, reason = follower.run(start, up)
+    except KeyboardInterrupt:
+        status, reason = "interrupted", "by the user"
+    return Path(tuple(follower.points), status, reason, follower.iterations, follower.failed)

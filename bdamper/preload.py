@@ -1,0 +1,250 @@
+"""Quasi-static contact analysis: normal load, gap and slider at every contact point under the load of the damper.
+
+The mean equations of the harmonic balance without vibration, paper section 3.1:
+
+    K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
+    N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
+
+The load grows in steps from a small fraction to its full value.  Within a step every point has a state (stick, slip in
+one of two senses, open, for each tangential direction); the equations are then linear, and the states are updated from
+the law until they repeat themselves.  At the first step all points that touch are taken as stuck.  Sliders are carried
+from step to step, so the result depends on the history of loading, as friction does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
+
+
+@dataclass(frozen=True)
+class StaticSystem:
+    """Arrays of the static problem.
+
+    Parameters
+    ----------
+    stiffness : (n_modes,) float
+        Modal stiffness, zero for rigid-body modes.
+    G : (n_points, 3, n_modes) float
+    kt, kn, mu, n0 : (n_points, 2), (n_points,), (n_points,), (n_points,) float
+    force : (n_modes,) float
+        Modal force per newton of load.
+    shift : (n_points, 3) float
+        Part of (u1, u2, v) per newton of load that the modes do not carry.
+    constant_force : (n_modes,) float
+        Modal force that does not scale with the load.
+    """
+
+    stiffness: NDArray
+    G: NDArray
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    force: NDArray
+    shift: NDArray
+    constant_force: NDArray
+
+
+@dataclass(frozen=True)
+class PreloadState:
+    """Static state under a load.
+
+    Parameters
+    ----------
+    load : float, N
+    q : (n_modes,) float
+        Modal coordinates of the mean.
+    slider : (n_points, 2) float, m
+    force : (n_points, 3) float, N
+        T1, T2, N.
+    closing : (n_points,) float, m
+        Penetration of the contact spring if positive, gap if negative, initial gap included.
+    status : (n_points, 2) int
+        0 stick, 1 slip +, 2 slip -, 3 open.
+    residual : float
+        Largest violation of modal equilibrium, relative to the modal load.
+    steps, iterations : int
+    converged : bool
+    note : str
+    """
+
+    load: float
+    q: NDArray
+    slider: NDArray
+    force: NDArray
+    closing: NDArray
+    status: NDArray
+    residual: float
+    steps: int
+    iterations: int
+    converged: bool
+    note: str = ""
+
+
+def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+    level = system.n0 + system.kn * x[:, 2]
+    normal = np.maximum(level, 0.0)
+    open_ = level <= 0.0
+    limit = (system.mu * normal)[:, None]
+    trial = system.kt * (x[:, :2] - w)
+    status = np.where(trial > limit, SLIP_PLUS, np.where(trial < -limit, SLIP_MINUS, STICK))
+    tangential = np.clip(trial, -limit, limit)
+    status[open_] = OPEN
+    safe = np.where(system.kt > 0.0, system.kt, 1.0)
+    slider = np.where(system.kt > 0.0, x[:, :2] - tangential / safe, x[:, :2])
+    closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
+    return np.column_stack([tangential, normal]), status, slider, closing
+
+
+def _tangent(system: StaticSystem, status: NDArray) -> NDArray:
+    """(n_points, 3, 3) derivative of the force with respect to the motion in the given states."""
+    n = len(status)
+    tangent = np.zeros((n, 3, 3))
+    closed = ~(status == OPEN).any(axis=1)
+    tangent[closed, 2, 2] = system.kn[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        tangent[stick, d, d] = system.kt[stick, d]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            tangent[slip, d, 2] = sign * system.mu[slip] * system.kn[slip]
+    return tangent
+
+
+def _solve(J: NDArray, r: NDArray) -> NDArray:
+    """Least-norm solution where the contact leaves a rigid-body motion undetermined."""
+    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(J)), 1e-12 * np.abs(np.diag(J)).max()))
+    A = J * scale[:, None] * scale
+    try:
+        if np.linalg.cond(A) < 1e12:
+            return scale * np.linalg.solve(A, scale * r)
+    except np.linalg.LinAlgError:
+        pass
+    return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
+
+
+def _step(
+    system: StaticSystem, load: float, q: NDArray, w: NDArray, status: NDArray, tolerance: float, max_iterations: int
+) -> tuple[NDArray, NDArray, int, float]:
+    """Newton on the states at one load; returns coordinates, states, iterations and residual."""
+    force = load * system.force + system.constant_force
+    shift = load * system.shift
+    G = system.G.reshape(-1, system.G.shape[2])
+    size = max(float(np.abs(force).max()), 1e-300)
+
+    def residual(q: NDArray) -> tuple[NDArray, NDArray]:
+        x = (G @ q).reshape(-1, 3) + shift
+        F, new_status, _, _ = _law(system, x, w)
+        return system.stiffness * q + G.T @ F.ravel() - force, new_status
+
+    # the first linear solution takes the states as given: the law is linear in them
+    x0 = shift.copy()
+    F0 = np.zeros_like(x0)
+    closed = ~(status == OPEN).any(axis=1)
+    F0[closed, 2] = (system.n0 + system.kn * x0[:, 2])[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        F0[stick, d] = (system.kt[:, d] * (x0[:, d] - w[:, d]))[stick]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            F0[slip, d] = sign * system.mu[slip] * F0[slip, 2]
+    B = _tangent(system, status)
+    J = np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
+    q = _solve(J, force - G.T @ F0.ravel())
+    r, status = residual(q)
+    for iteration in range(1, max_iterations + 1):
+        norm = float(np.abs(r).max())
+        if norm <= tolerance * size:
+            return q, status, iteration, norm / size
+        J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
+        dq = _solve(J, -r)
+        fraction = 1.0
+        best = (np.inf, q, r, status)
+        for _ in range(10):
+            trial = q + fraction * dq
+            r_trial, status_trial = residual(trial)
+            now = float(np.abs(r_trial).max())
+            if now < best[0]:
+                best = (now, trial, r_trial, status_trial)
+            if now < (1.0 - 1e-3 * fraction) * norm:
+                break
+            fraction *= 0.5
+        _, q, r, status = best
+    return q, status, max_iterations, float(np.abs(r).max()) / size
+
+
+def static_state(
+    system: StaticSystem,
+    load: float,
+    *,
+    steps: int = 8,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+    start: PreloadState | None = None,
+) -> PreloadState:
+    """State of the contact after the load has grown to ``load``.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    load : float, N
+    steps : int
+        Load steps; a step that fails is halved, down to a thousandth.
+    tolerance : float
+        On modal equilibrium, relative to the modal load.
+    max_iterations : int
+        Status iterations in a step.
+    start : PreloadState, optional
+        An earlier state to go on from, loading or unloading; zero load without it.
+
+    Returns
+    -------
+    PreloadState
+        ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
+    """
+    n, m = system.G.shape[0], system.G.shape[2]
+    if start is None:
+        status = np.where((system.n0 < 0.0)[:, None], OPEN, np.full((n, 2), STICK))
+        if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
+            status[:] = STICK
+        state = PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
+    else:
+        state = start
+    first = state.load
+    done, fraction = 0.0, 1.0 / steps
+    target = load - first
+    if load == 0.0 and not np.any(system.constant_force):
+        return state if start is not None and start.load == 0.0 else _relaxed(system, state)
+    while done < 1.0:
+        now = min(1.0, done + fraction)
+        at = first + now * target
+        q, status, iterations, residual = _step(
+            system, at, state.q, state.slider, state.status, tolerance, max_iterations
+        )
+        if not residual <= tolerance:
+            fraction *= 0.5
+            if fraction < 1e-3 / steps:
+                note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
+                return replace(state, converged=False, note=note)
+            continue
+        x = (system.G @ q) + at * system.shift
+        force, status, slider, closing = _law(system, x, state.slider)
+        state = PreloadState(
+            at, q, slider, force, closing, status, residual, state.steps + 1, state.iterations + iterations, True
+        )
+        done = now
+    return state
+
+
+def _relaxed(system: StaticSystem, state: PreloadState) -> PreloadState:
+    """No load at all: no motion, no force."""
+    n, m = system.G.shape[0], system.G.shape[2]
+    x = np.zeros((n, 3))
+    force, status, slider, closing = _law(system, x, np.zeros((n, 2)))
+    return replace(state, load=0.0, q=np.zeros(m), force=force, status=status, slider=slider, closing=closing)

@@ -1,0 +1,206 @@
+"""Response curves: amplitude over frequency with all branches, and where they came from.
+
+The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l exp(i l omega t)``.  ``amplitude`` is
+``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` sums up all harmonics.
+
+A point between two folds, where the curve runs back in frequency, is marked as not stable: without further knowledge this
+is the plain rule of one fold after another; a stability analysis replaces it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.errors import BdamperError
+from bdamper.system import Cost
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A turning point of a curve in frequency.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    amplitude : float, m
+    index : int
+        Of the point in the curve.
+    """
+
+    frequency: float
+    amplitude: float
+    index: int
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A response curve; every point of it is a converged solution.
+
+    Parameters
+    ----------
+    kind : {"tracking", "free", "stuck"}
+    frequency : (n,) float, Hz
+    harmonics : (n, n_harmonics + 1) complex, m
+        Response amplitudes; the first column is the mean.
+    unknowns : (n, n_unknowns) float
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
+    residual : (n,) float
+        Relative to excitation and static load.
+    shares : (n, 3) float
+        Stick, slip and open, mean over the friction points and the cycle.
+    backward : (n,) bool
+        The curve runs back in frequency here: between two folds, unstable.
+    rank_deficiency : (n,) int
+        Mean positions that nothing determines, held by least norm.
+    point_kind : tuple of str
+        "regular", "fold", "maximum" or "end" for each point.
+    preload : float, N
+    status, reason : str
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    start_log : tuple of str
+        What was tried to find the first point.
+    """
+
+    kind: str
+    frequency: NDArray
+    harmonics: NDArray
+    unknowns: NDArray
+    residual: NDArray
+    shares: NDArray
+    backward: NDArray
+    rank_deficiency: NDArray
+    point_kind: tuple[str, ...]
+    preload: float
+    status: str
+    reason: str
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+    start_log: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the curve spans the interval that was asked for."""
+        return self.status == "complete"
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n,) float, m: amplitude of the harmonic of the excitation."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def peak_to_peak(self) -> NDArray:
+        """(n,) float, m: range of the response over a period, all harmonics."""
+        l = np.arange(1, self.harmonics.shape[1])
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
+        x = (self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real
+        return x.max(axis=1) - x.min(axis=1)
+
+    @property
+    def folds(self) -> tuple[Fold, ...]:
+        """Turning points in frequency, in the order of the path."""
+        amplitude = self.amplitude
+        return tuple(
+            Fold(float(self.frequency[i]), float(amplitude[i]), i)
+            for i, kind in enumerate(self.point_kind)
+            if kind == "fold"
+        )
+
+    @property
+    def peak(self) -> Fold:
+        """The largest response: frequency (Hz), amplitude (m) and index."""
+        if not len(self):
+            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
+        i = int(np.argmax(self.amplitude))
+        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i)
+
+    def __str__(self) -> str:
+        head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
+        if not len(self):
+            return head
+        c = self.cost
+        lines = [
+            head,
+            f"  peak {self.peak.amplitude:.6g} m at {self.peak.frequency:.6g} Hz, {len(self.folds)} folds, "
+            f"largest residual {self.residual.max():.1e}",
+        ]
+        if c.evaluations:
+            lines.append(
+                f"  {c.seconds:.3f} s: contact {c.contact:.3f}, assembly {c.assembly:.3f}, algebra {c.algebra:.3f}, "
+                f"Python {c.python:.3f}; {c.evaluations} evaluations, {c.iterations} iterations, "
+                f"{c.failed_steps} failed steps"
+            )
+        if self.rank_deficiency.any():
+            lines.append(f"  {int((self.rank_deficiency > 0).sum())} points with an undetermined mean position")
+        return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw amplitude over frequency, branches that run backward dashed; see :func:`bdamper.plotting.plot_curves`."""
+        from bdamper.plotting import plot_curves
+
+        return plot_curves([self], ax=ax, **style)
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the curve to an HDF5 file."""
+        with h5py.File(path, "w") as file:
+            file.attrs["format"] = "bdamper-curve"
+            file.attrs["version"] = 1
+            for name in _ARRAYS:
+                file.create_dataset(name, data=getattr(self, name))
+            for name in ("kind", "status", "reason", "model_hash"):
+                file.attrs[name] = getattr(self, name)
+            file.attrs["preload"] = self.preload
+            file.attrs["settings"] = json.dumps(self.settings)
+            file.attrs["cost"] = json.dumps(asdict(self.cost))
+            file.attrs["point_kind"] = json.dumps(self.point_kind)
+            file.attrs["start_log"] = json.dumps(self.start_log)
+
+
+_ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency")
+
+
+def load_curve(path: str | FilePath) -> Curve:
+    """Read a curve that :meth:`Curve.save` wrote.
+
+    Raises
+    ------
+    BdamperError
+        If the file is not such a file.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != "bdamper-curve":
+                found = file.attrs.get("format", "none")
+                raise BdamperError(f"{path}: expected the format 'bdamper-curve', found '{found}'")
+            arrays = {name: file[name][()] for name in _ARRAYS}
+            text = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
+            return Curve(
+                **arrays,
+                **text,
+                preload=float(file.attrs["preload"]),
+                settings=json.loads(file.attrs["settings"]),
+                cost=Cost(**json.loads(file.attrs["cost"])),
+                point_kind=tuple(json.loads(file.attrs["point_kind"])),
+                start_log=tuple(json.loads(file.attrs["start_log"])),
+            )
+    except FileNotFoundError:
+        raise
+    except (OSError, KeyError, ValueError, TypeError) as error:
+        if isinstance(error, BdamperError):
+            raise
+        raise BdamperError(f"{path}: expected a curve written by Curve.save, found something else ({error})") from error

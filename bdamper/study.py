@@ -1,0 +1,641 @@
+"""A study: one model under one set of settings, asked for responses.
+
+Everything is made once and kept: the bases of the harmonics, contact stiffness, static preload analyses.  The chain that
+finds the first point of a curve is, in this order,
+
+1. the static state under the preload (:mod:`bdamper.preload`),
+2. the stuck linear response on top of it, then plain Newton,
+3. Newton with line search (and least norm where the Jacobian is rank-deficient),
+4. homotopy in the excitation from the static state on, with shrinking steps;
+
+what was tried is kept in the result.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.checks import check_model
+from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
+from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
+from bdamper.errors import SettingError
+from bdamper.model import ContactStiffness, Model
+from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
+from bdamper.response import Curve
+from bdamper.stiffness import StiffnessReport, contact_stiffness, report
+from bdamper.system import (
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    OK,
+    STATUS_TEXT,
+    Cost,
+    CostMeter,
+    HarmonicSystem,
+    PointArrays,
+    Sampled,
+)
+
+DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
+
+
+def _direction(value: str | Sequence[float], what: str) -> NDArray:
+    if isinstance(value, str):
+        if value not in DIRECTIONS:
+            raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'")
+        return np.array(DIRECTIONS[value])
+    vector = np.asarray(value, float)
+    if vector.shape != (3,) or not np.isfinite(vector).all() or not np.any(vector):
+        raise SettingError(f"{what}: expected three finite numbers, not all zero, found {value!r}")
+    return vector / np.linalg.norm(vector)
+
+
+@dataclass(frozen=True)
+class Excitation:
+    """A travelling-wave force of engine-order type on every blade.
+
+    Parameters
+    ----------
+    location : str
+    direction : {"tangential", "radial", "axial"} or three floats
+    amplitude : float, N
+    phase : float, rad
+        Of the force on the reference blade, ``amplitude cos(omega t + phase)``.
+    """
+
+    location: str
+    direction: str | tuple[float, float, float] = "tangential"
+    amplitude: float = 1.0
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        _direction(self.direction, "excitation direction")
+        if not np.isfinite(self.amplitude) or self.amplitude < 0.0 or not np.isfinite(self.phase):
+            raise SettingError(
+                f"excitation: expected a finite amplitude >= 0 and phase, found {self.amplitude}, {self.phase}"
+            )
+
+
+@dataclass(frozen=True)
+class Response:
+    """Where and along which direction the response is read.
+
+    Parameters
+    ----------
+    location : str
+    direction : {"tangential", "radial", "axial"} or three floats
+    """
+
+    location: str
+    direction: str | tuple[float, float, float] = "tangential"
+
+    def __post_init__(self) -> None:
+        _direction(self.direction, "response direction")
+
+
+@dataclass(frozen=True)
+class Study:
+    """Settings of an analysis of one model.
+
+    Parameters
+    ----------
+    model : Model
+    excitation : Excitation
+    engine_order : int
+        Of the fundamental harmonic.
+    friction_coefficient : float or mapping of interface name to float
+    response : Response, optional
+        Location and direction of the excitation by default.
+    harmonics : int
+        Harmonics of the response besides the mean.
+    contact_stiffness : {"unit_traction", "eq4", "model"}, float or mapping
+        Method (see :mod:`bdamper.stiffness`), values in N/m, or "model": those that the model carries.
+    blade_modes : int
+        Modes of each constrained body (at most what the model has).
+    damper_modes : int
+        Elastic modes of each free body.
+    rigid_modes : sequence of str
+        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about
+        the damper's own axes.
+    constraints : bool
+        Whether constraint planes (front and back of a damper) take part.
+    single_basis : bool
+        Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
+    damping_ratio : float, optional
+        For all elastic modes, instead of the model's.
+    evaluation : {"exact"} or Sampled
+        How contact forces are found over a cycle.
+
+    Raises
+    ------
+    SettingError, ModelError
+        At once, naming the setting, what was expected and what was found.
+    """
+
+    model: Model
+    excitation: Excitation
+    engine_order: int = 1
+    friction_coefficient: float | Mapping[str, float] = 0.3
+    response: Response | None = None
+    harmonics: int = 1
+    contact_stiffness: str | float | Mapping[str, NDArray] = "unit_traction"
+    blade_modes: int = 10
+    damper_modes: int = 0
+    rigid_modes: tuple[str, ...] = RIGID_NAMES
+    constraints: bool = True
+    single_basis: bool = False
+    damping_ratio: float | None = None
+    evaluation: str | Sampled = "exact"
+    _states: dict[float, PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        check_model(self.model)
+        if int(self.engine_order) != self.engine_order or self.engine_order < 0:
+            raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
+        if int(self.harmonics) != self.harmonics or not 1 <= self.harmonics <= 64:
+            raise SettingError(f"harmonics: expected a whole number from 1 to 64, found {self.harmonics!r}")
+        for name, place in (("excitation", self.excitation), ("response", self._response)):
+            if place.location not in self.model.locations:
+                raise SettingError(
+                    f"{name} location: expected one of {sorted(self.model.locations)}, found '{place.location}'"
+                )
+        if self.damping_ratio is not None and not 0.0 <= self.damping_ratio < 1.0:
+            raise SettingError(f"damping_ratio: expected between 0 and 1, found {self.damping_ratio}")
+        for name, mu in self._friction_by_interface().items():
+            if not (np.isfinite(mu) and mu >= 0.0):
+                raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
+        _ = self.bases  # the nodal diameters that the harmonics need
+
+    # ---- parts, made once ----
+
+    @property
+    def _response(self) -> Response:
+        return self.response or Response(self.excitation.location, self.excitation.direction)
+
+    def _interfaces(self) -> tuple[str, ...]:
+        return tuple(
+            name for name, face in self.model.interfaces.items() if self.constraints or face.kind == "friction"
+        )
+
+    def _friction_by_interface(self) -> dict[str, float]:
+        out = {}
+        given = self.friction_coefficient
+        if isinstance(given, Mapping):
+            unknown = [name for name in given if name not in self.model.interfaces]
+            if unknown:
+                raise SettingError(
+                    f"friction_coefficient: expected interfaces out of {list(self.model.interfaces)}, found {unknown}"
+                )
+        for name in self._interfaces():
+            if self.model.interfaces[name].kind == "constraint":
+                out[name] = 0.0
+            elif isinstance(given, Mapping):
+                if name not in given:
+                    raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
+                out[name] = float(given[name])
+            else:
+                out[name] = float(given)
+        return out
+
+    @cached_property
+    def coupling(self) -> Coupling:
+        """The model with the retained modes and interfaces."""
+        bodies = {
+            name: standard_rigid_modes(self.model, body) if body.kind == "free" else body
+            for name, body in self.model.bodies.items()
+        }
+        model = replace(self.model, bodies=bodies)
+        available = [min(b.n_modes for b in body.bases.values()) for body in bodies.values() if body.kind == "constrained"]
+        blade_modes = min([self.blade_modes, *available]) if self.blade_modes > 0 else self.blade_modes
+        modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
+        return Coupling(model, self._interfaces(), modes, int(self.engine_order), self.single_basis)
+
+    @cached_property
+    def bases(self) -> list[HarmonicBasis]:
+        """Modes of each harmonic, from the mean on."""
+        bases = [self.coupling.basis(l) for l in range(self.harmonics + 1)]
+        if self.damping_ratio is not None:
+            bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]
+        return bases
+
+    @cached_property
+    def friction(self) -> NDArray:
+        """(n_points,) friction coefficients."""
+        mu = np.zeros(self.coupling.n_points)
+        for name, value in self._friction_by_interface().items():
+            mu[self.coupling.rows(name)] = value
+        return mu
+
+    @cached_property
+    def stiffness(self) -> dict[str, ContactStiffness]:
+        """Contact stiffness of each interface."""
+        method = self.contact_stiffness
+        if method == "model":
+            missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
+            if missing:
+                raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
+            return {name: self.model.contact[name] for name in self.coupling.interfaces}
+        return contact_stiffness(self.coupling, method, self.friction)  # type: ignore[arg-type]
+
+    @property
+    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+        """Range of the contact stiffness and use of fallback rules, for each interface."""
+        return tuple(report(name, contact) for name, contact in self.stiffness.items())
+
+    @cached_property
+    def _k(self) -> NDArray:
+        return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
+
+    @cached_property
+    def _gap(self) -> NDArray:
+        return np.concatenate([self.model.interfaces[name].gap for name in self.coupling.interfaces])
+
+    @cached_property
+    def _kt(self) -> NDArray:
+        return self._k[:, :2] * (self.friction > 0.0)[:, None]
+
+    @cached_property
+    def _load(self) -> tuple[NDArray, NDArray]:
+        return self.coupling.load()
+
+    @cached_property
+    def _force_rows(self) -> NDArray:
+        """(n_modes,) complex modal excitation at harmonic 1."""
+        modes = self.coupling.location_modes(self.excitation.location, 1)
+        force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
+        return (_direction(self.excitation.direction, "excitation direction") @ modes).conj() * force
+
+    @cached_property
+    def _response_rows(self) -> list[NDArray]:
+        direction = _direction(self._response.direction, "response direction")
+        rows = [
+            direction @ self.coupling.location_modes(self._response.location, l) for l in range(self.harmonics + 1)
+        ]
+        rows[0] = rows[0].real
+        return rows
+
+    # ---- static ----
+
+    def static(self, preload: float) -> PreloadState:
+        """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
+
+        Parameters
+        ----------
+        preload : float, N
+
+        Returns
+        -------
+        PreloadState
+        """
+        preload = self._check_preload(preload)
+        if preload not in self._states:
+            force, shift = self._load
+            system = StaticSystem(
+                self.bases[0].omega2,
+                self.bases[0].G.real,
+                self._kt,
+                self._k[:, 2],
+                self.friction,
+                -self._k[:, 2] * self._gap,
+                force,
+                shift,
+                np.zeros_like(force),
+            )
+            self._states[preload] = static_state(system, preload)
+        return self._states[preload]
+
+    def _check_preload(self, preload: float) -> float:
+        preload = float(preload)
+        if not np.isfinite(preload) or preload < 0.0:
+            raise SettingError(f"preload: expected a finite number >= 0 N, found {preload}")
+        if preload > 0.0 and not np.any(self._load[0]):
+            raise SettingError(f"preload: expected 0, since no body of the model carries a load, found {preload}")
+        return preload
+
+    # ---- harmonic balance ----
+
+    def system(self, preload: float, excitation_factor: float = 1.0) -> HarmonicSystem:
+        """Harmonic balance equations at one preload.
+
+        Parameters
+        ----------
+        preload : float, N
+        excitation_factor : float
+            Multiplies the excitation.
+        """
+        state = self.static(preload)
+        load, shift = self._load
+        e = self._force_rows * excitation_factor
+        n_mode = [len(b.omega2) for b in self.bases]
+        force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
+        force[: n_mode[0]] = state.load * load
+        n = n_mode[1]
+        force[n_mode[0] : n_mode[0] + n] = e.real
+        force[n_mode[0] + n : n_mode[0] + 2 * n] = -e.imag
+        points = PointArrays(
+            kt=self._kt,
+            kn=self._k[:, 2],
+            mu=self.friction,
+            n0=-self._k[:, 2] * self._gap,
+            slider=state.slider,
+            law=np.where(self.friction > 0.0, LAW_SEPARABLE, LAW_NORMAL),
+            shift=state.load * shift,
+        )
+        vibration = float(np.abs(self._force_rows).max())
+        mean = max(float(np.abs(state.load * load).max()), vibration)
+        scale = (mean or 1.0, vibration or mean or 1.0)
+        return HarmonicSystem(self.bases, points, force, self._response_rows, self.evaluation, scale)
+
+    def _stuck_springs(self, state: PreloadState) -> NDArray:
+        """(n_points, 3) linear springs: points that the preload has closed do not slip."""
+        closed = ~(state.status == OPEN).any(axis=1)
+        springs = np.concatenate([self._kt, self._k[:, 2:]], axis=1)
+        return springs * closed[:, None]
+
+    def find_start(
+        self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
+    ) -> tuple[NDArray | None, list[str]]:
+        """A solution at one frequency, by the chain of this module's docstring.
+
+        Returns
+        -------
+        (n_unknowns + 1,) float or None, and what was tried
+        """
+        state = self.static(preload)
+        if not state.converged:
+            return None, [f"static state: {state.note}"]
+        log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
+        system = self.system(preload)
+        meter.watch(system)
+        linear = system.linear_response(omega, self._stuck_springs(state))
+        guess = system.pack(state.q, linear)
+        scale = np.ones(system.n_unknowns + 1)
+        scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), float(np.linalg.norm(linear)), 1e-300)
+        scale[system.n_mean : -1] = max(float(np.linalg.norm(linear)), 1e-300)
+        scale[-1] = omega
+        for name, search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
+            c = system.correct_at(guess, omega, scale, options.tolerance, iterations, search)
+            meter.iterations += c.iterations
+            log.append(f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
+            if c.status == OK:
+                return c.y, log
+        return self._homotopy(preload, omega, state, scale, options, meter, log)
+
+    def _homotopy(
+        self,
+        preload: float,
+        omega: float,
+        state: PreloadState,
+        scale: NDArray,
+        options: ContinuationOptions,
+        meter: CostMeter,
+        log: list[str],
+    ) -> tuple[NDArray | None, list[str]]:
+        """Excitation raised from almost nothing to its full level."""
+        factor, step = 0.0, 1e-3
+        system = self.system(preload, step)
+        linear = system.linear_response(omega, self._stuck_springs(state))
+        u = system.pack(state.q, np.zeros_like(linear))
+        u_next = system.pack(state.q, linear)
+        solved = 0
+        while factor < 1.0:
+            target = min(1.0, factor + step)
+            system = self.system(preload, target)
+            meter.watch(system)
+            c = system.correct_at(u_next, omega, scale, options.tolerance, 40, True)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                slope = (c.y[:-1] - u) / (target - factor)
+                u, factor = c.y[:-1], target
+                solved += 1
+                step *= 2.0 if c.iterations < 8 else 1.0
+                u_next = u + slope * (min(1.0, factor + step) - factor)
+            else:
+                step *= 0.5
+                u_next = u
+                if step < 1e-6:
+                    log.append(f"homotopy in the excitation: stopped at {100 * factor:.3g} % ({STATUS_TEXT[c.status]})")
+                    return None, log
+        log.append(f"homotopy in the excitation: converged over {solved} levels")
+        return np.append(u, omega), log
+
+    # ---- curves ----
+
+    def track(
+        self,
+        preload: float,
+        frequency: tuple[float, float],
+        *,
+        from_high: bool = False,
+        options: ContinuationOptions | None = None,
+        progress: bool = False,
+    ) -> Curve:
+        """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
+
+        Parameters
+        ----------
+        preload : float, N
+            Radial load on the damper.
+        frequency : (low, high), Hz
+        from_high : bool
+            Set off from the upper end.
+        options : ContinuationOptions
+        progress : bool
+            Show a progress bar.
+
+        Returns
+        -------
+        Curve
+            ``status`` is "complete" if the other end was reached; otherwise ``reason`` says why not, and the points found
+            so far are there.
+        """
+        options = options or ContinuationOptions()
+        low, high = _check_interval(frequency)
+        preload = self._check_preload(preload)
+        meter = CostMeter(time.perf_counter())
+        start, log = self.find_start(preload, high if from_high else low, options, meter)
+        system = self.system(preload)
+        if start is None:
+            path = Path((), "no start", log[-1], 0, 0)
+        else:
+            meter.watch(system)
+            with _progress_bar(progress, low, high) as on_point:
+                path = follow(system, start, (low, high), up=not from_high, options=options, on_point=on_point)
+        meter.iterations += path.iterations
+        meter.failed_steps += path.failed_steps
+        return self._curve(system, path, preload, meter, options, tuple(log), from_high)
+
+    def _curve(
+        self,
+        system: HarmonicSystem,
+        path: Path,
+        preload: float,
+        meter: CostMeter,
+        options: ContinuationOptions,
+        log: tuple[str, ...],
+        from_high: bool,
+    ) -> Curve:
+        points = path.points
+        y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
+        backward = np.array([(p.tangent[-1] < 0.0) != from_high for p in points], bool)
+        return Curve(
+            kind="tracking",
+            frequency=y[:, -1] / (2.0 * np.pi),
+            harmonics=system.response(y[:, :-1]),
+            unknowns=y[:, :-1],
+            residual=np.array([p.residual for p in points]),
+            shares=np.array([p.shares for p in points]).reshape(-1, 3),
+            backward=backward,
+            rank_deficiency=np.array([p.rank_deficiency for p in points], int),
+            point_kind=tuple(p.kind for p in points),
+            preload=preload,
+            status=path.status,
+            reason=path.reason,
+            cost=meter.read(time.perf_counter()),
+            settings=self._settings(options),
+            model_hash=self.model.hash,
+            start_log=log,
+        )
+
+    def free(self, frequency: tuple[float, float]) -> Curve:
+        """Response without any contact: the limit of no preload.
+
+        Parameters
+        ----------
+        frequency : (low, high), Hz
+        """
+        return self._linear("free", 0.0, frequency, None)
+
+    def stuck(self, frequency: tuple[float, float], preload: float = 1.0) -> Curve:
+        """Response with every point stuck that the preload closes: the limit of high preload.
+
+        Parameters
+        ----------
+        frequency : (low, high), Hz
+        preload : float, N
+            Decides which points are closed; without gaps its size does not matter.
+        """
+        if not np.any(self._load[0]):
+            preload = 0.0
+        return self._linear("stuck", preload, frequency, self._stuck_springs(self.static(preload)))
+
+    def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
+        low, high = _check_interval(frequency)
+        meter = CostMeter(time.perf_counter())
+        system = self.system(preload)
+        matrix = system.linear_matrix(0.0, springs)
+        poles, vectors = np.linalg.eigh(matrix.real if not np.iscomplexobj(matrix) else 0.5 * (matrix + matrix.conj().T))
+        omega = np.linspace(low, high, 201)
+        b = system.bases[1]
+        ratio = np.einsum("ij,i->j", np.abs(vectors) ** 2, b.damping_ratio * np.sqrt(b.omega2))
+        for k, (pole, loss) in enumerate(zip(poles, ratio)):
+            w = np.sqrt(max(pole, 0.0))
+            if low < w < high:
+                # equal steps of phase around each resonance
+                half = max(loss, 1e-9 * w)
+                omega = np.concatenate([omega, w + half * np.tan(np.linspace(-1.56, 1.56, 161))])
+                omega = np.append(omega, self._linear_peak(system, springs, w, half))
+            del k
+        omega = np.unique(omega[(omega >= low) & (omega <= high)])
+        q = np.array([system.linear_response(w, springs) for w in omega])
+        u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
+        n = len(omega)
+        shares = np.tile([1.0, 0.0, 0.0] if springs is not None else [0.0, 0.0, 1.0], (n, 1))
+        c, s = system.slices(1)
+        force = system.force[c] - 1j * system.force[s]
+        error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
+        at_peak = np.zeros(n, bool)
+        at_peak[int(np.argmax(np.abs(q @ self._response_rows[1])))] = True
+        return Curve(
+            kind=kind,
+            frequency=omega / (2.0 * np.pi),
+            harmonics=system.response(u),
+            unknowns=u,
+            residual=np.array(error) / max(float(np.abs(force).max()), 1e-300),
+            shares=shares,
+            backward=np.zeros(n, bool),
+            rank_deficiency=np.zeros(n, int),
+            point_kind=tuple("maximum" if top else "regular" for top in at_peak),
+            preload=preload,
+            status="complete",
+            reason="linear",
+            cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
+            settings=self._settings(None),
+            model_hash=self.model.hash,
+        )
+
+    def _linear_peak(self, system: HarmonicSystem, springs: NDArray | None, omega: float, half: float) -> float:
+        from scipy.optimize import minimize_scalar
+
+        def negative(w: float) -> float:
+            return -abs(system.linear_response(w, springs) @ self._response_rows[1])
+
+        return float(
+            minimize_scalar(
+                negative, bounds=(omega - 3 * half, omega + 3 * half), method="bounded", options={"xatol": 1e-9 * omega}
+            ).x
+        )
+
+    def _settings(self, options: ContinuationOptions | None) -> dict[str, Any]:
+        given = self.contact_stiffness
+        out: dict[str, Any] = {
+            "engine_order": int(self.engine_order),
+            "harmonics": int(self.harmonics),
+            "friction_coefficient": self._friction_by_interface(),
+            "excitation": asdict(self.excitation),
+            "response": asdict(self._response),
+            "contact_stiffness": given if isinstance(given, str) else "user",
+            "blade_modes": int(self.blade_modes),
+            "damper_modes": int(self.damper_modes),
+            "rigid_modes": list(self.rigid_modes),
+            "constraints": self.constraints,
+            "single_basis": self.single_basis,
+            "damping_ratio": self.damping_ratio,
+            "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
+        }
+        if options is not None:
+            out["continuation"] = asdict(options)
+        return out
+
+
+def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
+    """Interval in rad/s."""
+    try:
+        low, high = (float(f) for f in frequency)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"frequency: expected (low, high) in Hz, found {frequency!r}") from error
+    if not (np.isfinite(high) and 0.0 < low < high):
+        raise SettingError(f"frequency: expected 0 < low < high in Hz, found ({low}, {high})")
+    return 2.0 * np.pi * low, 2.0 * np.pi * high
+
+
+class _progress_bar:
+    """Progress over the frequency interval, or nothing."""
+
+    def __init__(self, show: bool, low: float, high: float) -> None:
+        self.show, self.low, self.high = show, low, high
+
+    def __enter__(self) -> Any:
+        if not self.show:
+            return None
+        from tqdm.auto import tqdm
+
+        self.bar = tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]")
+
+        def update(point: PathPoint) -> None:
+            now = 100.0 * (point.y[-1] - self.low) / (self.high - self.low)
+            self.bar.n = max(0.0, min(100.0, now))
+            self.bar.refresh()
+
+        return update
+
+    def __exit__(self, *_: object) -> Literal[False]:
+        if self.show:
+            self.bar.close()
+        return False

@@ -1,0 +1,338 @@
+"""Harmonic balance equations of a model under given settings: the only module that talks to the C core.
+
+Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmonic its cosine and its sine amplitudes.
+``y = (u, omega)`` is a point in the space in which response curves live.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper import _core
+from bdamper.coupling import HarmonicBasis
+from bdamper.errors import SettingError
+
+OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
+STATUS_TEXT = {
+    OK: "converged",
+    NOT_CONVERGED: "Newton did not converge",
+    DIVERGED: "Newton diverged",
+    SINGULAR: "singular Jacobian",
+    NOT_FINITE: "not finite",
+}
+LAW_SEPARABLE, LAW_NORMAL = 0, 1
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Contact forces from samples in time (alternating frequency/time) instead of exact events.
+
+    Parameters
+    ----------
+    n_time : int
+        Samples per period, at least ``4 harmonics + 4``.
+    interpolate : bool
+        Interpolate the instant of closing between samples; without it the derivative does not converge.
+    """
+
+    n_time: int = 128
+    interpolate: bool = True
+
+
+@dataclass(frozen=True)
+class PointArrays:
+    """Parameters of all contact points, stacked.
+
+    Parameters
+    ----------
+    kt : (n_points, 2) float, N/m
+    kn : (n_points,) float, N/m
+    mu, n0 : (n_points,) float
+        Friction coefficient; normal load at zero closing (N), negative for a gap.
+    slider : (n_points, 2) float, m
+    law : (n_points,) int
+    shift : (n_points, 3) float, m
+        Constant part of (u1, u2, v) that the modes do not carry.
+    """
+
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    slider: NDArray
+    law: NDArray
+    shift: NDArray
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Outcome of one Newton corrector.
+
+    Parameters
+    ----------
+    status : int
+    y, tangent : (n_unknowns + 1,) float
+    iterations : int
+    residual : float
+        Largest residual relative to the excitation (harmonics) or the static load (mean).
+    condition : float
+        Estimated reciprocal condition of the equilibrated bordered matrix.
+    rank_deficiency : int
+        Directions that the equations leave undetermined, held by least norm.
+    shares : tuple of three floats
+        Shares of the cycle that stick, slip and are open, averaged over the points with friction.
+    """
+
+    status: int
+    y: NDArray
+    tangent: NDArray
+    iterations: int
+    residual: float
+    condition: float
+    rank_deficiency: int
+    shares: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+class HarmonicSystem:
+    """Residual, Jacobian and corrector for one structure, one preload, one excitation.
+
+    Parameters
+    ----------
+    bases : sequence of HarmonicBasis
+        One for each harmonic 0..n_harmonics.
+    points : PointArrays
+    force : (n_unknowns,) float
+        Modal excitation and static load, in the layout of the unknowns.
+    response : sequence of (n_modes,) complex
+        Row of modal amplitudes that gives the response, for each harmonic.
+    evaluation : {"exact"} or Sampled
+    force_scale : (2,) float
+        Reference modal forces of the mean and of the harmonics, for the relative residual.
+    """
+
+    def __init__(
+        self,
+        bases: list[HarmonicBasis],
+        points: PointArrays,
+        force: NDArray,
+        response: list[NDArray],
+        evaluation: str | Sampled = "exact",
+        force_scale: tuple[float, float] = (1.0, 1.0),
+    ) -> None:
+        self.bases = bases
+        self.points = points
+        self.force = np.ascontiguousarray(force, float)
+        self.response_rows = response
+        self.n_harmonics = len(bases) - 1
+        self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
+        if self.n_harmonics < 1:
+            raise SettingError("harmonics: expected at least 1, found 0")
+        mode, n_time = _evaluation_code(evaluation, self.n_harmonics)
+        damping = [2.0 * b.damping_ratio * np.sqrt(b.omega2) for b in bases]
+        self.arrays = {
+            "n_mode": self.n_mode,
+            "stiffness": np.concatenate([b.omega2 for b in bases]),
+            "mass": np.ones(int(self.n_mode.sum())),
+            "damping": np.concatenate(damping),
+            "G": np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
+            "kt": np.ascontiguousarray(points.kt, float),
+            "kn": np.ascontiguousarray(points.kn, float),
+            "mu": np.ascontiguousarray(points.mu, float),
+            "n0": np.ascontiguousarray(points.n0, float),
+            "w": np.ascontiguousarray(points.slider, float),
+            "law": np.ascontiguousarray(points.law, np.intc),
+            "shift": np.ascontiguousarray(points.shift, float),
+            "force": self.force,
+        }
+        self.core = _core.System(**self.arrays, evaluation=mode, n_time=n_time)
+        self.n_unknowns = self.core.n_unknown
+        self.n_mean = int(self.n_mode[0])
+        self.n_points = len(points.kn)
+        self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
+        self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
+
+    def slices(self, harmonic: int) -> tuple[slice, slice]:
+        """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
+        n = self.n_mode
+        if harmonic == 0:
+            return slice(0, n[0]), slice(0, 0)
+        start = int(n[0] + 2 * n[1:harmonic].sum())
+        return slice(start, start + n[harmonic]), slice(start + n[harmonic], start + 2 * n[harmonic])
+
+    def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
+        """(..., n_modes) complex modal amplitudes of one harmonic."""
+        c, s = self.slices(harmonic)
+        if harmonic == 0:
+            return u[..., c].astype(complex)
+        return u[..., c] - 1j * u[..., s]
+
+    def response(self, u: NDArray) -> NDArray:
+        """(..., n_harmonics + 1) complex response amplitudes, the mean first."""
+        u = np.asarray(u)
+        return np.stack(
+            [self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1
+        )
+
+    def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Residual, Jacobian and derivative with respect to omega."""
+        n = self.n_unknowns
+        r, J, r_omega = np.empty(n), np.empty((n, n)), np.empty(n)
+        status = self.core.evaluate(np.ascontiguousarray(u, float), float(omega), r, J, r_omega)
+        if status != OK:
+            raise FloatingPointError("the residual is not finite at this point")
+        return r, J, r_omega
+
+    def correct(
+        self,
+        y: NDArray,
+        normal: NDArray,
+        scale: NDArray,
+        tolerance: float,
+        max_iterations: int,
+        line_search: bool = False,
+    ) -> Correction:
+        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
+        y = np.array(y, float)
+        tangent = np.zeros_like(y)
+        status, iterations, residual, _, _, condition, rank, shares = self.core.correct(
+            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search
+        )
+        return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares)
+
+    def correct_at(
+        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
+    ) -> Correction:
+        """Newton at a fixed frequency."""
+        normal = np.zeros(self.n_unknowns + 1)
+        normal[-1] = 1.0
+        return self.correct(np.append(u, omega), normal, scale, tolerance, max_iterations, line_search)
+
+    def shares(self) -> NDArray:
+        """(n_points, 5) shares of the cycle at the latest evaluation: stick, slip (t1), stick, slip (t2), open."""
+        out = np.empty((self.n_points, 5))
+        self.core.shares(out)
+        return out
+
+    def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""
+        n_coef = 2 * self.n_harmonics + 1
+        X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
+        share = np.empty((self.n_points, 5))
+        self.core.contact(np.ascontiguousarray(u, float), X, F, share)
+        return X, F, share
+
+    def linear_matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
+        b = self.bases[harmonic]
+        w = harmonic * omega
+        Z = np.diag(b.omega2 - w**2 + 2j * w * b.damping_ratio * np.sqrt(b.omega2)).astype(complex)
+        if contact is not None:
+            G = b.G.reshape(-1, len(b.omega2))
+            Z += G.conj().T @ (contact.reshape(-1, 1) * G)
+        return Z
+
+    def linear_response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex modal amplitudes of one harmonic under linear contact; rigid modes without any contact stay at rest."""
+        c, s = self.slices(harmonic)
+        e = self.force[c] - 1j * self.force[s]
+        return np.linalg.lstsq(self.linear_matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
+
+    def pack(self, mean: NDArray, harmonic_one: NDArray) -> NDArray:
+        """Unknowns from the mean and the complex amplitudes of the first harmonic, the others zero."""
+        u = np.zeros(self.n_unknowns)
+        u[: self.n_mean] = mean
+        c, s = self.slices(1)
+        u[c], u[s] = harmonic_one.real, -harmonic_one.imag
+        return u
+
+
+def segments(
+    x: NDArray, kt: NDArray, kn: float, mu: float, n0: float, slider: NDArray, law: int = LAW_SEPARABLE
+) -> list[list[tuple[float, float, int]]]:
+    """Parts of the cycle at one contact point: for each tangential direction a list of (start, end, state).
+
+    Parameters
+    ----------
+    x : (3, n_coef) float
+        Motion (u1, u2, v) as coefficients.
+
+    Returns
+    -------
+    list of two lists; states 0 stick, 1 slip +, 2 slip -, 3 open; angles in radians, the last may pass 2 pi.
+    """
+    F = np.empty_like(x)
+    J = np.empty(x.shape + x.shape)
+    _, parts = _core.evaluate_contact(np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law)
+    return list(parts)
+
+
+def _evaluation_code(evaluation: str | Sampled, harmonics: int) -> tuple[int, int]:
+    if isinstance(evaluation, Sampled):
+        if evaluation.n_time < 4 * harmonics + 4:
+            raise SettingError(
+                f"evaluation: expected Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics, "
+                f"found {evaluation.n_time}"
+            )
+        return (1 if evaluation.interpolate else 2), evaluation.n_time
+    if evaluation != "exact":
+        raise SettingError(f'evaluation: expected "exact" or Sampled(n_time), found {evaluation!r}')
+    return 0, 0
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Where the time went.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall-clock time in all.
+    contact, assembly, algebra : float
+        Seconds in the C core: contact forces, modal sums and products, linear algebra.
+    evaluations, jacobians, factorisations : int
+    iterations, failed_steps : int
+    """
+
+    seconds: float = 0.0
+    contact: float = 0.0
+    assembly: float = 0.0
+    algebra: float = 0.0
+    evaluations: int = 0
+    jacobians: int = 0
+    factorisations: int = 0
+    iterations: int = 0
+    failed_steps: int = 0
+
+    @property
+    def core(self) -> float:
+        """Seconds inside the C core."""
+        return self.contact + self.assembly + self.algebra
+
+    @property
+    def python(self) -> float:
+        """Seconds outside the C core."""
+        return max(0.0, self.seconds - self.core)
+
+
+@dataclass
+class CostMeter:
+    """Sums the cost of several systems that serve one result."""
+
+    start: float
+    systems: list[tuple[HarmonicSystem, tuple[float, ...]]] = field(default_factory=list)
+    iterations: int = 0
+    failed_steps: int = 0
+
+    def watch(self, system: HarmonicSystem) -> None:
+        self.systems.append((system, system.core.cost))
+
+    def read(self, now: float) -> Cost:
+        total = np.zeros(6)
+        for system, before in self.systems:
+            total += np.array(system.core.cost) - np.array(before)
+        c, a, g = (float(t) for t in total[:3])
+        e, j, f = (int(t) for t in total[3:])
+        return Cost(now - self.start, c, a, g, e, j, f, self.iterations, self.failed_steps)
