@@ -1,0 +1,33 @@
+"""Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
+
+from bdamper.continuation import ContinuationOptions
+from bdamper.errors import BdamperError, ModelError, SettingError
+from bdamper.io import load_model, save_model
+from bdamper.model import Model
+from bdamper.preload import PreloadState
+from bdamper.reference import reference_model
+from bdamper.response import Curve, Fold, load_curve
+from bdamper.study import Excitation, Response, Study
+from bdamper.system import Cost, Sampled
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "BdamperError",
+    "ContinuationOptions",
+    "Cost",
+    "Curve",
+    "Excitation",
+    "Fold",
+    "Model",
+    "ModelError",
+    "PreloadState",
+    "Response",
+    "Sampled",
+    "SettingError",
+    "Study",
+    "load_curve",
+    "load_model",
+    "reference_model",
+    "save_model",
+]

@@ -1,6 +1,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+_Parts = list[tuple[float, float, int]]
+
 class System:
     def __init__(
         self,
@@ -44,6 +46,8 @@ class System:
         line_search: bool = False,
         least_norm: bool = True,
         rank_tolerance: float = 1e-14,
+        ramp: NDArray[np.float64] | None = None,
+        omega: float = 0.0,
     ) -> tuple[int, int, float, float, float, float, int, tuple[float, float, float]]: ...
     def shares(self, share: NDArray[np.float64]) -> None: ...
     def contact(
@@ -66,4 +70,4 @@ def evaluate_contact(
     law: int = 0,
     evaluation: int = 0,
     n_time: int = 0,
-) -> tuple[tuple[float, float, float, float, float], tuple[list[tuple[float, float, int]], list[tuple[float, float, int]]]]: ...
+) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...

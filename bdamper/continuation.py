@@ -51,9 +51,9 @@ class ContinuationOptions:
     """
 
     tolerance: float = 1e-9
-    step: float = 0.1
+    step: float = 0.05
     min_step: float = 1e-7
-    max_step: float = 0.4
+    max_step: float = 0.15
     max_turn: float = 0.45
     max_points: int = 5000
     max_iterations: int = 8
@@ -156,12 +156,17 @@ class _Follower:
         self.iterations += c.iterations
         return c
 
-    def try_step(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[Correction, str]:
-        """One predictor and corrector; the text says why it is refused, if it is."""
+    def try_step(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, start: NDArray | None = None
+    ) -> tuple[Correction, str]:
+        """One predictor and corrector; the text says why it is refused, if it is.
+
+        Newton starts from the prediction, or displaced from it by ``start``.
+        """
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
-        c = self.correct(predicted, tangent, scale)
+        c = self.correct(predicted if start is None else predicted + start, tangent, scale)
         if c.status != OK:
             return c, STATUS_TEXT[c.status]
         if np.linalg.norm((c.y - predicted) / scale) > 0.5 * step:
@@ -172,24 +177,31 @@ class _Follower:
         return c, ""
 
     def around_corner(self, y: NDArray, tangent: NDArray, scale: NDArray) -> tuple[Correction, NDArray] | None:
-        """The first point beyond a corner, with the tangent that led there."""
-        back = -tangent
+        """The first point beyond a corner, with the tangent that led there.
+
+        The Jacobian is taken a little beyond the corner, where its null vector is the new direction; Newton starts from
+        there too, since before the corner it may know nothing of what the curve runs into (a plane that is still open).
+        """
         n = len(y) - 1
-        for overshoot in (1e-5, 1e-4, 1e-3, 1e-2):
-            beyond = y + overshoot * tangent * scale
-            r, J, r_omega = self.system.evaluate(beyond[:-1], beyond[-1])
-            del r
+        for overshoot in (1e-6, 1e-5, 1e-4, 1e-3):
+            displacement = overshoot * tangent * scale
+            J, r_omega = self.system.derivatives(y + displacement)
             rows = np.hstack([J * scale[:n], (r_omega * scale[n])[:, None]])
             rows /= np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
             turned = np.linalg.svd(rows)[2][-1]
             for direction in (turned, -turned):
-                if float(direction @ back) > 1.0 - 1e-6:
+                if float(direction @ tangent) < -1.0 + 1e-6:
                     continue
-                for step in (1e-3, 1e-4, 1e-5, 1e-6):
-                    c, refused = self.try_step(y, direction, scale, step)
-                    if not refused and float((c.y - y) / scale @ back) < 0.999 * np.linalg.norm((c.y - y) / scale):
+                for step in (1e-3, 1e-4, 10.0 * overshoot):
+                    c, refused = self.try_step(y, direction, scale, step, displacement)
+                    if not refused and not self._went_back(c.y, y, tangent, scale):
                         return c, direction
         return None
+
+    @staticmethod
+    def _went_back(new: NDArray, y: NDArray, tangent: NDArray, scale: NDArray) -> bool:
+        moved = (new - y) / scale
+        return float(moved @ tangent) < -0.99 * float(np.linalg.norm(moved))
 
     def locate(
         self, a: PathPoint, b: Correction, event: Callable[[NDArray, NDArray], float], kind: str
@@ -233,26 +245,31 @@ class _Follower:
         dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
         return float((x.conjugate() * dx).real)
 
-    def events_between(self, a: PathPoint, b: Correction) -> None:
+    def events_between(self, a: PathPoint, b: Correction) -> str:
+        """Records the events of a step; one that could not be located is the returned kind of point b."""
         if not self.options.locate:
-            return
-        found: list[tuple[float, Callable[[NDArray, NDArray], float], str]] = []
+            return "regular"
+        found: list[tuple[Callable[[NDArray, NDArray], float], str]] = []
         if a.tangent[-1] * b.tangent[-1] < 0.0:
-            found.append((0.0, lambda y, t: float(t[-1]), "fold"))
+            found.append((lambda y, t: float(t[-1]), "fold"))
 
         def slope(y: NDArray, t: NDArray) -> float:
             return self.amplitude_slope(y, t, a.scale)
 
         if slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
-            found.append((1.0, slope, "maximum"))
+            found.append((slope, "maximum"))
         located = []
-        for _, event, kind in found:
+        missed = "regular"
+        for event, kind in found:
             point = self.locate(a, b, event, kind)
-            if point is not None:
+            if point is None:
+                missed = kind
+            else:
                 located.append(self.points.pop())
         # both in one step: keep the order along the path
         located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
         self.points.extend(located)
+        return missed
 
     def finish_at(self, y: NDArray, omega: float, scale: NDArray, fraction: float, last: NDArray) -> bool:
         guess = last + fraction * (y - last)
@@ -305,8 +322,8 @@ class _Follower:
                 if step < options.min_step:
                     return "stalled", f"no solution at {bound / (2 * np.pi):.6g} Hz"
                 continue
-            self.events_between(here, new)
-            point = self.record(new, scale)
+            kind = self.events_between(here, new)
+            point = self.record(new, scale, kind)
             turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
             growth = min(2.0, 0.6 * options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
             step = min(options.max_step, step * max(0.5, growth))

@@ -22,9 +22,9 @@ Conventions (all SI, radians):
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -258,30 +258,25 @@ class Model:
             return self.n_blades - d, True
         return d, False
 
-    def _arrays(self) -> Iterator[tuple[str, NDArray]]:
-        for name, body in sorted(self.bodies.items()):
-            for d, basis in sorted(body.bases.items()):
-                yield f"{name}/{d}/omega2", basis.omega2
-                yield f"{name}/{d}/damping", basis.damping_ratio
-                yield f"{name}/{d}/contact", basis.contact_modes
-                for key, value in sorted(basis.locations.items()):
-                    yield f"{name}/{d}/{key}", value
-                if basis.flexibility is not None:
-                    yield f"{name}/{d}/flexibility", basis.flexibility
-            if body.load is not None:
-                yield f"{name}/load", body.load.generalised
-                yield f"{name}/load/displacement", body.load.displacement
-        for name, face in sorted(self.interfaces.items()):
-            for key in ("points", "area", "frame", "gap"):
-                yield f"{name}/{key}", getattr(face, key)
-        for name, contact in sorted(self.contact.items()):
-            yield f"{name}/stiffness", contact.stiffness
-
     @property
     def hash(self) -> str:
-        """Fingerprint of all numbers that a result can depend on."""
-        digest = hashlib.sha256(f"n_blades={self.n_blades}".encode())
-        for key, array in self._arrays():
-            digest.update(key.encode())
-            digest.update(np.ascontiguousarray(array).tobytes())
+        """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
+        digest = hashlib.sha256()
+        for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
+            _feed(digest, name, getattr(self, name))
         return digest.hexdigest()[:16]
+
+
+def _feed(digest: Any, key: str, value: object) -> None:
+    """Add a value of any kind that a model holds to a digest, with the path that leads to it."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Mapping):
+        for name in sorted(value):
+            _feed(digest, f"{key}/{name}", value[name])
+    elif is_dataclass(value) and not isinstance(value, type):
+        for item in fields(value):
+            _feed(digest, f"{key}.{item.name}", getattr(value, item.name))
+    else:
+        digest.update(f"{key}={value!r};".encode())

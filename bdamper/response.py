@@ -62,6 +62,8 @@ class Curve:
         The curve runs back in frequency here: between two folds, unstable.
     rank_deficiency : (n,) int
         Mean positions that nothing determines, held by least norm.
+    branch : (n,) int
+        Separate branches are numbered from 0; points of one branch follow each other along it.
     point_kind : tuple of str
         "regular", "fold", "maximum" or "end" for each point.
     preload : float, N
@@ -81,6 +83,7 @@ class Curve:
     shares: NDArray
     backward: NDArray
     rank_deficiency: NDArray
+    branch: NDArray
     point_kind: tuple[str, ...]
     preload: float
     status: str
@@ -95,7 +98,7 @@ class Curve:
 
     @property
     def complete(self) -> bool:
-        """Whether the curve spans the interval that was asked for."""
+        """Whether the curve, with all its branches, spans the interval that was asked for."""
         return self.status == "complete"
 
     @property
@@ -171,7 +174,7 @@ class Curve:
             file.attrs["start_log"] = json.dumps(self.start_log)
 
 
-_ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency")
+_ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency", "branch")
 
 
 def load_curve(path: str | FilePath) -> Curve:
@@ -187,8 +190,8 @@ def load_curve(path: str | FilePath) -> Curve:
             if file.attrs.get("format") != "bdamper-curve":
                 found = file.attrs.get("format", "none")
                 raise BdamperError(f"{path}: expected the format 'bdamper-curve', found '{found}'")
-            arrays = {name: file[name][()] for name in _ARRAYS}
-            text = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
+            arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+            text: dict[str, Any] = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
             return Curve(
                 **arrays,
                 **text,

@@ -216,7 +216,8 @@ def _solve_states(
     index = np.flatnonzero(free.ravel())
     expand = np.zeros((3 * n, len(index)))
     expand[index, np.arange(len(index))] = 1.0
-    column = {int(row): j for j, row in enumerate(index)}
+    column = np.full(3 * n, -1)
+    column[index] = np.arange(len(index))
     for p in np.flatnonzero(closed):
         for d in range(2):
             if status[p, d] in (1, 2):

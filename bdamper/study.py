@@ -6,7 +6,7 @@ finds the first point of a curve is, in this order,
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient),
-4. homotopy in the excitation from the static state on, with shrinking steps;
+4. homotopy: continuation in the level of the excitation from the static state on, around folds;
 
 what was tried is kept in the result.
 """
@@ -14,7 +14,7 @@ what was tried is kept in the result.
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -320,18 +320,11 @@ class Study:
 
     # ---- harmonic balance ----
 
-    def system(self, preload: float, excitation_factor: float = 1.0) -> HarmonicSystem:
-        """Harmonic balance equations at one preload.
-
-        Parameters
-        ----------
-        preload : float, N
-        excitation_factor : float
-            Multiplies the excitation.
-        """
+    def system(self, preload: float) -> HarmonicSystem:
+        """Harmonic balance equations at one preload (N)."""
         state = self.static(preload)
         load, shift = self._load
-        e = self._force_rows * excitation_factor
+        e = self._force_rows
         n_mode = [len(b.omega2) for b in self.bases]
         force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
         force[: n_mode[0]] = state.load * load
@@ -385,45 +378,33 @@ class Study:
             log.append(f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
             if c.status == OK:
                 return c.y, log
-        return self._homotopy(preload, omega, state, scale, options, meter, log)
+        return self._raise_excitation(preload, omega, state, options, meter, log)
 
-    def _homotopy(
+    def _raise_excitation(
         self,
         preload: float,
         omega: float,
         state: PreloadState,
-        scale: NDArray,
         options: ContinuationOptions,
         meter: CostMeter,
         log: list[str],
     ) -> tuple[NDArray | None, list[str]]:
-        """Excitation raised from almost nothing to its full level."""
-        factor, step = 0.0, 1e-3
-        system = self.system(preload, step)
-        linear = system.linear_response(omega, self._stuck_springs(state))
-        u = system.pack(state.q, np.zeros_like(linear))
-        u_next = system.pack(state.q, linear)
-        solved = 0
-        while factor < 1.0:
-            target = min(1.0, factor + step)
-            system = self.system(preload, target)
-            meter.watch(system)
-            c = system.correct_at(u_next, omega, scale, options.tolerance, 40, True)
-            meter.iterations += c.iterations
-            if c.status == OK:
-                slope = (c.y[:-1] - u) / (target - factor)
-                u, factor = c.y[:-1], target
-                solved += 1
-                step *= 2.0 if c.iterations < 8 else 1.0
-                u_next = u + slope * (min(1.0, factor + step) - factor)
-            else:
-                step *= 0.5
-                u_next = u
-                if step < 1e-6:
-                    log.append(f"homotopy in the excitation: stopped at {100 * factor:.3g} % ({STATUS_TEXT[c.status]})")
-                    return None, log
-        log.append(f"homotopy in the excitation: converged over {solved} levels")
-        return np.append(u, omega), log
+        """Excitation raised from almost nothing to its full level, along the curve and around its folds."""
+        system = self.system(preload)
+        meter.watch(system)
+        ramp = system.excitation_ramp(omega)
+        first = 1e-3
+        linear = first * system.linear_response(omega, self._stuck_springs(state))
+        start = np.append(system.pack(state.q, linear), first)
+        path = follow(ramp, start, (0.5 * first, 1.0), options=replace(options, locate=False, max_points=2000))
+        meter.iterations += path.iterations
+        meter.failed_steps += path.failed_steps
+        if path.status != "complete":
+            reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
+            log.append(f"excitation raised from the static state: stopped at {reached} ({path.reason})")
+            return None, log
+        log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
+        return np.append(path.points[-1].y[:-1], omega), log
 
     # ---- curves ----
 
@@ -452,38 +433,61 @@ class Study:
         Returns
         -------
         Curve
-            ``status`` is "complete" if the other end was reached; otherwise ``reason`` says why not, and the points found
-            so far are there.
+            ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
+            found so far are there.  A branch that does not reach the other end is complemented by one from there.
         """
         options = options or ContinuationOptions()
         low, high = _check_interval(frequency)
         preload = self._check_preload(preload)
         meter = CostMeter(time.perf_counter())
-        start, log = self.find_start(preload, high if from_high else low, options, meter)
         system = self.system(preload)
+        meter.watch(system)
+        paths, log = [], []
+        with _progress_bar(progress, low, high) as on_point:
+            for at_high in (from_high, not from_high):
+                path, tried = self._follow_from(system, preload, (low, high), at_high, options, meter, on_point)
+                paths.append((path, at_high))
+                log += tried
+                if path.status in ("complete", "interrupted"):
+                    break
+        status, reason = _ending([path for path, _ in paths], low, high)
+        return self._curve(system, paths, (status, reason), preload, meter, options, tuple(log))
+
+    def _follow_from(
+        self,
+        system: HarmonicSystem,
+        preload: float,
+        limits: tuple[float, float],
+        at_high: bool,
+        options: ContinuationOptions,
+        meter: CostMeter,
+        on_point: Callable[[PathPoint], None] | None,
+    ) -> tuple[Path, list[str]]:
+        """One branch from one end of the interval."""
+        omega = limits[1] if at_high else limits[0]
+        start, log = self.find_start(preload, omega, options, meter)
+        log = [f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in log]
         if start is None:
-            path = Path((), "no start", log[-1], 0, 0)
-        else:
-            meter.watch(system)
-            with _progress_bar(progress, low, high) as on_point:
-                path = follow(system, start, (low, high), up=not from_high, options=options, on_point=on_point)
+            return Path((), "no start", log[-1], 0, 0), log
+        path = follow(system, start, limits, up=not at_high, options=options, on_point=on_point)
         meter.iterations += path.iterations
         meter.failed_steps += path.failed_steps
-        return self._curve(system, path, preload, meter, options, tuple(log), from_high)
+        return path, log
 
     def _curve(
         self,
         system: HarmonicSystem,
-        path: Path,
+        paths: list[tuple[Path, bool]],
+        ending: tuple[str, str],
         preload: float,
         meter: CostMeter,
         options: ContinuationOptions,
         log: tuple[str, ...],
-        from_high: bool,
     ) -> Curve:
-        points = path.points
+        points = [p for path, _ in paths for p in path.points]
         y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-        backward = np.array([(p.tangent[-1] < 0.0) != from_high for p in points], bool)
+        backward = [(p.tangent[-1] < 0.0) != at_high for path, at_high in paths for p in path.points]
+        branch = [i for i, (path, _) in enumerate(paths) for _ in path.points]
         return Curve(
             kind="tracking",
             frequency=y[:, -1] / (2.0 * np.pi),
@@ -491,12 +495,13 @@ class Study:
             unknowns=y[:, :-1],
             residual=np.array([p.residual for p in points]),
             shares=np.array([p.shares for p in points]).reshape(-1, 3),
-            backward=backward,
+            backward=np.array(backward, bool),
             rank_deficiency=np.array([p.rank_deficiency for p in points], int),
+            branch=np.array(branch, int),
             point_kind=tuple(p.kind for p in points),
             preload=preload,
-            status=path.status,
-            reason=path.reason,
+            status=ending[0],
+            reason=ending[1],
             cost=meter.read(time.perf_counter()),
             settings=self._settings(options),
             model_hash=self.model.hash,
@@ -561,6 +566,7 @@ class Study:
             shares=shares,
             backward=np.zeros(n, bool),
             rank_deficiency=np.zeros(n, int),
+            branch=np.zeros(n, int),
             point_kind=tuple("maximum" if top else "regular" for top in at_peak),
             preload=preload,
             status="complete",
@@ -613,6 +619,18 @@ def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
     if not (np.isfinite(high) and 0.0 < low < high):
         raise SettingError(f"frequency: expected 0 < low < high in Hz, found ({low}, {high})")
     return 2.0 * np.pi * low, 2.0 * np.pi * high
+
+
+def _ending(paths: list[Path], low: float, high: float) -> tuple[str, str]:
+    """Status and reason of a curve from those of its branches."""
+    if paths[-1].status in ("complete", "interrupted"):
+        return paths[-1].status, paths[-1].reason
+    reasons = "; ".join(f"{path.status} ({path.reason})" for path in paths)
+    spans = sorted((min(w), max(w)) for w in ([p.y[-1] for p in path.points] for path in paths) if w)
+    turned_back = all(path.status == "turned back" for path in paths)
+    if turned_back and len(spans) == 2 and spans[0][0] <= low and spans[-1][1] >= high and spans[0][1] >= spans[1][0]:
+        return "complete", "two separate branches, one from each end"
+    return "incomplete" if spans else "no start", reasons
 
 
 class _progress_bar:

@@ -6,7 +6,9 @@ Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmoni
 
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +155,7 @@ class HarmonicSystem:
         self.n_points = len(points.kn)
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
+        self._parameter: dict[str, Any] = {}
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
         """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
@@ -176,6 +179,25 @@ class HarmonicSystem:
             [self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1
         )
 
+    def excitation_ramp(self, omega: float) -> HarmonicSystem:
+        """The same equations with a factor on the excitation of harmonics as the parameter, at fixed omega.
+
+        The core is shared; the last entry of a point ``y`` is then the factor.
+        """
+        out = copy(self)
+        ramp = self.force.copy()
+        ramp[: self.n_mean] = 0.0
+        out._parameter = {"ramp": ramp, "omega": float(omega)}
+        return out
+
+    def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
+        """Jacobian and derivative with respect to the parameter at a point."""
+        if self._parameter:
+            _, J, _ = self.evaluate(y[:-1], self._parameter["omega"])
+            return J, -self._parameter["ramp"]
+        _, J, r_omega = self.evaluate(y[:-1], y[-1])
+        return J, r_omega
+
     def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
         """Residual, Jacobian and derivative with respect to omega."""
         n = self.n_unknowns
@@ -198,7 +220,7 @@ class HarmonicSystem:
         y = np.array(y, float)
         tangent = np.zeros_like(y)
         status, iterations, residual, _, _, condition, rank, shares = self.core.correct(
-            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search
+            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
         )
         return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares)
 

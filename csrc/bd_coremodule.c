@@ -256,12 +256,13 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
 
 static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "normal", "scale", "row_scale", "tangent", "tolerance", "max_iterations",
-                            "line_search", "least_norm", "rank_tolerance", NULL};
-    PyObject *object[5];
+                            "line_search", "least_norm", "rank_tolerance", "ramp", "omega", NULL};
+    PyObject *object[5], *ramp = Py_None;
     bd_newton_options options = {.least_norm = 1, .rank_tolerance = 1e-14};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppd:correct", names, &object[0], &object[1], &object[2],
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOd:correct", names, &object[0], &object[1], &object[2],
                                      &object[3], &object[4], &options.tolerance, &options.max_iterations,
-                                     &options.line_search, &options.least_norm, &options.rank_tolerance))
+                                     &options.line_search, &options.least_norm, &options.rank_tolerance, &ramp,
+                                     &options.omega))
         return NULL;
     const npy_intp n = self->hbm.n_unknown;
     double *y = vector(object[0], "y", n + 1, 1);
@@ -269,7 +270,7 @@ static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kw
     double *scale = normal ? vector(object[2], "scale", n + 1, 0) : NULL;
     double *row_scale = scale ? vector(object[3], "row_scale", n, 0) : NULL;
     double *tangent = row_scale ? vector(object[4], "tangent", n + 1, 1) : NULL;
-    if (!tangent) return NULL;
+    if (!tangent || (ramp != Py_None && !(options.ramp = vector(ramp, "ramp", n, 0)))) return NULL;
     bd_newton_report report;
     bd_status status;
     double mean[3];
@@ -344,8 +345,9 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14)\n-> (status, iterations, residual, first_step, last_step, condition, rank, (stick, slip, open))\n\n"
-     "Newton corrector of one continuation step; y and tangent are changed in place."},
+     "rank_tolerance=1e-14, ramp=None, omega=0.0)\n-> (status, iterations, residual, first_step, last_step, condition, rank, (stick, slip, open))\n\n"
+     "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
+     "with ramp (n_unknown), a factor on that part of the excitation at the given omega."},
     {"shares", (PyCFunction)System_shares, METH_O,
      "shares(share)\n\nFill the shares of the cycle (n_point, 5) of the latest evaluation."},
     {"contact", (PyCFunction)System_contact, METH_VARARGS,

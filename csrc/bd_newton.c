@@ -3,7 +3,8 @@
  *     r(u, omega) = 0
  *     normal . (z - z_predicted) = 0,      z = (u, omega)/scale,
  *
- * which is regular at folds of the response curve.  The matrix is built in scaled unknowns and its rows are brought to
+ * which is regular at folds of the response curve.  In place of omega the last unknown may be a factor on the vibratory
+ * excitation at fixed omega, which serves to grow a response from the static state.  The matrix is built in scaled unknowns and its rows are brought to
  * unit size before the LU factorisation, so the condition estimate does not depend on units.  If the estimate says that
  * the system is rank-deficient (a free body whose mean position no contact determines) the least-norm solution of a
  * rank-revealing QR takes the place of the LU solution, which leaves such a position where it is.
@@ -117,6 +118,21 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
     return info == 0 ? BD_OK : BD_SINGULAR;
 }
 
+/* Residual with Jacobian (or neither J nor derivative) at y for the parameter in use. */
+static bd_status evaluate(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, const double *y,
+                          int with_jacobian) {
+    const size_t n = (size_t)w->n;
+    const double omega = options->ramp ? options->omega : y[n];
+    bd_status status =
+        bd_hbm_evaluate(hbm, y, omega, w->r, with_jacobian ? w->J : NULL, with_jacobian ? w->r_omega : NULL);
+    if (options->ramp)
+        for (size_t i = 0; i < n; ++i) {
+            w->r[i] += (1.0 - y[n]) * options->ramp[i];
+            w->r_omega[i] = -options->ramp[i];
+        }
+    return status;
+}
+
 static double length(const double *x, size_t n) {
     double sum = 0.0;
     for (size_t i = 0; i < n; ++i) sum += x[i] * x[i];
@@ -129,12 +145,12 @@ static void move(const bd_newton_work *w, double *y, double fraction, const doub
 }
 
 /* Halves the step until the residual shrinks; takes the best fraction if none does. */
-static void search_line(bd_hbm *hbm, bd_newton_work *w, double *y, double before, const double *scale,
-                        const double *row_scale) {
+static void search_line(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, double *y, double before,
+                        const double *scale, const double *row_scale) {
     double best = INFINITY, best_fraction = 1.0, fraction = 1.0;
     for (int i = 0; i < 14; ++i, fraction *= 0.5) {
         move(w, y, fraction, scale);
-        if (bd_hbm_evaluate(hbm, y, y[w->n], w->r, NULL, NULL) != BD_OK) continue;
+        if (evaluate(hbm, w, options, y, 0) != BD_OK) continue;
         const double now = largest(w->r, row_scale, (size_t)w->n);
         if (now < best) best = now, best_fraction = fraction;
         if (now <= (1.0 - 1e-3 * fraction) * before) break;
@@ -163,7 +179,7 @@ bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *w, const bd_newton_opti
     double border = 0.0, started_at = 0.0; /* normal . (z - z_predicted), carried along */
     int stalls = 0;
     for (int i = 0;; ++i) {
-        bd_status status = bd_hbm_evaluate(hbm, y, y[n], w->r, w->J, w->r_omega);
+        bd_status status = evaluate(hbm, w, options, y, 1);
         if (status != BD_OK) return status;
         const double before = report->residual;
         report->residual = largest(w->r, row_scale, n);
@@ -197,7 +213,7 @@ bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *w, const bd_newton_opti
 
         memcpy(w->y_old, y, sizeof(double) * n1);
         move(w, y, 1.0, scale);
-        if (options->line_search) search_line(hbm, w, y, report->residual, scale, row_scale);
+        if (options->line_search) search_line(hbm, w, options, y, report->residual, scale, row_scale);
         for (size_t j = 0; j < n1; ++j) border += normal[j] * (y[j] - w->y_old[j]) / scale[j];
     }
 }

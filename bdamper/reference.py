@@ -1,0 +1,35 @@
+"""The reference models that come with the package."""
+
+from __future__ import annotations
+
+from importlib import resources
+
+from bdamper.errors import SettingError
+from bdamper.io.model_file import load_model
+from bdamper.model import Model
+
+CONTACT_POINTS = {"bladed_disk": (9, 24, 48)}
+
+
+def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Model:
+    """A model shipped with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fe`.
+
+    Parameters
+    ----------
+    name : str
+        "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
+        harmonic.
+    contact_points : int
+        Contact points on each face: 9, 24 or 48.
+
+    Raises
+    ------
+    SettingError
+        If there is no such model.
+    """
+    if name not in CONTACT_POINTS:
+        raise SettingError(f"reference model: expected one of {sorted(CONTACT_POINTS)}, found '{name}'")
+    if contact_points not in CONTACT_POINTS[name]:
+        raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {contact_points}")
+    with resources.as_file(resources.files("bdamper") / "data" / f"{name}_{contact_points}.h5") as path:
+        return load_model(path)
