@@ -1,0 +1,139 @@
+"""Figures: the only module that imports matplotlib.
+
+Curves are told apart by lightness (dark to light with rising preload) and by sparse markers, so that they stay legible in
+grey; unstable parts are dashed.  The limits without contact and with all contacts stuck are thin grey lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from bdamper.response import Curve
+
+MARKERS = "osD^v<>pP*hX"
+PAPER = {
+    "font.size": 9.0,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "axes.axisbelow": True,
+    "lines.linewidth": 1.2,
+    "legend.frameon": False,
+    "legend.fontsize": 8.0,
+    "figure.constrained_layout.use": True,
+    "savefig.dpi": 200,
+}
+"""Settings of a figure that fits one column of a paper."""
+
+
+def new_axes(width: float = 5.2, height: float = 3.6) -> Axes:
+    """Empty axes in the style of this module (size in inches)."""
+    with plt.rc_context(PAPER):
+        return plt.subplots(figsize=(width, height))[1]
+
+
+def save_figure(target: Axes | Figure, path: Any) -> None:
+    """Write a figure to a file, and close it."""
+    figure = target if isinstance(target, Figure) else target.figure
+    with plt.rc_context(PAPER):
+        figure.savefig(path)  # type: ignore[union-attr]
+    plt.close(figure)  # type: ignore[arg-type]
+
+
+def colours(n: int) -> NDArray:
+    """(n, 4) colours of monotone lightness."""
+    return plt.get_cmap("viridis")(np.linspace(0.0, 0.85, max(n, 1)))
+
+
+def runs(flag: NDArray) -> list[tuple[int, int, bool]]:
+    """Stretches (first, last, value) of equal value, each joined to the next at a common point."""
+    if not len(flag):
+        return []
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(flag.astype(int))) + 1, [len(flag)]])
+    return [(int(a), min(int(b), len(flag) - 1), bool(flag[a])) for a, b in pairwise(cuts)]
+
+
+def unstable_points(curve: Curve) -> NDArray:
+    """(n,) bool: from the stability analysis where there is one, else where the curve runs back in frequency."""
+    stable = getattr(curve, "stable", None)
+    return curve.backward if stable is None else ~np.asarray(stable, bool)
+
+
+def _engineering(value: float) -> str:
+    if value >= 1000.0 and value < 1e6:
+        return f"{value / 1000.0:g} kN"
+    return f"{value:g} N"
+
+
+def _draw_tracking(ax: Axes, curve: Curve, colour: Any, marker: str, label: str) -> None:
+    f, a = curve.frequency, curve.amplitude
+    unstable = unstable_points(curve)
+    for b in np.unique(curve.branch):
+        where = np.flatnonzero(curve.branch == b)
+        for first, last, dashed in runs(unstable[where]):
+            part = where[first : last + 1]
+            ax.plot(f[part], a[part], color=colour, linestyle=(0, (3, 1.5)) if dashed else "-")
+    if len(curve):
+        peak = curve.peak
+        every = max(1, len(curve) // 12)
+        ax.plot(f[::every], a[::every], linestyle="none", marker=marker, markersize=2.6, color=colour)
+        ax.plot(peak.frequency, peak.amplitude, marker=marker, markersize=5.0, color=colour, markeredgecolor="k",
+                markeredgewidth=0.6, linestyle="none")
+    ax.plot([], [], color=colour, marker=marker, markersize=3.5, label=label)
+
+
+def plot_curves(
+    curves: Sequence[Curve],
+    ax: Axes | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    logarithmic: bool = True,
+    title: str = "",
+) -> Axes:
+    """Amplitude over frequency for several curves in one picture.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+        Tracking curves and, as thin grey lines, the free and stuck limits.
+    ax : matplotlib axes, optional
+    labels : sequence of str, optional
+        One for each tracking curve; the preload by default.
+    logarithmic : bool
+        Scale of the amplitude.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        tracking = [c for c in curves if c.kind == "tracking"]
+        for curve in curves:
+            if curve.kind == "tracking":
+                continue
+            style = "-." if curve.kind == "free" else ":"
+            ax.plot(curve.frequency, curve.amplitude, color="0.35", linewidth=0.9, linestyle=style, label=curve.kind)
+        for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
+            label = labels[i] if labels is not None else _engineering(curve.preload)
+            _draw_tracking(ax, curve, colour, MARKERS[i % len(MARKERS)], label)
+        if any(unstable_points(c).any() for c in tracking):
+            ax.plot([], [], color="k", linestyle=(0, (3, 1.5)), label="unstable")
+        if logarithmic:
+            ax.set_yscale("log")
+        ax.set_xlabel("Frequency (Hz)")
+        ax.set_ylabel("Response amplitude (m)")
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(ncols=2, fontsize=7.0)
+    return ax
