@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
-PAPER = {
+PAPER: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.grid": True,
     "grid.color": "0.9",

@@ -1,0 +1,70 @@
+# Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
+#   make demo      main job on the shipped reference model, figures in figures/
+#   make test      test suite
+# For developers: bench, examples, docs, accuracy, hard, fuzz, lint, sanitize, clean.
+
+PYTHON ?= python3
+VENV := .venv
+PY := $(VENV)/bin/python
+# curves are computed in parallel, not the small linear systems of one curve
+export OPENBLAS_NUM_THREADS ?= 1
+export OMP_NUM_THREADS ?= 1
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+
+BUILD_INPUTS := pyproject.toml meson.build meson.options
+BUILD_TOOLS := "meson-python>=0.16" "meson>=1.3" ninja "numpy>=2.0"
+
+# $(call step,what,command): runs the command and says what failed
+define step
+@echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
+endef
+
+.PHONY: demo test bench examples docs accuracy hard fuzz lint sanitize clean prerequisites
+
+demo: $(VENV)/demo.stamp
+	$(call step,demonstration,$(PY) examples/demo.py)
+
+test: $(VENV)/test.stamp
+	$(call step,test suite,$(PY) -m pytest $(PYTEST_ARGS))
+
+bench: $(VENV)/test.stamp
+	$(call step,benchmarks,$(PY) -m benchmarks)
+
+hard: $(VENV)/test.stamp
+	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)
+
+fuzz: $(VENV)/test.stamp
+	$(call step,mutated files at full size,BDAMPER_FUZZ=20000 $(PY) -m pytest tests/fuzz)
+
+lint: $(VENV)/dev.stamp
+	$(call step,ruff,$(PY) -m ruff check .)
+	$(call step,mypy,$(PY) -m mypy bdamper)
+	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*.c csrc/*.h $(wildcard tests/c/*.c tests/c/*.h))
+	$(call step,compiler warnings,sh tools/warnings.sh)
+
+sanitize: $(VENV)/dev.stamp
+	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
+
+clean:
+	rm -rf $(VENV) build builddir* figures .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+
+prerequisites:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	  || { echo "make: missing: Python 3.11 or newer (found: $$($(PYTHON) --version 2>&1 || echo none)); set PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: missing: the Python modules venv and ensurepip"; exit 1; }
+	@command -v $${CC:-cc} >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 \
+	  || { echo "make: missing: a C compiler (cc, gcc or clang)"; exit 1; }
+	@$(PYTHON) -c 'import os, sys, sysconfig; sys.exit(not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")))' \
+	  || { echo "make: missing: the C headers of Python (Python.h)"; exit 1; }
+
+$(VENV)/bin/python: | prerequisites
+	$(call step,virtual environment,$(PYTHON) -m venv $(VENV) && $(PY) -m pip install -qq $(BUILD_TOOLS))
+
+$(VENV)/demo.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
+	$(call step,build and install,$(PY) -m pip install -qq --no-build-isolation -e . && touch $@)
+
+$(VENV)/test.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
+	$(call step,build and install with test tools,$(PY) -m pip install -qq --no-build-isolation -e ".[test]" && touch $@ $(VENV)/demo.stamp)
+
+$(VENV)/dev.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
+	$(call step,build and install with developer tools,$(PY) -m pip install -qq --no-build-isolation -e ".[dev]" && touch $@ $(VENV)/test.stamp $(VENV)/demo.stamp)
