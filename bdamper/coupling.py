@@ -47,6 +47,9 @@ class HarmonicBasis:
     ----------
     coordinates : tuple of Coordinate
     omega2, damping_ratio : (n_modes,) float
+        Modal stiffness (the squared natural frequency of a mass-normalised mode) and damping ratio.
+    mass : (n_modes,) float
+        Modal mass: 1 for modes of a body; that of the modes left out, which may be 0, for residual modes.
     G : (n_points, 3, n_modes) complex
         Relative motion (u1, u2, v) at the contact points of all interfaces.
     nodal_diameter : int
@@ -57,6 +60,16 @@ class HarmonicBasis:
     damping_ratio: NDArray
     G: NDArray
     nodal_diameter: int
+    mass: NDArray
+
+    @property
+    def n_modes(self) -> int:
+        return len(self.omega2)
+
+    @property
+    def damping(self) -> NDArray:
+        """(n_modes,) viscous modal damping."""
+        return 2.0 * self.damping_ratio * np.sqrt(self.omega2 * self.mass)
 
 
 def body_axes(body: Body) -> NDArray:
@@ -200,8 +213,14 @@ class Coupling:
             omega2.append(basis.omega2[keep])
             damping.append(basis.damping_ratio[keep])
             coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
+        stiffness = np.concatenate(omega2)
         return HarmonicBasis(
-            tuple(coordinates), np.concatenate(omega2), np.concatenate(damping), np.concatenate(G, axis=2), diameter
+            tuple(coordinates),
+            stiffness,
+            np.concatenate(damping),
+            np.concatenate(G, axis=2),
+            diameter,
+            np.ones_like(stiffness),
         )
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:

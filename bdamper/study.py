@@ -534,19 +534,15 @@ class Study:
         low, high = _check_interval(frequency)
         meter = CostMeter(time.perf_counter())
         system = self.system(preload)
-        matrix = system.linear_matrix(0.0, springs)
-        poles, vectors = np.linalg.eigh(matrix.real if not np.iscomplexobj(matrix) else 0.5 * (matrix + matrix.conj().T))
+        poles, vectors = system.linear_modes(springs)
         omega = np.linspace(low, high, 201)
-        b = system.bases[1]
-        ratio = np.einsum("ij,i->j", np.abs(vectors) ** 2, b.damping_ratio * np.sqrt(b.omega2))
-        for k, (pole, loss) in enumerate(zip(poles, ratio)):
-            w = np.sqrt(max(pole, 0.0))
+        losses = 0.5 * system.bases[1].damping @ np.abs(vectors) ** 2
+        for w, loss in zip(poles, losses):
             if low < w < high:
                 # equal steps of phase around each resonance
                 half = max(loss, 1e-9 * w)
                 omega = np.concatenate([omega, w + half * np.tan(np.linspace(-1.56, 1.56, 161))])
                 omega = np.append(omega, self._linear_peak(system, springs, w, half))
-            del k
         omega = np.unique(omega[(omega >= low) & (omega <= high)])
         q = np.array([system.linear_response(w, springs) for w in omega])
         u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])

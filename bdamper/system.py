@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper import _core
@@ -133,11 +134,11 @@ class HarmonicSystem:
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
         mode, n_time = _evaluation_code(evaluation, self.n_harmonics)
-        damping = [2.0 * b.damping_ratio * np.sqrt(b.omega2) for b in bases]
+        damping = [b.damping for b in bases]
         self.arrays = {
             "n_mode": self.n_mode,
             "stiffness": np.concatenate([b.omega2 for b in bases]),
-            "mass": np.ones(int(self.n_mode.sum())),
+            "mass": np.concatenate([b.mass for b in bases]),
             "damping": np.concatenate(damping),
             "G": np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
             "kt": np.ascontiguousarray(points.kt, float),
@@ -250,11 +251,25 @@ class HarmonicSystem:
         """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
         b = self.bases[harmonic]
         w = harmonic * omega
-        Z = np.diag(b.omega2 - w**2 + 2j * w * b.damping_ratio * np.sqrt(b.omega2)).astype(complex)
+        Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
         if contact is not None:
             G = b.G.reshape(-1, len(b.omega2))
             Z += G.conj().T @ (contact.reshape(-1, 1) * G)
         return Z
+
+    def linear_modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
+        """Undamped frequencies (rad/s), ascending, and mass-normalised modes under linear springs (n_points, 3).
+
+        Modal coordinates without mass follow the others statically and add no frequency.
+        """
+        b = self.bases[harmonic]
+        K = self.linear_matrix(0.0, contact, harmonic)
+        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # free rigid-body modes have no stiffness
+        M = np.diag(b.mass)
+        inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
+        keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
+        pole = np.maximum(1.0 / inverse[keep] - shift, 0.0)
+        return np.sqrt(pole), vectors[:, keep] / np.sqrt(inverse[keep])
 
     def linear_response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
         """Complex modal amplitudes of one harmonic under linear contact; rigid modes without any contact stay at rest."""
