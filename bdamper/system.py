@@ -87,6 +87,8 @@ class Correction:
         Directions that the equations leave undetermined, held by least norm.
     shares : tuple of three floats
         Shares of the cycle that stick, slip and are open, averaged over the points with friction.
+    orientation : int
+        Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
     """
 
     status: int
@@ -97,6 +99,7 @@ class Correction:
     condition: float
     rank_deficiency: int
     shares: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: int = 0
 
 
 class HarmonicSystem:
@@ -220,10 +223,10 @@ class HarmonicSystem:
         """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
         y = np.array(y, float)
         tangent = np.zeros_like(y)
-        status, iterations, residual, _, _, condition, rank, shares = self.core.correct(
+        status, iterations, residual, _, _, condition, rank, shares, orientation = self.core.correct(
             y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
         )
-        return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares)
+        return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares, orientation)
 
     def correct_at(
         self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False

@@ -280,8 +280,9 @@ static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kw
     mean_shares(&self->hbm, mean);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS
-    return Py_BuildValue("iiddddi(ddd)", (int)status, report.iterations, report.residual, report.first_step,
-                         report.last_step, report.condition, report.rank, mean[0], mean[1], mean[2]);
+    return Py_BuildValue("iiddddi(ddd)i", (int)status, report.iterations, report.residual, report.first_step,
+                         report.last_step, report.condition, report.rank, mean[0], mean[1], mean[2],
+                         report.orientation);
 }
 
 static void copy_shares(const bd_hbm *hbm, double *share) {

@@ -9,7 +9,10 @@
  * the system is rank-deficient (a free body whose mean position no contact determines) the least-norm solution of a
  * rank-revealing QR takes the place of the LU solution, which leaves such a position where it is.
  *
- * With the last factorisation the tangent of the branch is one more solution, with right-hand side (0, ..., 0, 1). */
+ * With the last factorisation the tangent t of the branch is one more solution, with right-hand side (0, ..., 0, 1).
+ * The sign of the determinant of the bordered matrix is that of det [J; t], which does not change along a curve, not even
+ * at a corner where J jumps: J agrees on both sides along the surface that the curve crosses.  It tells forward from
+ * backward where the angle between two tangents does not. */
 #include "bd_newton.h"
 
 #include <math.h>
@@ -95,6 +98,9 @@ static void factorise(bd_hbm *hbm, bd_newton_work *w, bd_newton_report *report) 
         w->lapack.dgecon(&one, &m, w->LU, &m, &norm, &report->condition, w->work, w->iwork, &info);
     }
     report->rank = m;
+    report->orientation = report->condition > 0.0 ? 1 : 0;
+    for (size_t i = 0; i < n1; ++i)
+        if ((w->LU[i * n1 + i] < 0.0) != (w->pivot[i] != (int)i + 1)) report->orientation = -report->orientation;
     ++hbm->cost.n_factorisation;
 }
 
@@ -108,6 +114,7 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
         w->lapack.dgetrs(&transposed, &m, &one, w->LU, &m, w->pivot, b, &m, &info);
         return info == 0 ? BD_OK : BD_SINGULAR;
     }
+    report->orientation = 0;
     if (!options->least_norm) return BD_SINGULAR;
     for (size_t i = 0; i < n1; ++i)
         for (size_t j = 0; j < n1; ++j) w->LU[j * n1 + i] = w->A[i * n1 + j];

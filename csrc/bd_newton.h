@@ -21,6 +21,7 @@ typedef struct {
     double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
     double condition;    /* estimated reciprocal condition of the last factorisation (1-norm, equilibrated) */
     int rank;            /* rank that the least-norm solution found, n + 1 where LU served */
+    int orientation;     /* sign of the determinant of the last bordered matrix, 0 where it is rank-deficient */
 } bd_newton_report;
 
 typedef struct {
