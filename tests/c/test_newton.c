@@ -1,0 +1,153 @@
+/* The corrector on systems of one and two modes: a hardening contact, a neutral direction, bad input. */
+#include "bd_newton.h"
+#include "check.h"
+
+#include <string.h>
+
+/* Mode 0 (mean) and mode 1 (first harmonic) of one mass against a preloaded friction spring. */
+typedef struct {
+    int n_mode[2], law[1];
+    double stiffness[2], mass[2], damping[2], G[12], kt[2], kn[1], mu[1], n0[1], w[2], shift[3], force[3];
+    bd_hbm hbm;
+    bd_newton_work work;
+} oscillator;
+
+static void make(oscillator *o, double stiffness_of_mean, double excitation) {
+    const oscillator blank = {.n_mode = {1, 1}, .law = {BD_LAW_SEPARABLE}, .stiffness = {stiffness_of_mean, 1.0},
+                              .mass = {1.0, 1.0}, .damping = {0.0, 0.02},
+                              .G = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0}, .kt = {1.0, 0.0},
+                              .kn = {0.0}, .mu = {0.5}, .n0 = {2.0}, .force = {0.0, excitation, 0.0}};
+    *o = blank;
+    const bd_hbm_input input = {.n_point = 1, .n_harm = 1, .n_mode = o->n_mode, .stiffness = o->stiffness,
+                                .mass = o->mass, .damping = o->damping, .G = o->G, .kt = o->kt, .kn = o->kn,
+                                .mu = o->mu, .n0 = o->n0, .w = o->w, .law = o->law, .shift = o->shift,
+                                .force = o->force, .evaluation = BD_EXACT};
+    const bd_lapack lapack = bd_lapack_system();
+    CHECK(bd_hbm_create(&o->hbm, &input) == BD_OK);
+    CHECK(bd_newton_create(&o->work, o->hbm.n_unknown, &lapack) == BD_OK);
+}
+
+static void finish(oscillator *o) {
+    bd_hbm_destroy(&o->hbm);
+    bd_newton_destroy(&o->work);
+    bd_newton_destroy(&o->work);
+}
+
+static const double ones[4] = {1.0, 1.0, 1.0, 1.0}, at_frequency[4] = {0.0, 0.0, 0.0, 1.0};
+static const bd_newton_options usual = {.tolerance = 1e-12, .max_iterations = 30, .line_search = 1,
+                                        .least_norm = 1, .rank_tolerance = 1e-14};
+
+static void test_converges(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    double y[4] = {0.1, 0.5, 1.5, 1.2}, r[3], tangent[4] = {NAN, NAN, NAN, NAN};
+    bd_newton_report report;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, y, at_frequency, ones, ones, tangent, &report) == BD_OK);
+    CHECK(y[3] == 1.2);
+    CHECK(report.residual <= 1e-12 && report.iterations >= 2 && report.rank == 4 && report.condition > 1e-6);
+    CHECK(bd_hbm_evaluate(&o.hbm, y, y[3], r, NULL, NULL) == BD_OK);
+    for (int i = 0; i < 3; ++i) CHECK_NEAR(r[i], 0.0, 1e-12);
+    /* closed form of the amplitude at this frequency: the loop force must balance */
+    const double X = hypot(y[1], y[2]), T = acos(1.0 - 2.0 / X);
+    const double ka = (T - 0.5 * sin(2.0 * T)) / BD_PI, kb = 4.0 / (BD_PI * X) * (1.0 - 1.0 / X);
+    CHECK(X > 1.0);
+    CHECK_NEAR(hypot(1.0 + ka - 1.44, 0.024 + kb) * X, 1.0, 1e-11);
+    /* the tangent has unit length, points along the normal and leads to a solution nearby */
+    double length = 0.0;
+    for (int i = 0; i < 4; ++i) length += tangent[i] * tangent[i];
+    CHECK_NEAR(length, 1.0, 1e-14);
+    CHECK(tangent[3] > 0.0);
+    double near[4];
+    const double h = 1e-5;
+    for (int i = 0; i < 4; ++i) near[i] = y[i] + h * tangent[i];
+    CHECK(bd_hbm_evaluate(&o.hbm, near, near[3], r, NULL, NULL) == BD_OK);
+    for (int i = 0; i < 3; ++i) CHECK_NEAR(r[i], 0.0, 1e3 * h * h);
+    /* the corrected point stays in the plane normal to the given vector */
+    double moved[4];
+    for (int i = 0; i < 4; ++i) moved[i] = y[i] + 0.05 * tangent[i];
+    memcpy(near, moved, sizeof near);
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, moved, tangent, ones, ones, NULL, &report) == BD_OK);
+    double across = 0.0;
+    for (int i = 0; i < 4; ++i) across += tangent[i] * (moved[i] - near[i]);
+    CHECK_NEAR(across, 0.0, 1e-13);
+    finish(&o);
+}
+
+static void test_scaling_does_not_matter(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    double a[4] = {0.1, 0.5, 1.5, 1.2}, b[4] = {0.1, 0.5, 1.5, 1.2};
+    const double scale[4] = {1e-3, 2.0, 7.0, 50.0};
+    bd_newton_report report;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, a, at_frequency, ones, ones, NULL, &report) == BD_OK);
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, b, at_frequency, scale, ones, NULL, &report) == BD_OK);
+    for (int i = 0; i < 4; ++i) CHECK_NEAR(a[i], b[i], 1e-10);
+    finish(&o);
+}
+
+/* Full slip and no spring on the mean: nothing determines its position. */
+static void test_singular(void) {
+    oscillator o;
+    make(&o, 0.0, 6.0);
+    double y[4] = {0.3, -2.0, 0.3, 2.0}, kept[4];
+    memcpy(kept, y, sizeof kept);
+    bd_newton_report report;
+    bd_newton_options strict = usual;
+    strict.least_norm = 0;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &strict, y, at_frequency, ones, ones, NULL, &report) == BD_SINGULAR);
+    memcpy(y, kept, sizeof kept);
+    double tangent[4];
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, y, at_frequency, ones, ones, tangent, &report) == BD_OK);
+    CHECK(report.rank == 3);
+    CHECK_NEAR(y[0], 0.3, 1e-12); /* least norm leaves it where it was */
+    CHECK_NEAR(tangent[0], 0.0, 1e-12);
+    finish(&o);
+}
+
+static void test_failures(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    bd_newton_report report;
+    bd_newton_options options = usual;
+    double y[4] = {0.1, NAN, 0.0, 1.0};
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, y, at_frequency, ones, ones, NULL, &report) == BD_NOT_FINITE);
+    double z[4] = {0.1, 0.5, 1.5, INFINITY};
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, z, at_frequency, ones, ones, NULL, &report) == BD_NOT_FINITE);
+    double few[4] = {0.1, 0.5, 1.5, 1.0};
+    options.max_iterations = 1;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, few, at_frequency, ones, ones, NULL, &report) ==
+          BD_NOT_CONVERGED);
+    CHECK(report.iterations == 1 && report.residual > 1e-12);
+    finish(&o);
+}
+
+/* At fixed omega the last unknown is a factor on the excitation. */
+static void test_ramp(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    const double ramp[3] = {0.0, 1.0, 0.0};
+    bd_newton_options options = usual;
+    options.ramp = ramp;
+    options.omega = 0.5;
+    double y[4] = {0.0, 0.0, 0.0, 0.25}, tangent[4];
+    bd_newton_report report;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, y, at_frequency, ones, ones, tangent, &report) == BD_OK);
+    CHECK(y[3] == 0.25);
+    /* small motion sticks: linear with stiffness 2 */
+    CHECK_NEAR(hypot(y[1], y[2]), 0.25 / hypot(2.0 - 0.25, 0.01), 1e-12);
+    CHECK_NEAR(tangent[1] / tangent[3], y[1] / 0.25, 1e-10);
+    CHECK_NEAR(tangent[2] / tangent[3], y[2] / 0.25, 1e-10);
+    finish(&o);
+}
+
+int main(void) {
+    test_converges();
+    test_scaling_does_not_matter();
+    test_singular();
+    test_failures();
+    test_ramp();
+    bd_newton_work empty = {0};
+    bd_newton_destroy(&empty);
+    bd_newton_destroy(NULL);
+    return check_result();
+}
