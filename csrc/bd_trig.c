@@ -35,6 +35,7 @@ bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time) {
 }
 
 void bd_trig_grid_destroy(bd_trig_grid *grid) {
+    if (!grid) return;
     free(grid->basis);
     grid->basis = NULL;
 }
@@ -117,6 +118,8 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
             b = x;
         }
         double next = x - fx / slope;
+        /* a step below rounding ends the search: next may then be an end of the bracket, which is no reason to bisect */
+        if (fabs(next - x) <= 2e-16 * (1.0 + fabs(x))) return x;
         if (!(next > a && next < b)) next = 0.5 * (a + b);
         const double step = fabs(next - x);
         x = next;
