@@ -52,6 +52,7 @@ bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack 
 }
 
 void bd_newton_destroy(bd_newton_work *work) {
+    if (!work) return;
     free(work->memory);
     free(work->pivot);
     memset(work, 0, sizeof *work);
@@ -66,9 +67,27 @@ static double largest(const double *r, const double *row_scale, size_t n) {
     return most;
 }
 
-/* A and row: the bordered matrix in scaled unknowns with rows of unit size. */
+enum { NOISE_DIGITS = 13 };
+
+/* Whether row i is rounding noise: in every column it is that much smaller than the largest entry (column, n + 1).  Brought
+ * to unit size, such a row would ask for arbitrary things. */
+static int is_noise(const bd_newton_work *w, const double *column, size_t i) {
+    const size_t n = (size_t)w->n;
+    const double share = pow(10.0, -NOISE_DIGITS);
+    for (size_t j = 0; j < n; ++j)
+        if (!(fabs(w->J[i * n + j]) <= share * column[j])) return 0;
+    return fabs(w->r_omega[i]) <= share * column[n];
+}
+
+/* A and row: the bordered matrix in scaled unknowns with rows of unit size; a row of noise becomes zero. */
 static void build_matrix(bd_newton_work *w, const double *normal, const double *scale) {
     const size_t n = (size_t)w->n, n1 = n + 1;
+    double *column = w->b;
+    memset(column, 0, sizeof(double) * n1);
+    for (size_t i = 0; i < n; ++i) {
+        for (size_t j = 0; j < n; ++j) column[j] = fmax(column[j], fabs(w->J[i * n + j]));
+        column[n] = fmax(column[n], fabs(w->r_omega[i]));
+    }
     for (size_t i = 0; i < n1; ++i) {
         double *row = w->A + i * n1;
         for (size_t j = 0; j < n; ++j) row[j] = i < n ? w->J[i * n + j] * scale[j] : normal[j];
@@ -76,6 +95,7 @@ static void build_matrix(bd_newton_work *w, const double *normal, const double *
         double most = 0.0;
         for (size_t j = 0; j < n1; ++j) most = fmax(most, fabs(row[j]));
         w->row[i] = most > 0.0 ? 1.0 / most : 1.0;
+        if (i < n && is_noise(w, column, i)) w->row[i] = 0.0;
         for (size_t j = 0; j < n1; ++j) row[j] *= w->row[i];
     }
 }

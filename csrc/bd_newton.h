@@ -31,7 +31,7 @@ typedef struct {
     double *J;           /* (n, n) row-major */
     double *A, *LU;      /* (n + 1, n + 1) row-major bordered system, equilibrated, and its factors */
     double *row;         /* (n + 1) row equilibration */
-    double *b, *step;    /* (n + 1) */
+    double *b, *step;    /* (n + 1); b is scratch */
     double *y_old;       /* (n + 1) */
     double *work;
     int *pivot, *iwork;
