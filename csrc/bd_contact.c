@@ -9,6 +9,7 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
 }
 
 void bd_evaluator_destroy(bd_evaluator *evaluator) {
+    if (!evaluator) return;
     if (evaluator->evaluation == BD_EXACT)
         bd_event_destroy(&evaluator->work.event);
     else

@@ -100,6 +100,7 @@ bd_status bd_event_create(bd_event_work *work, int n_harm) {
 }
 
 void bd_event_destroy(bd_event_work *work) {
+    if (!work) return;
     bd_trig_grid_destroy(&work->grid);
     free(work->memory);
     free(work->order);

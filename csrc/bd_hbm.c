@@ -128,6 +128,7 @@ no_memory:
 }
 
 void bd_hbm_destroy(bd_hbm *hbm) {
+    if (!hbm) return;
     if (hbm->G)
         for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->G[l]);
     free(hbm->G);

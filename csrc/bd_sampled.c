@@ -64,6 +64,7 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
 }
 
 void bd_sampled_destroy(bd_sampled_work *work) {
+    if (!work) return;
     bd_trig_grid_destroy(&work->grid);
     free(work->memory);
     free(work->segment[0]);
