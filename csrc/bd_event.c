@@ -114,6 +114,20 @@ static double dot(int n, const double *a, const double *b) {
     return sum;
 }
 
+/* Value of f somewhere between start and start + length, where f does not cross zero: b is the basis in the middle; if f
+ * is small there, because it touches zero, a clearer value is looked for. */
+static double clear_value(int n_harm, const double *f, const double *b, double start, double length) {
+    static const double place[4] = {0.29, 0.67, 0.11, 0.87};
+    const int n_coef = bd_n_coef(n_harm);
+    double size = 0.0, value = dot(n_coef, b, f);
+    for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
+    for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
+        const double other = bd_trig_value(n_harm, f, start + place[i] * length);
+        if (fabs(other) > fabs(value)) value = other;
+    }
+    return value;
+}
+
 static const double *power_at(const bd_event_work *work, int event) {
     return work->power + (size_t)event * (size_t)bd_n_power(work->n_harm);
 }
@@ -138,7 +152,7 @@ static void push_segment(bd_event_work *work, int d, double start, double end, i
 
 /* ---- normal direction ---- */
 
-/* Roots of n0 + kn v as events 0 .. n_lift-1; returns their number.  Leaves v', v'' on the grid for n_harm > 1. */
+/* Roots of n0 + kn v (left in work->poly) as events 0 .. n_lift-1; returns their number.  Leaves v', v'' on the grid for n_harm > 1. */
 static int find_lifts(const bd_element *element, const double *v, bd_event_work *work) {
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm);
     double *g = work->poly;
@@ -153,13 +167,34 @@ static int find_lifts(const bd_element *element, const double *v, bd_event_work 
     return n;
 }
 
+static double lift_length(const bd_event_work *work, int n_lift, int e) {
+    return e + 1 < n_lift ? work->theta[e + 1] - work->theta[e] : work->theta[0] + BD_TWO_PI - work->theta[e];
+}
+
+/* Whether the part that follows the first lift is in contact: told in the middle of the longest part, where the sign is
+ * clearest (two lifts may coincide where the contact only touches), since the parts alternate. */
+static int contact_follows_first(bd_event_work *work, int n_lift) {
+    int longest = 0;
+    for (int e = 1; e < n_lift; ++e)
+        if (lift_length(work, n_lift, e) > lift_length(work, n_lift, longest)) longest = e;
+    const double start = work->theta[longest], length = lift_length(work, n_lift, longest);
+    bd_trig_powers(work->n_harm, start + 0.5 * length, work->onset_power);
+    const int contact = clear_value(work->n_harm, work->poly, work->onset_power + 1, start, length) > 0.0;
+    return longest % 2 == 0 ? contact : !contact;
+}
+
+/* n0 + kn v (in work->poly) somewhere in a period without lifts. */
+static double contact_sign(bd_event_work *work) {
+    bd_trig_powers(work->n_harm, BD_PI, work->onset_power);
+    return clear_value(work->n_harm, work->poly, work->onset_power + 1, 0.0, BD_TWO_PI);
+}
+
 /* Sums over the parts in contact, between consecutive lifts; contact_first tells whether part 0 (from event 0) is one. */
 static void integrate_contact(bd_event_work *work, int n_lift, int contact_first, bd_status_share *share) {
     memset(work->contact, 0, sizeof(double) * (size_t)bd_n_power(work->n_harm));
     for (int e = contact_first ? 0 : 1; e < n_lift; e += 2) {
         const int next = (e + 1) % n_lift;
-        const double length = work->theta[next] - work->theta[e] + (next > e ? 0.0 : BD_TWO_PI);
-        bd_cycle_integrate(work->n_harm, work->contact, length, power_at(work, e), power_at(work, next), 1.0);
+        bd_cycle_integrate(work->n_harm, work->contact, lift_length(work, n_lift, e), power_at(work, e), power_at(work, next), 1.0);
     }
     share->open = 1.0 - work->contact[0] / BD_TWO_PI;
 }
@@ -201,7 +236,7 @@ static double piece_end(const direction *dir, int i) {
     return i + 1 < dir->n_event ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
 }
 
-/* Signs on every piece: evaluated in the middle of the longest one, where they are clearest, and toggled from there at
+/* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
  * each event, since every event is a change of sign of its own polynomial. */
 static void flag_pieces(direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
@@ -212,13 +247,15 @@ static void flag_pieces(direction *dir, const bd_element *element, const double 
         const double l = piece_end(dir, i) - work->theta[work->order[i]];
         if (l > length) length = l, longest = i;
     }
-    const double middle = 0.5 * (work->theta[work->order[longest]] + piece_end(dir, longest));
-    double *power = work->onset_power;
-    bd_trig_powers(dir->n_harm, middle, power);
+    const double start = work->theta[work->order[longest]];
+    double *power = work->onset_power, *level = work->poly; /* n0 + kn v */
+    bd_trig_powers(dir->n_harm, start + 0.5 * length, power);
+    for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
+    level[0] += element->n0;
     int flags = 0;
-    if (element->n0 + element->kn * dot(dir->n_coef, power + 1, v) > 0.0) flags |= CONTACT;
-    if (dot(dir->n_coef, power + 1, dir->dlo) > 0.0) flags |= LO_RISES;
-    if (dot(dir->n_coef, power + 1, dir->dhi) < 0.0) flags |= HI_FALLS;
+    if (clear_value(dir->n_harm, level, power + 1, start, length) > 0.0) flags |= CONTACT;
+    if (clear_value(dir->n_harm, dir->dlo, power + 1, start, length) > 0.0) flags |= LO_RISES;
+    if (clear_value(dir->n_harm, dir->dhi, power + 1, start, length) < 0.0) flags |= HI_FALLS;
     work->piece[longest] = flags;
     for (int k = 1; k < n; ++k) {
         const int i = (longest + k) % n, event = work->order[i];
@@ -425,16 +462,14 @@ void bd_event_evaluate(const bd_element *element, const double *x, bd_response *
     }
     int n_lift = level >= swing ? 0 : find_lifts(element, v, work);
     if (n_lift == 0) {
-        if (level < swing && bd_trig_value(n_harm, v, 0.0) * element->kn + element->n0 <= 0.0) {
+        if (level < swing && contact_sign(work) <= 0.0) {
             share->open = 1.0; /* the swing was only a bound: open all the time */
             for (int d = 0; d < 2; ++d) push_segment(work, d, 0.0, BD_TWO_PI, BD_OPEN);
             return;
         }
         bd_element_closed(element, n_harm, v, out);
     } else {
-        const double next = n_lift > 1 ? work->theta[1] : work->theta[0] + BD_TWO_PI;
-        const double middle = 0.5 * (work->theta[0] + next);
-        integrate_contact(work, n_lift, element->n0 + element->kn * bd_trig_value(n_harm, v, middle) > 0.0, share);
+        integrate_contact(work, n_lift, contact_follows_first(work, n_lift), share);
         bd_cycle_normal(element, n_harm, work->contact, v, out, work->scratch);
     }
     for (int d = 0; d < 2; ++d)

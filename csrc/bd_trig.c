@@ -174,12 +174,8 @@ int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value
         }
     }
     if (n > 0 && root[n - 1] >= BD_TWO_PI) { /* a root found at the very end of the period is one at its beginning */
-        if (n > 1 && root[0] <= 0.0) {
-            --n;
-        } else {
-            for (int i = n - 1; i > 0; --i) root[i] = root[i - 1];
-            root[0] = 0.0;
-        }
+        for (int i = n - 1; i > 0; --i) root[i] = root[i - 1];
+        root[0] = 0.0;
     }
     return n;
 }

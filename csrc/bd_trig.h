@@ -27,7 +27,8 @@ void bd_trig_derivative(int n_harm, const double *x, double *dx);
 /* Sum of the amplitudes of the harmonics: |x - x0| never exceeds it. */
 double bd_trig_amplitude(int n_harm, const double *x);
 
-/* Roots of f in [0, 2 pi), ascending, at most 2 n_harm of them.
+/* Roots of f in [0, 2 pi), ascending, at most 2 n_harm of them, and always an even number: where f only touches zero it
+ * gives none or the same twice.
  *
  * One harmonic has a closed form.  Otherwise sign changes of the samples `value` on the grid bracket the roots, and a
  * pair of roots inside one cell is found from the sign of the samples of the derivative, `slope` (the double-root

@@ -190,14 +190,14 @@ def residual(u, omega, arrays, law=contact):
     """Harmonic-balance residual of the arrays handed to the core (a dict of its arguments, G as a list)."""
     a = arrays
     x = motion(u, a["n_mode"], a["G"], a["shift"])
-    force = np.array([law(x[p], a["kt"][p], a["kn"][p], a["mu"][p], a["n0"][p], a["w"][p]) for p in range(len(x))])
+    force = np.array([law(x[p], a["kt"][p], a["kn"][p], a["mu"][p], a["n0"][p], a["w"][p]) for p in range(len(x))]).reshape(x.shape)
     out, first, start = [], 0, 0
     for l, q in enumerate(split(u, a["n_mode"])):
         n = a["n_mode"][l]
         k, m, c = (a[key][first : first + n] for key in ("stiffness", "mass", "damping"))
         first += n
         if l == 0:
-            r = k * q.real + np.einsum("paj,pa->j", a["G"][0].real, force[..., 0]) if len(x) else k * q.real
+            r = k * q.real + np.einsum("paj,pa->j", a["G"][0].real, force[..., 0])
             out.append(r - a["force"][:n])
             start = n
         else:

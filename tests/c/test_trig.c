@@ -137,6 +137,26 @@ static void test_exact_double_root(void) {
         }
 }
 
+/* (2 s + 1)(s - 1) touches zero on a sample, cos 2 theta - cos theta at the ends of the period: twice the same or none. */
+static void test_double_root_on_a_sample(void) {
+    const double touch_at_90[5] = {0.0, 0.0, -1.0, -1.0, 0.0}, touch_at_0[5] = {0.0, -1.0, 0.0, 1.0, 0.0};
+    for (int sign = -1; sign <= 1; sign += 2) {
+        double x[5], found[4];
+        for (int i = 0; i < 5; ++i) x[i] = sign * touch_at_90[i];
+        int n = roots_of(2, x, found);
+        CHECK(n == 2 || n == 4);
+        CHECK_NEAR(found[n - 2], 7.0 * BD_PI / 6.0, 1e-14);
+        CHECK_NEAR(found[n - 1], 11.0 * BD_PI / 6.0, 1e-14);
+        if (n == 4) CHECK_NEAR(found[0], 0.5 * BD_PI, 1e-7);
+        if (n == 4) CHECK_NEAR(found[1], 0.5 * BD_PI, 1e-7);
+        for (int i = 0; i < 5; ++i) x[i] = sign * touch_at_0[i];
+        n = roots_of(2, x, found);
+        CHECK(n == 2 || n == 4);
+        CHECK_NEAR(found[n - 2], 2.0 * BD_PI / 3.0, 1e-14);
+        CHECK_NEAR(found[n - 1], 4.0 * BD_PI / 3.0, 1e-14);
+    }
+}
+
 static void test_one_harmonic(void) {
     double found[2];
     const double none[3] = {1.1, 0.6, 0.8}, grazing[3] = {1.0, 0.6, 0.8}, flat[3] = {0.0, 0.0, 0.0};
@@ -188,6 +208,7 @@ int main(void) {
     test_separate_roots();
     test_close_pairs();
     test_exact_double_root();
+    test_double_root_on_a_sample();
     test_one_harmonic();
     test_roots_on_samples();
     test_bracketed_root();

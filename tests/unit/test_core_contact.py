@@ -1,0 +1,240 @@
+"""The contact element of the core against the NumPy oracle and finite differences."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from bdamper import _core
+from tests import oracle
+from tests.cases import EXACT, OPEN, PLAIN, SAMPLED, Point, difference, evaluate, far_from_events, random_motion, random_point
+
+HARMONICS = (1, 2, 3, 5, 7)
+
+
+@pytest.mark.parametrize("n_harm", HARMONICS)
+def test_force_is_that_of_the_oracle(n_harm):
+    rng = np.random.default_rng(n_harm)
+    slipped = opened = 0
+    for _ in range(40 if n_harm < 5 else 15):
+        point, x = random_point(rng), random_motion(rng, n_harm)
+        result = evaluate(x, point)
+        expected = oracle.contact(x, *point.arguments)
+        np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-10 * (1 + np.abs(expected).max()))
+        slipped += result.shares[1] > 0
+        opened += result.shares[4] > 0
+    assert slipped > 5
+    assert opened > 5
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
+def test_a_contact_that_only_touches(delta, sign):
+    """n0 + kn v = ±(2 s + 1)(s - 1), s = sin(theta - delta): a double root, also on a sample of the bracketing grid."""
+    x = np.zeros((3, 5))
+    x[2] = sign * oracle.shift(np.array([0.0, 0.0, -1.0, -1.0, 0.0]), -delta)
+    x[0] = [0.0, 0.4, 0.3, 0.0, 0.2]
+    point = Point(np.ones(2), 1.0, 0.5, 0.0, np.zeros(2))
+    expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
+    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
+def test_a_contact_that_only_just_stays_closed(delta):
+    """n0 + kn v = (1 - c)(2 + s): never negative, zero once."""
+    x = np.zeros((3, 5))
+    x[2] = oracle.shift(np.array([0.0, -2.0, 1.0, 0.0, -0.5]), -delta)
+    result = evaluate(x, Point(np.ones(2), 1.0, 0.5, 2.0, np.zeros(2)))
+    expected = x[2].copy()
+    expected[0] = 2.0
+    np.testing.assert_allclose(result.force[2], expected, rtol=0, atol=1e-12)
+    assert result.shares[4] < 1e-6
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
+def test_a_slip_that_only_pauses(delta, sign):
+    """u' touches zero without changing its sign, also at the very end of the period."""
+    x = np.zeros((3, 5))
+    x[0] = sign * oracle.shift(np.array([0.0, 0.0, -1.0, 0.0, 0.5]), -delta)
+    point = Point(np.ones(2), 0.0, 0.5, 0.6, np.zeros(2))
+    expected = oracle.contact_sampled(x, *point.arguments, 1 << 14, True)
+    np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
+
+
+numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))
+
+
+@settings(max_examples=150, deadline=None, derandomize=True)
+@given(
+    x=st.integers(1, 3).flatmap(lambda h: arrays(float, (3, 2 * h + 1), elements=numbers)),
+    kt=arrays(float, 2, elements=st.floats(0.0, 5.0)),
+    kn=st.floats(0.0, 5.0),
+    mu=st.floats(0.0, 2.0),
+    n0=st.floats(-4.0, 4.0),
+    w=arrays(float, 2, elements=numbers),
+)
+def test_any_input_gives_the_marched_force(x, kt, kn, mu, n0, w):
+    """Zeros, equal numbers, contacts that never close: compared with the law on a fine grid."""
+    kt, kn, mu, n0 = np.round(kt, 2), round(kn, 2), round(mu, 2), round(n0, 2)
+    result = evaluate(x, Point(kt, kn, mu, n0, w))
+    assert np.isfinite(result.force).all()
+    assert np.isfinite(result.tangent).all()
+    n_time = 4096
+    marched = oracle.contact_sampled(x, kt, kn, mu, n0, w, n_time, True)
+    size = (kt.max() + kn * (1 + mu)) * np.abs(x).max() + abs(n0) * (1 + mu)
+    # a contact of a few samples may be missed by the march: its impulse is below size * its share of the period
+    np.testing.assert_allclose(result.force, marched, rtol=0, atol=2e-4 * size + 1e-14)
+
+
+@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED, PLAIN])
+@pytest.mark.parametrize("n_harm", HARMONICS)
+def test_tangent_is_the_derivative(n_harm, evaluation):
+    """To 1e-7 where no event is near; the sampled laws are piecewise linear, so almost everywhere."""
+    rng = np.random.default_rng(100 + n_harm)
+    n_time = 0 if evaluation == EXACT else 16 * n_harm + 48
+    compared = with_slip = with_opening = 0
+    for _ in range(400):
+        point, x = random_point(rng), random_motion(rng, n_harm)
+        result = evaluate(x, point, evaluation, n_time)
+        if not far_from_events(x, point, rng) or not (0.0 < result.shares[1] + result.shares[3]):
+            continue
+        h = 1e-5 if evaluation == EXACT else 1e-7
+        numeric = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, h)  # noqa: B023
+        if evaluation != EXACT:
+            # a sample may change its state within the step: then the two one-sided differences disagree
+            other = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, 3e-7)  # noqa: B023
+            if np.abs(numeric - other).max() > 1e-6:
+                continue
+        assert np.abs(result.tangent).max() > 0.1
+        assert not np.array_equal(result.tangent, numeric)
+        tolerance = (1e-7 if evaluation == EXACT else 1e-6) * np.abs(result.tangent).max()
+        np.testing.assert_allclose(result.tangent, numeric, rtol=0, atol=tolerance)
+        compared += 1
+        with_slip += result.shares[1] > 0
+        with_opening += result.shares[4] > 0
+        if compared == 12:
+            break
+    assert compared >= 8
+    assert with_slip >= 3
+    assert with_opening >= 2
+
+
+@pytest.mark.parametrize("n_harm", [1, 3])
+@pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
+def test_sampled_force_is_that_of_the_oracle(n_harm, evaluation):
+    rng = np.random.default_rng(200 + n_harm)
+    for n_time in (4 * n_harm + 4, 61, 128):
+        for _ in range(15):
+            point, x = random_point(rng), random_motion(rng, n_harm)
+            expected = oracle.contact_sampled(x, *point.arguments, n_time, evaluation == SAMPLED)
+            np.testing.assert_allclose(evaluate(x, point, evaluation, n_time).force, expected, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("separation", [False, True], ids=["full contact", "separation"])
+def test_sampled_force_converges_with_order_two(separation):
+    """Order from the mean error over many random states, with the closing instant interpolated; 1 without."""
+    rng = np.random.default_rng(300)
+    n_times = np.array([64, 128, 256, 512, 1024])
+    errors = {SAMPLED: np.zeros(len(n_times)), PLAIN: np.zeros(len(n_times))}
+    used = 0
+    while used < 200:
+        point, x = random_point(rng), random_motion(rng, 3)
+        if not separation:
+            point = Point(point.kt, point.kn, point.mu, point.kn * (np.abs(x[2]).sum() + 0.3), point.w)
+        exact = evaluate(x, point)
+        if (separation and not 0.1 < exact.shares[4] < 0.9) or exact.shares[1] < 0.1:
+            continue
+        used += 1
+        for evaluation, error in errors.items():
+            for i, n in enumerate(n_times):
+                # shifted motions: averages over where the events lie among the samples
+                difference_ = evaluate(x, point, evaluation, int(n)).force - exact.force
+                error[i] += np.abs(difference_[:2]).max()
+    orders = {e: -np.polyfit(np.log(n_times), np.log(error), 1)[0] for e, error in errors.items()}
+    assert orders[SAMPLED] == pytest.approx(2.0, abs=0.2)
+    if separation:
+        assert orders[PLAIN] == pytest.approx(1.0, abs=0.3)
+    else:
+        assert orders[PLAIN] == pytest.approx(orders[SAMPLED], abs=1e-9)
+
+
+def test_sampled_tangent_converges_only_with_interpolated_closing():
+    """dT/dV under separation: order 1 with the closing interpolated, none without."""
+    rng = np.random.default_rng(400)
+    n_times = np.array([128, 512, 2048])
+    errors = {SAMPLED: np.zeros(len(n_times)), PLAIN: np.zeros(len(n_times))}
+    used = 0
+    while used < 120:
+        point, x = random_point(rng), random_motion(rng, 2)
+        exact = evaluate(x, point)
+        closes_sticking = any(
+            a[2] == OPEN and b[2] == 0 for parts in exact.parts for a, b in zip(parts, parts[1:] + parts[:1])
+        )
+        if not closes_sticking:
+            continue
+        used += 1
+        for evaluation, error in errors.items():
+            for i, n in enumerate(n_times):
+                tangent = evaluate(x, point, evaluation, int(n)).tangent
+                error[i] += np.abs((tangent - exact.tangent)[:2, :, 2]).mean()
+    orders = {e: -np.polyfit(np.log(n_times), np.log(error), 1)[0] for e, error in errors.items()}
+    assert orders[SAMPLED] > 0.7
+    assert abs(orders[PLAIN]) < 0.35
+
+
+class TestArguments:
+    good = dict(  # noqa: RUF012
+        x=np.zeros((3, 3)), kt=np.ones(2), kn=1.0, mu=0.3, n0=1.0, w=np.zeros(2), F=np.zeros((3, 3)), J=np.zeros((3, 3, 3, 3))
+    )
+
+    @pytest.mark.parametrize(
+        ("name", "value", "error"),
+        [
+            ("x", np.zeros((2, 3)), ValueError),
+            ("x", np.zeros((3, 4)), ValueError),
+            ("x", [[0.0] * 3] * 3, ValueError),
+            ("x", np.zeros((3, 3), np.float32), TypeError),
+            ("x", np.full((3, 3), np.nan), ValueError),
+            ("x", np.asfortranarray(np.zeros((3, 3))), ValueError),
+            ("kt", np.ones(3), ValueError),
+            ("kt", -np.ones(2), ValueError),
+            ("kt", np.ones(2, int), TypeError),
+            ("kn", -1.0, ValueError),
+            ("mu", np.inf, ValueError),
+            ("n0", np.nan, ValueError),
+            ("w", np.zeros((2, 1)), ValueError),
+            ("F", np.zeros((3, 5)), ValueError),
+            ("J", np.zeros((3, 3)), ValueError),
+            ("law", 2, ValueError),
+            ("law", -1, ValueError),
+            ("evaluation", 3, ValueError),
+        ],
+    )
+    def test_wrong_ones_are_named(self, name, value, error):
+        with pytest.raises(error, match=rf"^{name}:"):
+            _core.evaluate_contact(**{**self.good, name: value})
+
+    def test_outputs_must_be_writable(self):
+        F = np.zeros((3, 3))
+        F.flags.writeable = False
+        with pytest.raises(ValueError, match="^F: .*writable"):
+            _core.evaluate_contact(**{**self.good, "F": F})
+
+    def test_number_of_samples(self):
+        with pytest.raises(ValueError, match="^n_time: expected 8 to"):
+            _core.evaluate_contact(**self.good, evaluation=1, n_time=7)
+
+    def test_number_of_harmonics(self):
+        with pytest.raises(ValueError, match="number of harmonics: expected 1 to 64, found 0"):
+            evaluate(np.zeros((3, 1)), Point(np.ones(2), 1.0, 0.3, 1.0, np.zeros(2)))
+        with pytest.raises(ValueError, match="found 65"):
+            evaluate(np.zeros((3, 131)), Point(np.ones(2), 1.0, 0.3, 1.0, np.zeros(2)))
+
+
+def test_the_largest_number_of_harmonics():
+    rng = np.random.default_rng(500)
+    point, x = random_point(rng), random_motion(rng, 64)
+    sampled = evaluate(x, point, SAMPLED, 1 << 14).force
+    np.testing.assert_allclose(evaluate(x, point).force, sampled, rtol=0, atol=1e-4)

@@ -1,0 +1,228 @@
+"""What any contact law of this kind must satisfy, whatever the numbers."""
+
+import numpy as np
+import pytest
+
+from bdamper import _core
+from tests import oracle
+from tests.cases import EXACT, MINUS, OPEN, PLUS, SAMPLED, STICK, Point, evaluate, random_motion, random_point
+
+
+def cases(seed, count=60, harmonics=(1, 2, 3, 5)):
+    rng = np.random.default_rng(seed)
+    for i in range(count):
+        yield random_point(rng), random_motion(rng, harmonics[i % len(harmonics)])
+
+
+def parts_with_slider(x, point, d):
+    """(start, end, state, slider) with the slider that the continuity of the force gives; None if never set."""
+    parts = evaluate(x, point).parts[d]
+    if len(parts) == 1 and parts[0][2] == STICK:
+        return [(*parts[0], None)]
+    h = x.shape[1] // 2
+    out = []
+    for i, (start, end, state) in enumerate(parts):
+        slider = None
+        if state == STICK:
+            j, before = i - 1, parts[i - 1][2]
+            while before == STICK:  # the same stretch, cut at the beginning of the period
+                j -= 1
+                before = parts[j][2]
+            at = parts[j][1]
+            b = oracle.basis(at, h)
+            normal = max(point.n0 + point.kn * (b @ x[2]), 0.0)
+            bound = {PLUS: -1.0, MINUS: 1.0, OPEN: 0.0}[before] * point.mu * normal / point.kt[d]
+            slider = b @ x[d] + bound
+        out.append((start, end, state, slider))
+    return out
+
+
+def test_friction_stays_in_the_cone_and_dissipates():
+    """|T| <= mu N at every instant; the force follows from the parts of the cycle; work over a period is not negative."""
+    slipped = 0
+    for point, x in cases(1):
+        h = x.shape[1] // 2
+        result = evaluate(x, point)
+        for d in range(2):
+            rebuilt = np.zeros(2 * h + 1)
+            scale = np.full(2 * h + 1, 1 / np.pi)
+            scale[0] = 0.5 / np.pi
+            for start, end, state, slider in parts_with_slider(x, point, d):
+                node, weight = np.polynomial.legendre.leggauss(60)
+                theta = 0.5 * (end - start) * node + 0.5 * (end + start)
+                b = oracle.basis(theta, h)
+                u, level = b @ x[d], point.n0 + point.kn * (b @ x[2])
+                if state == STICK:
+                    if slider is None:  # never slips: the given slider, or the nearest that does not slip either
+                        bound = point.mu * level / point.kt[d]
+                        grid = oracle.basis(np.linspace(0, 2 * np.pi, 20001), h)
+                        reach = point.mu * (point.n0 + point.kn * (grid @ x[2])) / point.kt[d]
+                        slider = np.clip(point.w[d], (grid @ x[d] - reach).max(), (grid @ x[d] + reach).min())
+                    force = point.kt[d] * (u - slider)
+                elif state == OPEN:
+                    assert (level < 1e-9).all()
+                    force = np.zeros_like(u)
+                else:
+                    force = (1.0 if state == PLUS else -1.0) * point.mu * level
+                if state != OPEN:
+                    assert (level > -1e-9).all()
+                    assert (np.abs(force) <= point.mu * level + 1e-7).all()
+                if state in (PLUS, MINUS):  # the slider moves along the force: lo rises or hi falls
+                    r = point.mu * point.kn / point.kt[d] * (1.0 if state == PLUS else -1.0)
+                    rate = b @ oracle.derivative(x[d] - r * x[2])
+                    assert (rate * (1.0 if state == PLUS else -1.0) > -1e-9).all()
+                    slipped += 1
+                rebuilt += scale * (b.T @ (0.5 * (end - start) * weight * force))
+            np.testing.assert_allclose(result.force[d], rebuilt, rtol=0, atol=1e-7)
+            l = np.arange(1, h + 1)
+            # work of friction over a period: pi sum l (T_c u_s - T_s u_c) = integral of T u' over the period
+            work = np.pi * np.sum(l * (result.force[d, 1::2] * x[d, 2::2] - result.force[d, 2::2] * x[d, 1::2]))
+            assert work >= -1e-12
+    assert slipped > 50
+
+
+def test_dissipation_of_a_constant_normal_load_is_that_of_the_slip():
+    """Work = mu N times the path of the slider, here with one direction and a constant load."""
+    point = Point(np.array([2.0, 2.0]), 0.0, 0.5, 2.0, np.zeros(2))
+    x = np.zeros((3, 3))
+    x[0, 1] = 1.75
+    force = evaluate(x, point).force[0]
+    assert -np.pi * force[2] * x[0, 1] == pytest.approx(4 * 1.0 * (1.75 - 0.5), rel=1e-13)
+
+
+def test_time_shift_of_the_motion_shifts_the_force():
+    rng = np.random.default_rng(2)
+    for point, x in cases(3, 80):
+        result = evaluate(x, point)
+        for delta in rng.uniform(0, 2 * np.pi, 3):
+            shifted = evaluate(oracle.shift(x, delta), point)
+            expected = oracle.shift(result.force, delta)
+            np.testing.assert_allclose(shifted.force, expected, rtol=0, atol=1e-13 * (1 + np.abs(expected).max()))
+            np.testing.assert_allclose(shifted.shares, result.shares, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
+def test_homogeneous_of_degree_one(evaluation):
+    """Motion, preload and slider times s: the force times s, the tangent unchanged."""
+    for point, x in cases(4):
+        a = evaluate(x, point, evaluation, 128)
+        for s in (1e-6, 0.37, 1e6):
+            scaled = Point(point.kt, point.kn, point.mu, s * point.n0, s * point.w)
+            b = evaluate(s * x, scaled, evaluation, 128)
+            np.testing.assert_allclose(b.force / s, a.force, rtol=0, atol=1e-12 * (1 + np.abs(a.force).max()))
+            np.testing.assert_allclose(b.tangent, a.tangent, rtol=0, atol=2e-9)
+
+
+def test_scaling_of_units():
+    """Stiffnesses and preload times s (another unit of force): force and tangent times s."""
+    for point, x in cases(5):
+        a = evaluate(x, point)
+        for s in (1e-6, 1e9):
+            b = evaluate(x, Point(s * point.kt, s * point.kn, point.mu, s * point.n0, point.w))
+            np.testing.assert_allclose(b.force / s, a.force, rtol=0, atol=1e-12 * (1 + np.abs(a.force).max()))
+            np.testing.assert_allclose(b.tangent / s, a.tangent, rtol=0, atol=1e-9)
+
+
+def test_derivative_with_respect_to_preload_from_homogeneity():
+    """dF/dn0 = (F - J_u u - J_v v)/n0 wherever the slider is not remembered from before the cycle."""
+    used = 0
+    for point, x in cases(6, 120):
+        result = evaluate(x, point)
+        if abs(point.n0) < 0.2 or any(len(parts) == 1 for parts in result.parts):
+            continue
+        by_identity = (result.force - np.einsum("aibj,bj->ai", result.tangent, x)) / point.n0
+        h = 1e-6
+        plus, minus = (
+            evaluate(x, Point(point.kt, point.kn, point.mu, point.n0 + e, point.w)) for e in (h, -h)
+        )
+        if plus.states != minus.states:
+            continue
+        np.testing.assert_allclose(by_identity, (plus.force - minus.force) / (2 * h), rtol=0, atol=1e-5)
+        used += 1
+    assert used > 25
+
+
+def test_slip_anywhere_makes_the_mean_neutral():
+    """A cycle that slips forgets the offset: dT/du_bias vanishes, to rounding of the sums."""
+    used = 0
+    for point, x in cases(7, 80):
+        result = evaluate(x, point)
+        for d in range(2):
+            if result.shares[2 * d + 1] > 0.0:
+                moved = x.copy()
+                moved[d, 0] += 0.7
+                np.testing.assert_allclose(evaluate(moved, point).force[d], result.force[d], rtol=0, atol=1e-13)
+                assert np.abs(result.tangent[d, :, d, 0]).max() < 1e-14
+                used += 1
+    assert used > 40
+
+
+def test_a_point_that_never_slips_keeps_its_slider():
+    point = Point(np.array([2.0, 3.0]), 1.5, 0.5, 10.0, np.array([0.4, -0.3]))
+    x = np.array([[0.1, 0.2, 0.3], [0.0, -0.1, 0.2], [0.0, 0.5, 0.5]])
+    force = evaluate(x, point).force
+    expected = point.kt[:, None] * x[:2]
+    expected[:, 0] -= point.kt * point.w
+    np.testing.assert_allclose(force[:2], expected, rtol=0, atol=1e-15)
+    # where the given slider would slip, it is carried to the nearest one that does not
+    far = Point(point.kt, point.kn, point.mu, point.n0, np.array([50.0, -0.3]))
+    carried = evaluate(x, far)
+    bound = point.n0 + point.kn * (oracle.basis(np.linspace(0, 2 * np.pi, 100001), 1) @ x[2])
+    hi = oracle.basis(np.linspace(0, 2 * np.pi, 100001), 1) @ x[0] + point.mu * bound / point.kt[0]
+    assert carried.force[0, 0] == pytest.approx(point.kt[0] * (x[0, 0] - hi.min()), abs=1e-8)
+
+
+def test_no_friction_and_no_stiffness():
+    rng = np.random.default_rng(8)
+    for _ in range(10):
+        point, x = random_point(rng), random_motion(rng, 2)
+        normal = evaluate(x, point).force[2]
+        no_mu = evaluate(x, Point(point.kt, point.kn, 0.0, point.n0, point.w))
+        by_law = evaluate(x, point, law=1)
+        for other in (no_mu, by_law):
+            np.testing.assert_array_equal(other.force[2], normal)
+            assert not other.force[:2].any()
+            assert not other.tangent[:2].any()
+        one = evaluate(x, Point(np.array([0.0, point.kt[1]]), point.kn, point.mu, point.n0, point.w))
+        assert not one.force[0].any()
+        assert one.force[1].any() == evaluate(x, point).force[1].any()
+
+
+def test_the_limits_of_contact():
+    x = np.zeros((3, 3))
+    at_rest = Point(np.ones(2), 1.0, 0.5, 0.0, np.zeros(2))
+    result = evaluate(x, at_rest)  # no preload, no motion: open, with a defined tangent
+    assert not result.force.any()
+    assert np.isfinite(result.tangent).all()
+    grazing = x.copy()
+    grazing[2, 1] = 1.0
+    grazing[0, 2] = 1.0
+    for n0 in (1.0, 1.0 - 1e-14, 1.0 + 1e-14, -1.0, -1.0 + 1e-14):
+        result = evaluate(grazing, Point(np.ones(2), 1.0, 0.5, n0, np.zeros(2)))
+        assert np.isfinite(result.force).all()
+        assert np.isfinite(result.tangent).all()
+        np.testing.assert_allclose(result.force[2], max(n0, 0.0) * np.array([1.0, 1.0, 0.0]), rtol=0, atol=1e-10)
+
+
+def test_shares_of_the_cycle_add_up():
+    for point, x in cases(9):
+        for evaluation in (EXACT, SAMPLED):
+            s = evaluate(x, point, evaluation, 128).shares
+            assert s[0] + s[1] + s[4] == pytest.approx(1.0, abs=1e-12)
+            assert s[2] + s[3] + s[4] == pytest.approx(1.0, abs=1e-12)
+            assert (s >= -1e-15).all()
+
+
+def test_a_contact_shorter_than_the_bracketing_grid_is_caught():
+    """A tenth of a cell of the grid of 16 H + 16 samples, at any place."""
+    h = 3
+    cell = 2 * np.pi / (16 * h + 16)
+    for at in np.linspace(0.0, 2 * np.pi, 23):
+        v = oracle.shift(np.array([0.0, 1.0, 0, 0, 0, 0.3, 0.0]), -at)
+        top = np.cos(0.05 * cell) + 0.3 * np.cos(3 * 0.05 * cell)  # the level that is exceeded for a tenth of a cell
+        x = np.zeros((3, 7))
+        x[2] = v
+        shares, _ = _core.evaluate_contact(
+            x, np.ones(2), 1.0, 0.3, -top, np.zeros(2), np.empty((3, 7)), np.empty((3, 7, 3, 7))
+        )
+        assert 1.0 - shares[4] == pytest.approx(0.1 * cell / (2 * np.pi), rel=1e-6)

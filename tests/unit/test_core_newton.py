@@ -1,0 +1,178 @@
+"""The corrector in the core: convergence, tangent, undetermined directions, the excitation as parameter."""
+
+import numpy as np
+import pytest
+
+from bdamper import _core
+from tests.cases import evaluate_system, random_arrays
+
+CONVERGED, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
+
+
+def solve(system, y, normal=None, scale=None, row_scale=None, tolerance=1e-11, iterations=60, **options):
+    n = system.n_unknown
+    y = np.array(y, float)
+    tangent = np.full(n + 1, np.nan)
+    normal = np.append(np.zeros(n), 1.0) if normal is None else normal
+    options.setdefault("line_search", True)
+    out = system.correct(
+        y,
+        normal,
+        np.ones(n + 1) if scale is None else scale,
+        np.ones(n) if row_scale is None else row_scale,
+        tangent,
+        tolerance,
+        iterations,
+        **options,
+    )
+    return out, y, tangent
+
+
+def solved_systems(count=8):
+    rng = np.random.default_rng(1)
+    found = 0
+    while found < count:
+        system = _core.System(**random_arrays(rng, (2, 3, 2), 4, constraint_points=1))
+        out, y, tangent = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
+        if out[0] == CONVERGED:
+            found += 1
+            yield system, out, y, tangent
+
+
+def test_converged_points_satisfy_the_equations():
+    for system, out, y, _ in solved_systems():
+        r, _, _ = evaluate_system(system, y[:-1], y[-1])
+        assert np.abs(r).max() <= 1e-11
+        assert out[2] == np.abs(r).max()
+        assert out[6] == system.n_unknown + 1
+
+
+def test_tangent_is_the_null_vector():
+    for system, _, y, tangent in solved_systems():
+        _, J, r_omega = evaluate_system(system, y[:-1], y[-1])
+        assert np.linalg.norm(tangent) == pytest.approx(1.0, abs=1e-13)
+        assert tangent[-1] > 0.0
+        rest = J @ tangent[:-1] + r_omega * tangent[-1]
+        assert np.abs(rest).max() < 1e-10 * np.abs(J).max()
+
+
+def test_correction_stays_in_the_plane_of_scaled_unknowns():
+    rng = np.random.default_rng(2)
+    for system, _, y, tangent in solved_systems(5):
+        scale = rng.uniform(0.2, 5.0, len(y))
+        normal = tangent / scale
+        normal /= np.linalg.norm(normal)
+        predicted = y + 0.02 * normal * scale
+        out, corrected, turned = solve(system, predicted, normal, scale)
+        assert out[0] == CONVERGED
+        assert abs(normal @ ((corrected - predicted) / scale)) < 1e-12
+        assert np.linalg.norm(turned) == pytest.approx(1.0, abs=1e-13)
+        assert turned @ normal > 0.0
+
+
+def test_quadratic_convergence_without_events():
+    """The last steps of Newton square the error: a wrong Jacobian would only reduce it by a factor."""
+    rng = np.random.default_rng(3)
+    seen = 0
+    for system, _, y, _ in solved_systems():
+        start = y.copy()
+        start[:-1] += 1e-4 * rng.normal(size=len(y) - 1)
+        out, _, _ = solve(system, start, line_search=False)
+        if out[0] == CONVERGED and out[1] <= 3:
+            seen += 1
+    assert seen >= 6
+
+
+def neutral_arrays(excitation=6.0):
+    """One mass on a friction spring that slips; its mean position is held by nothing."""
+    G = np.zeros((1, 3, 2), complex)
+    G[0, 0] = 1.0
+    return {
+        "n_mode": np.array([1, 1], np.intc),
+        "stiffness": np.array([0.0, 1.0]),
+        "mass": np.ones(2),
+        "damping": np.array([0.0, 0.02]),
+        "G": np.array([1, 0, 0, 1, 0, 0], complex),
+        "kt": np.array([[1.0, 0.0]]),
+        "kn": np.zeros(1),
+        "mu": np.array([0.5]),
+        "n0": np.array([2.0]),
+        "w": np.zeros((1, 2)),
+        "law": np.zeros(1, np.intc),
+        "shift": np.zeros((1, 3)),
+        "force": np.array([0.0, excitation, 0.0]),
+    }
+
+
+def test_least_norm_leaves_a_neutral_position_alone():
+    system = _core.System(**neutral_arrays())
+    for mean in (-3.0, 0.0, 0.3, 20.0):
+        out, y, tangent = solve(system, [mean, -2.0, 0.3, 2.0])
+        assert out[0] == CONVERGED
+        assert out[6] == 3  # one direction short
+        assert y[0] == pytest.approx(mean, abs=1e-12)
+        assert tangent[0] == pytest.approx(0.0, abs=1e-12)
+    out, _, _ = solve(system, [0.3, -2.0, 0.3, 2.0], least_norm=False)
+    assert out[0] == SINGULAR
+
+
+def test_a_mean_row_of_rounding_noise_does_not_steer_newton():
+    """Friction of a symmetric cycle has the mean zero up to cancellation, whatever the vibration."""
+    for excitation in np.linspace(4.0, 9.0, 11):
+        system = _core.System(**neutral_arrays(excitation))
+        out, y, _ = solve(system, [0.3, -2.0, 0.3, 2.0], iterations=12)
+        assert out[0] == CONVERGED
+        X = np.hypot(y[1], y[2])
+        T = np.arccos(1 - 2 / X)
+        stiffness, loss = (T - np.sin(2 * T) / 2) / np.pi, 4 / (np.pi * X) * (1 - 1 / X)
+        assert np.hypot(1 + stiffness - 4, 0.04 + loss) * X == pytest.approx(excitation, rel=1e-11)
+
+
+def test_failures_are_statuses():
+    rng = np.random.default_rng(4)
+    system = _core.System(**random_arrays(rng, (2, 3), 4))
+    n = system.n_unknown
+    start = np.append(rng.normal(size=n), 1.0)
+    assert solve(system, start, iterations=0)[0][0] == NOT_CONVERGED
+    out, _, _ = solve(system, np.append(np.full(n, np.nan), 1.0))
+    assert out[0] == NOT_FINITE
+    assert np.isinf(out[2])
+    empty = random_arrays(rng, (0, 1), 0)
+    empty["stiffness"][:] = empty["mass"][:] = empty["damping"][:] = 0.0
+    out, _, _ = solve(_core.System(**empty), [0.0, 0.0, 1.0])  # 0 x = force
+    assert out[0] in (SINGULAR, NOT_CONVERGED, DIVERGED)
+
+
+def test_ramp_is_a_factor_on_part_of_the_excitation():
+    rng = np.random.default_rng(5)
+    arrays = random_arrays(rng, (2, 3), 4)
+    n = 8
+    ramp = arrays["force"].copy()
+    ramp[:2] = 0.0
+    omega = 0.7
+    system = _core.System(**arrays)
+    for factor in (0.2, 1.0, 1.7):
+        out, y, tangent = solve(system, np.append(0.1 * rng.normal(size=n), factor), ramp=ramp, omega=omega)
+        assert out[0] == CONVERGED
+        assert y[-1] == factor
+        scaled = dict(arrays, force=arrays["force"] + (factor - 1.0) * ramp)
+        r, J, _ = evaluate_system(_core.System(**scaled), y[:-1], omega)
+        assert np.abs(r).max() < 1e-10
+        # tangent: J du = ramp dfactor
+        np.testing.assert_allclose(J @ tangent[:-1], ramp * tangent[-1], rtol=0, atol=1e-9)
+
+
+def test_condition_does_not_depend_on_units():
+    """The same equations with residuals in other units."""
+    rng = np.random.default_rng(6)
+    arrays = random_arrays(rng, (2, 3), 4)
+    start = np.append(0.1 * rng.normal(size=8), 0.7)
+    out, y, _ = solve(_core.System(**arrays), start)
+    s = 1e9
+    other = dict(arrays)
+    for name in ("stiffness", "mass", "damping", "kt", "kn", "n0", "force"):
+        other[name] = s * arrays[name]
+    out_s, y_s, _ = solve(_core.System(**other), start, row_scale=np.full(8, 1 / s))
+    assert out[0] == out_s[0] == CONVERGED
+    np.testing.assert_allclose(y_s, y, rtol=0, atol=1e-9)
+    assert out_s[5] == pytest.approx(out[5], rel=1e-6)

@@ -1,0 +1,288 @@
+"""Residual and Jacobian of the harmonic balance equations against the NumPy oracle and finite differences."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from bdamper import _core
+from tests import oracle
+from tests.cases import EXACT, PLAIN, SAMPLED, difference, evaluate_system, for_oracle, random_arrays
+
+LAYOUTS = {
+    "H=1": dict(n_mode=(3, 4), n_point=4),
+    "H=2, a harmonic without modes": dict(n_mode=(2, 3, 0), n_point=3),
+    "H=3, no mean, massless modes": dict(n_mode=(0, 3, 2, 2), n_point=3, massless=1),
+    "H=3, constraint points": dict(n_mode=(2, 2, 3, 1), n_point=5, constraint_points=2),
+    "H=5": dict(n_mode=(2, 2, 2, 1, 2, 2), n_point=2, massless=1, constraint_points=1),
+    "H=7": dict(n_mode=(1, 2, 1, 2, 0, 2, 1, 2), n_point=2),
+    "without contact": dict(n_mode=(2, 3), n_point=0),
+}
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_residual_is_that_of_the_oracle(name):
+    rng = np.random.default_rng(1)
+    for _ in range(4):
+        arrays = random_arrays(rng, **LAYOUTS[name])
+        system = _core.System(**arrays)
+        u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
+        r, _, _ = evaluate_system(system, u, omega)
+        expected = oracle.residual(u, omega, for_oracle(arrays))
+        np.testing.assert_allclose(r, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
+
+
+@pytest.mark.parametrize("evaluation", [SAMPLED, PLAIN])
+def test_sampled_residual_is_that_of_the_oracle(evaluation):
+    rng = np.random.default_rng(2)
+    arrays = random_arrays(rng, (2, 3, 0, 2), 4, constraint_points=1)
+    system = _core.System(**arrays, evaluation=evaluation, n_time=96)
+    u = rng.normal(size=system.n_unknown)
+    r, _, _ = evaluate_system(system, u, 0.8)
+
+    def law(*a):
+        return oracle.contact_sampled(*a, 96, evaluation == SAMPLED)
+
+    np.testing.assert_allclose(r, oracle.residual(u, 0.8, for_oracle(arrays), law), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_derivatives(name):
+    """To 1e-7 of the largest entry; a state with an event within the step is recognised by a second step length."""
+    rng = np.random.default_rng(3)
+    compared = 0
+    for _ in range(40):
+        arrays = random_arrays(rng, **LAYOUTS[name])
+        system = _core.System(**arrays)
+        u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
+        _, J, r_omega = evaluate_system(system, u, omega)
+        coarse, fine = (
+            difference(lambda z: evaluate_system(system, z, omega)[0], u, h) for h in (1e-5, 3e-6)  # noqa: B023
+        )
+        assert np.abs(J).max() > 0.1
+        by_omega = difference(lambda w: evaluate_system(system, u, w[0])[0], np.array([omega]))[:, 0]  # noqa: B023
+        np.testing.assert_allclose(r_omega, by_omega, rtol=0, atol=1e-8 * (1 + np.abs(by_omega).max()))
+        assert arrays["n_mode"][1:].sum() == 0 or np.abs(r_omega).max() > 0
+        if np.abs(coarse - fine).max() > 1e-8 * np.abs(J).max():
+            continue
+        assert not np.array_equal(J, fine)
+        np.testing.assert_allclose(J, fine, rtol=0, atol=1e-7 * np.abs(J).max())
+        compared += 1
+        if compared == 6:
+            break
+    assert compared >= 4
+
+
+def test_outputs_may_be_left_out():
+    rng = np.random.default_rng(4)
+    arrays = random_arrays(rng, (2, 3, 2), 3)
+    system = _core.System(**arrays)
+    u = rng.normal(size=system.n_unknown)
+    r, _, _ = evaluate_system(system, u, 1.1)
+    alone = np.full_like(r, np.nan)
+    assert system.evaluate(u, 1.1, alone) == 0
+    np.testing.assert_array_equal(alone, r)
+
+
+def test_contact_gives_the_forces_in_the_residual():
+    rng = np.random.default_rng(5)
+    arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
+    system = _core.System(**arrays)
+    u = rng.normal(size=system.n_unknown)
+    X, F, share = np.full((4, 3, 5), np.nan), np.full((4, 3, 5), np.nan), np.full((4, 5), np.nan)
+    assert system.contact(u, X, F, share) == 0
+    o = for_oracle(arrays)
+    np.testing.assert_allclose(X, oracle.motion(u, o["n_mode"], o["G"], o["shift"]), rtol=0, atol=1e-13)
+    for p in range(4):
+        expected = oracle.contact(X[p], o["kt"][p], o["kn"][p], o["mu"][p], o["n0"][p], o["w"][p])
+        np.testing.assert_allclose(F[p], expected, rtol=0, atol=1e-11)
+    again = np.full((4, 5), np.nan)
+    system.shares(again)
+    np.testing.assert_array_equal(again, share)
+
+
+def test_arguments_are_copied():
+    rng = np.random.default_rng(6)
+    arrays = random_arrays(rng, (2, 3), 3)
+    system = _core.System(**arrays)
+    u = rng.normal(size=system.n_unknown)
+    before = evaluate_system(system, u, 1.0)[0]
+    for value in arrays.values():
+        value[...] = 7
+    np.testing.assert_array_equal(evaluate_system(system, u, 1.0)[0], before)
+
+
+GOOD = random_arrays(np.random.default_rng(7), (2, 3), 3)
+
+
+def changed(name, index, value):
+    out = GOOD[name].copy()
+    out.flat[index] = value
+    return out
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "error"),
+    [
+        ("n_mode", [2, 3], TypeError),
+        ("n_mode", np.array([2, 3], np.int64), TypeError),
+        ("n_mode", np.array([2, -3], np.intc), ValueError),
+        ("stiffness", np.zeros(4), ValueError),
+        ("stiffness", changed("stiffness", 0, -1.0), ValueError),
+        ("mass", changed("mass", 1, np.nan), ValueError),
+        ("damping", changed("damping", 0, -0.1), ValueError),
+        ("G", GOOD["G"].real.copy(), TypeError),
+        ("G", GOOD["G"][:-1].copy(), ValueError),
+        ("G", changed("G", 3, np.inf), ValueError),
+        ("kt", GOOD["kt"][:, :1].copy(), ValueError),
+        ("kt", np.asfortranarray(GOOD["kt"]), ValueError),
+        ("kt", changed("kt", 2, -1.0), ValueError),
+        ("kn", GOOD["kn"][:, None].copy(), TypeError),
+        ("kn", changed("kn", 1, np.inf), ValueError),
+        ("mu", np.ones(2), ValueError),
+        ("mu", changed("mu", 0, -0.1), ValueError),
+        ("n0", changed("n0", 0, np.nan), ValueError),
+        ("w", np.zeros((2, 2)), ValueError),
+        ("w", changed("w", 0, np.nan), ValueError),
+        ("law", np.zeros(3, np.int64), TypeError),
+        ("law", np.array([0, 2, 0], np.intc), ValueError),
+        ("shift", np.zeros(9), ValueError),
+        ("shift", changed("shift", 8, np.nan), ValueError),
+        ("force", np.zeros(7), ValueError),
+        ("force", changed("force", 0, np.inf), ValueError),
+        ("evaluation", 3, ValueError),
+        ("evaluation", -1, ValueError),
+    ],
+)
+def test_wrong_arguments_are_named(name, value, error):
+    with pytest.raises(error, match=rf"^{name}: expected"):
+        _core.System(**{**GOOD, name: value})
+
+
+def test_sizes_are_checked():
+    with pytest.raises(ValueError, match="^n_time: expected 8 to"):
+        _core.System(**GOOD, evaluation=1, n_time=4)
+    with pytest.raises(ValueError, match="number of harmonics: expected 1 to 64, found 0"):
+        _core.System(**{**GOOD, "n_mode": np.array([2], np.intc)})
+    with pytest.raises(ValueError, match="expected 1 to 30000 unknowns"):
+        _core.System(**{**GOOD, "n_mode": np.zeros(2, np.intc)})
+
+
+@pytest.mark.parametrize(
+    ("place", "name", "value"),
+    [
+        (0, "u", np.zeros(7)),
+        (0, "u", np.zeros(8, np.float32)),
+        (2, "r", np.zeros(9)),
+        (2, "r", np.zeros(16)[::2]),
+        (3, "J", np.zeros((8, 7))),
+        (3, "J", np.zeros((8, 8)).T[::-1]),
+        (4, "r_omega", np.zeros((8, 1))),
+        (4, "r_omega", "text"),
+    ],
+)
+def test_wrong_arrays_of_evaluate_are_named(place, name, value):
+    arguments = [np.zeros(8), 1.0, np.zeros(8), np.zeros((8, 8)), np.zeros(8)]
+    system = _core.System(**GOOD)
+    assert system.evaluate(*arguments) == 0
+    arguments[place] = value
+    with pytest.raises((TypeError, ValueError), match=rf"^{name}: expected"):
+        system.evaluate(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("place", "name"), [(0, "y"), (1, "normal"), (2, "scale"), (3, "row_scale"), (4, "tangent")]
+)
+def test_wrong_arrays_of_correct_are_named(place, name):
+    system = _core.System(**GOOD)
+    arguments = [np.zeros(9), np.ones(9), np.ones(9), np.ones(8), np.zeros(9)]
+    arguments[place] = np.zeros(3)
+    with pytest.raises(ValueError, match=rf"^{name}: expected shape \({8 if name == 'row_scale' else 9},\), found \(3,\)"):
+        system.correct(*arguments, 1e-9, 10)
+    arguments[place] = np.ones(8 if name == "row_scale" else 9)
+    with pytest.raises(ValueError, match="^ramp: expected shape"):
+        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(2))
+
+
+def test_a_point_that_is_not_finite_is_a_status():
+    system = _core.System(**GOOD)
+    u, r = np.zeros(8), np.zeros(8)
+    u[3] = np.nan
+    assert system.evaluate(u, 1.0, r) == 4
+    assert system.evaluate(np.zeros(8), np.inf, r) == 4
+
+
+def run_together(work, n_threads=4):
+    errors = []
+
+    def guarded(i):
+        try:
+            work(i)
+        except BaseException as error:  # noqa: BLE001
+            errors.append(error)
+
+    threads = [threading.Thread(target=guarded, args=(i,)) for i in range(n_threads)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not errors, errors
+
+
+@pytest.mark.parametrize("shared", [True, False], ids=["one system", "a system for each thread"])
+def test_threads_give_the_serial_results(shared):
+    rng = np.random.default_rng(8)
+    arrays = random_arrays(rng, (3, 4, 3), 12)
+    n_threads, n_states = 4, 40
+    systems = [_core.System(**arrays)] * n_threads if shared else [_core.System(**arrays) for _ in range(n_threads)]
+    states = rng.normal(size=(n_states, systems[0].n_unknown))
+    serial = [evaluate_system(systems[0], u, 0.9) for u in states]
+    found = [[None] * n_states for _ in range(n_threads)]
+
+    def work(i):
+        for k in np.random.default_rng(i).permutation(n_states):
+            found[i][k] = evaluate_system(systems[i], states[k], 0.9)
+
+    run_together(work, n_threads)
+    for results in found:
+        for a, b in zip(results, serial):
+            for one, other in zip(a, b):
+                np.testing.assert_array_equal(one, other)
+
+
+def test_corrector_in_threads_gives_the_serial_results():
+    rng = np.random.default_rng(9)
+    system = _core.System(**random_arrays(rng, (2, 3), 6))
+    n = system.n_unknown
+    at_frequency = np.append(np.zeros(n), 1.0)
+    starts = rng.normal(size=(12, n + 1)) * 0.1
+    starts[:, -1] = np.linspace(0.5, 2.0, 12)
+
+    def solve(k):
+        y, tangent = starts[k].copy(), np.zeros(n + 1)
+        out = system.correct(y, at_frequency, np.ones(n + 1), np.ones(n), tangent, 1e-10, 40, True)
+        return out[0], y, tangent
+
+    serial = [solve(k) for k in range(12)]
+    assert sum(status == 0 for status, _, _ in serial) >= 6
+
+    def work(i):
+        for k in range(12):
+            status, y, tangent = solve(k)
+            assert status == serial[k][0]
+            np.testing.assert_array_equal(y, serial[k][1])
+            if status == 0:
+                np.testing.assert_array_equal(tangent, serial[k][2])
+
+    run_together(work)
+
+
+def test_cost_is_counted():
+    system = _core.System(**GOOD)
+    evaluate_system(system, np.zeros(8), 1.0)
+    system.evaluate(np.zeros(8), 1.0, np.zeros(8))
+    contact, assembly, algebra, evaluations, jacobians, factorisations = system.cost
+    assert (evaluations, jacobians, factorisations) == (2, 1, 0)
+    assert contact > 0.0
+    assert assembly > 0.0
+    assert algebra == 0.0
