@@ -1,6 +1,7 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
 from bdamper.continuation import ContinuationOptions
+from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.io import load_model, save_model
 from bdamper.model import Model
@@ -17,6 +18,7 @@ __all__ = [
     "ContinuationOptions",
     "Cost",
     "Curve",
+    "Effects",
     "Excitation",
     "Fold",
     "Model",

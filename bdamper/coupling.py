@@ -223,6 +223,11 @@ class Coupling:
             np.ones_like(stiffness),
         )
 
+    def no_basis(self) -> HarmonicBasis:
+        """Of a harmonic that is left out: no modes."""
+        empty = np.zeros(0)
+        return HarmonicBasis((), empty, empty, np.zeros((self.n_points, 3, 0), complex), 0, empty)
+
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic."""
         place = self.model.locations[location]

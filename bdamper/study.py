@@ -15,19 +15,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from copy import copy
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.aggregation import unite_contact_points, united_stiffness
 from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
+from bdamper.effects import Effects, check_harmonics, harmonic_numbers
 from bdamper.errors import SettingError
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
+from bdamper.reduced_contact import without_separation
 from bdamper.response import Curve
 from bdamper.stiffness import StiffnessReport, contact_stiffness, report
 from bdamper.system import (
@@ -112,8 +116,8 @@ class Study:
     friction_coefficient : float or mapping of interface name to float
     response : Response, optional
         Location and direction of the excitation by default.
-    harmonics : int
-        Harmonics of the response besides the mean.
+    harmonics : int or tuple of int
+        Harmonics of the response besides the mean: how many, or which.
     contact_stiffness : {"unit_traction", "eq4", "model"}, float or mapping
         Method (see :mod:`bdamper.stiffness`), values in N/m, or "model": those that the model carries.
     blade_modes : int
@@ -131,6 +135,14 @@ class Study:
         For all elastic modes, instead of the model's.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
+    bias, variable_normal_load, separation : bool
+        Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
+        otherwise stands in :class:`~bdamper.effects.Effects`.
+    contact_points : int, optional
+        At most so many contact points on each friction face, by uniting neighbouring patches.
+    effects : Effects, optional
+        All settings that decide which effects take part, at once; the settings hold them afterwards, and
+        ``Effects.of(study)`` reads them.
 
     Raises
     ------
@@ -143,7 +155,7 @@ class Study:
     engine_order: int = 1
     friction_coefficient: float | Mapping[str, float] = 0.3
     response: Response | None = None
-    harmonics: int = 1
+    harmonics: int | tuple[int, ...] = 1
     contact_stiffness: str | float | Mapping[str, NDArray] = "unit_traction"
     blade_modes: int = 10
     damper_modes: int = 0
@@ -152,14 +164,21 @@ class Study:
     single_basis: bool = False
     damping_ratio: float | None = None
     evaluation: str | Sampled = "exact"
+    bias: bool = True
+    variable_normal_load: bool = True
+    separation: bool = True
+    contact_points: int | None = None
+    effects: Effects | None = None
     _states: dict[float, PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        if self.effects is not None:
+            self._take_effects(self.effects)
         check_model(self.model)
         if int(self.engine_order) != self.engine_order or self.engine_order < 0:
             raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
-        if int(self.harmonics) != self.harmonics or not 1 <= self.harmonics <= 64:
-            raise SettingError(f"harmonics: expected a whole number from 1 to 64, found {self.harmonics!r}")
+        check_harmonics(self.harmonics)
+        _ = Effects.of(self)
         for name, place in (("excitation", self.excitation), ("response", self._response)):
             if place.location not in self.model.locations:
                 raise SettingError(
@@ -171,6 +190,33 @@ class Study:
             if not (np.isfinite(mu) and mu >= 0.0):
                 raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
         _ = self.bases  # the nodal diameters that the harmonics need
+
+    def _take_effects(self, effects: Effects) -> None:
+        own = {f.name: f.default for f in fields(self)}
+        for name, value in effects.settings().items():
+            given = getattr(self, name)
+            if given not in (own[name], value):
+                raise SettingError(
+                    f"{name}: expected only one of effects and {name}, found effects with {value!r} and {given!r}; "
+                    "use with_effects to change the effects of a study"
+                )
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "effects", None)
+
+    def with_effects(self, effects: Effects) -> Study:
+        """The same study with other effects; what does not depend on them is shared."""
+        settings = effects.settings()
+        changed = {name for name, value in settings.items() if value != getattr(self, name)}
+        if not changed <= {"harmonics", "bias"}:
+            return replace(self, **settings)
+        out = copy(self)
+        for name, value in settings.items():
+            object.__setattr__(out, name, value)
+        for name in ("bases", "_modal_bases", "_response_rows"):
+            out.__dict__.pop(name, None)
+        check_harmonics(out.harmonics)
+        _ = out.bases
+        return out
 
     # ---- parts, made once ----
 
@@ -211,15 +257,35 @@ class Study:
             for name, body in self.model.bodies.items()
         }
         model = replace(self.model, bodies=bodies)
+        if self.contact_points is not None:
+            model = unite_contact_points(model, self.contact_points)
         available = [min(b.n_modes for b in body.bases.values()) for body in bodies.values() if body.kind == "constrained"]
         blade_modes = min([self.blade_modes, *available]) if self.blade_modes > 0 else self.blade_modes
         modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
         return Coupling(model, self._interfaces(), modes, int(self.engine_order), self.single_basis)
 
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return harmonic_numbers(self.harmonics)
+
+    @property
+    def _active(self) -> set[int]:
+        """Harmonics that have unknowns, the mean counted as 0."""
+        return {*self.harmonic_numbers, *([0] if self.bias else [])}
+
+    @cached_property
+    def _static_basis(self) -> HarmonicBasis:
+        """Modes of the static state."""
+        return self.coupling.basis(0)
+
     @cached_property
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on."""
-        bases = [self.coupling.basis(l) for l in range(self.harmonics + 1)]
+        bases = [
+            self.coupling.basis(l) if l in self._active else self.coupling.no_basis()
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
         if self.damping_ratio is not None:
             bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]
         return bases
@@ -240,7 +306,14 @@ class Study:
             missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
             if missing:
                 raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
-            return {name: self.model.contact[name] for name in self.coupling.interfaces}
+            return {name: self.coupling.model.contact[name] for name in self.coupling.interfaces}
+        if self.contact_points is not None and not isinstance(method, str):
+            # numbers are given for the points of the model
+            whole = method if isinstance(method, Mapping) else dict.fromkeys(self.coupling.interfaces, method)
+            method = {
+                name: united_stiffness(self.model.interfaces[name], self.contact_points, np.asarray(k, float))
+                for name, k in whole.items()
+            }
         return contact_stiffness(self.coupling, method, self.friction)  # type: ignore[arg-type]
 
     @property
@@ -254,11 +327,17 @@ class Study:
 
     @cached_property
     def _gap(self) -> NDArray:
-        return np.concatenate([self.model.interfaces[name].gap for name in self.coupling.interfaces])
+        return np.concatenate([self.coupling.model.interfaces[name].gap for name in self.coupling.interfaces])
 
     @cached_property
     def _kt(self) -> NDArray:
         return self._k[:, :2] * (self.friction > 0.0)[:, None]
+
+    @cached_property
+    def _friction_points(self) -> NDArray:
+        """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
+        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
+        return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
     @cached_property
     def _load(self) -> tuple[NDArray, NDArray]:
@@ -275,7 +354,8 @@ class Study:
     def _response_rows(self) -> list[NDArray]:
         direction = _direction(self._response.direction, "response direction")
         rows = [
-            direction @ self.coupling.location_modes(self._response.location, l) for l in range(self.harmonics + 1)
+            direction @ self.coupling.location_modes(self._response.location, l) if l in self._active else np.zeros(0)
+            for l in range(self.harmonic_numbers[-1] + 1)
         ]
         rows[0] = rows[0].real
         return rows
@@ -297,8 +377,8 @@ class Study:
         if preload not in self._states:
             force, shift = self._load
             system = StaticSystem(
-                self.bases[0].omega2,
-                self.bases[0].G.real,
+                self._static_basis.omega2,
+                self._static_basis.G.real,
                 self._kt,
                 self._k[:, 2],
                 self.friction,
@@ -327,10 +407,13 @@ class Study:
         e = self._force_rows
         n_mode = [len(b.omega2) for b in self.bases]
         force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
-        force[: n_mode[0]] = state.load * load
+        force[: n_mode[0]] = (state.load * load)[: n_mode[0]]
         n = n_mode[1]
         force[n_mode[0] : n_mode[0] + n] = e.real
         force[n_mode[0] + n : n_mode[0] + 2 * n] = -e.imag
+        shift = state.load * shift
+        if not self.bias:
+            shift = shift + self._static_basis.G.real @ state.q
         points = PointArrays(
             kt=self._kt,
             kn=self._k[:, 2],
@@ -338,12 +421,19 @@ class Study:
             n0=-self._k[:, 2] * self._gap,
             slider=state.slider,
             law=np.where(self.friction > 0.0, LAW_SEPARABLE, LAW_NORMAL),
-            shift=state.load * shift,
+            shift=shift,
         )
+        bases = self.bases
+        if not self.separation or not self.variable_normal_load:
+            bases, points = without_separation(
+                bases, points, state, self._friction_points, constant_load=not self.variable_normal_load
+            )
         vibration = float(np.abs(self._force_rows).max())
         mean = max(float(np.abs(state.load * load).max()), vibration)
         scale = (mean or 1.0, vibration or mean or 1.0)
-        return HarmonicSystem(self.bases, points, force, self._response_rows, self.evaluation, scale)
+        system = HarmonicSystem(bases, points, force, self._response_rows, self.evaluation, scale)
+        system.bases = self.bases  # linear springs are those of the points of the coupling
+        return system
 
     def _stuck_springs(self, state: PreloadState) -> NDArray:
         """(n_points, 3) linear springs: points that the preload has closed do not slip."""
@@ -367,7 +457,7 @@ class Study:
         system = self.system(preload)
         meter.watch(system)
         linear = system.linear_response(omega, self._stuck_springs(state))
-        guess = system.pack(state.q, linear)
+        guess = system.pack(state.q[: system.n_mean], linear)
         scale = np.ones(system.n_unknowns + 1)
         scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), float(np.linalg.norm(linear)), 1e-300)
         scale[system.n_mean : -1] = max(float(np.linalg.norm(linear)), 1e-300)
@@ -395,7 +485,7 @@ class Study:
         ramp = system.excitation_ramp(omega)
         first = 1e-3
         linear = first * system.linear_response(omega, self._stuck_springs(state))
-        start = np.append(system.pack(state.q, linear), first)
+        start = np.append(system.pack(state.q[: system.n_mean], linear), first)
         path = follow(ramp, start, (0.5 * first, 1.0), options=replace(options, locate=False, max_points=2000))
         meter.iterations += path.iterations
         meter.failed_steps += path.failed_steps
@@ -588,7 +678,11 @@ class Study:
         given = self.contact_stiffness
         out: dict[str, Any] = {
             "engine_order": int(self.engine_order),
-            "harmonics": int(self.harmonics),
+            "harmonics": list(self.harmonic_numbers),
+            "bias": self.bias,
+            "variable_normal_load": self.variable_normal_load,
+            "separation": self.separation,
+            "contact_points": self.contact_points,
             "friction_coefficient": self._friction_by_interface(),
             "excitation": asdict(self.excitation),
             "response": asdict(self._response),

@@ -24,14 +24,14 @@ C_LEVELS = [
 # every Python module may import from lower levels and its own
 PYTHON_LEVELS = [
     {"errors", "model", "_core"},
-    {"checks", "wedge", "fe", "reduction"},
+    {"checks", "wedge", "fe", "reduction", "aggregation"},
     {"io"},
     {"reference", "coupling"},
-    {"stiffness", "staticcontact", "preload", "system", "misfit"},
+    {"stiffness", "staticcontact", "preload", "system", "misfit", "reduced_contact"},
     {"continuation", "stability", "timedomain"},
     {"response"},
     {"peaks"},
-    {"optimal", "study", "sweep", "uncertainty", "effects", "accuracy", "results"},
+    {"optimal", "study", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
     {"plotting"},
 ]
 

@@ -1,0 +1,235 @@
+"""The effects that a simulation takes part in, and what is assumed where one is left out.
+
+An effect is a part of the physics that costs unknowns, contact points or kernels: further harmonics, the mean, the
+variation of the normal load, separation, motions of the damper, elastic modes, constraint planes, contact points.
+:class:`Effects` names them all; a :class:`~bdamper.study.Study` made with it carries nothing of what is off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from bdamper.coupling import RIGID_NAMES
+from bdamper.errors import SettingError
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+AXES = ("X", "Y", "Z")
+MAX_HARMONIC = 64
+
+
+def _effect(default: Any, meaning: str, off: str) -> Any:
+    return field(default=default, metadata={"meaning": meaning, "off": off})
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What a simulation takes into account.
+
+    Parameters
+    ----------
+    harmonics : int or sequence of int
+        How many harmonics of the engine order, or which: ``(1, 3)`` leaves the second out.  The first is always there.
+        Even harmonics vanish only where the normal load is constant (:attr:`odd_symmetry`).
+    bias : bool
+        Mean motion as unknowns.  Off: the mean stays at its static value.
+    variable_normal_load : bool
+        The friction limit follows the normal load through the cycle.  Off: it is that of the static state; surfaces then
+        do not separate either.
+    separation : bool
+        Surfaces may open and close within the cycle.  Off: friction points that are closed statically stay closed (their
+        normal spring pulls as well as it pushes; without pressure there is no friction), the others stay open.
+    rotation, translation : sequence of "X", "Y", "Z"
+        Rigid-body motions of free bodies about and along their own axes (Y along the load, Z along the axis of
+        rotation).
+    damper_modes : int
+        Elastic modes of each free body.
+    harmonic_nodal_diameters : bool
+        Each harmonic has the modes of the nodal diameter that it excites.  Off: all have those of the first.
+    constraints : bool
+        Constraint planes (front and back of a damper).
+    contact_points : int, optional
+        At most so many on each friction face, by uniting neighbouring patches; the model's own by default.
+    blade_modes : int
+        Modes of each constrained body (at most what the model has).
+    """
+
+    harmonics: int | tuple[int, ...] = _effect(
+        1, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
+    )
+    bias: bool = _effect(True, "mean motion under vibration", "the mean stays at its static value")
+    variable_normal_load: bool = _effect(
+        True, "friction limit follows the normal load", "friction limit of the static normal load, no separation"
+    )
+    separation: bool = _effect(
+        True, "surfaces open and close within the cycle", "closed points stay closed, open points stay open"
+    )
+    rotation: tuple[str, ...] = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
+    translation: tuple[str, ...] = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
+    damper_modes: int = _effect(0, "elastic damper modes", "the damper is rigid but for its contact stiffness")
+    harmonic_nodal_diameters: bool = _effect(
+        True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
+    )
+    constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
+    contact_points: int | None = _effect(
+        None, "contact points on each face", "neighbouring patches slip and open together"
+    )
+    blade_modes: int = _effect(10, "modes of the blade", "higher modes act through the contact stiffness alone")
+
+    def __post_init__(self) -> None:
+        check_harmonics(self.harmonics)
+        if not isinstance(self.harmonics, int):
+            object.__setattr__(self, "harmonics", tuple(int(l) for l in self.harmonics))
+        for name in ("rotation", "translation"):
+            object.__setattr__(self, name, _axes(name, getattr(self, name)))
+        if self.contact_points is not None and (int(self.contact_points) != self.contact_points or self.contact_points < 1):
+            raise SettingError(f"contact_points: expected a whole number >= 1 or None, found {self.contact_points!r}")
+        if not self.variable_normal_load:
+            object.__setattr__(self, "separation", False)
+
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return harmonic_numbers(self.harmonics)
+
+    @property
+    def rigid_modes(self) -> tuple[str, ...]:
+        """Names of the rigid-body modes, as in :data:`bdamper.coupling.RIGID_NAMES`."""
+        return tuple(f"T{a}" for a in self.translation) + tuple(f"R{a}" for a in self.rotation)
+
+    @property
+    def odd_symmetry(self) -> bool:
+        """Whether even harmonics vanish by symmetry: friction with a constant limit is odd in the motion."""
+        return not self.variable_normal_load
+
+    @classmethod
+    def of(cls, study: Study) -> Effects:
+        """The effects that a study simulates."""
+        rigid = study.rigid_modes
+        return cls(
+            harmonics=study.harmonics,
+            bias=study.bias,
+            variable_normal_load=study.variable_normal_load,
+            separation=study.separation and study.variable_normal_load,
+            rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
+            translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
+            damper_modes=study.damper_modes,
+            harmonic_nodal_diameters=not study.single_basis,
+            constraints=study.constraints,
+            contact_points=study.contact_points,
+            blade_modes=study.blade_modes,
+        )
+
+    @classmethod
+    def cheapest(cls, study: Study) -> Effects:
+        """The simplest assumptions under which the damper still moves along all axes."""
+        own = cls.of(study)
+        return replace(own, harmonics=1, damper_modes=0)
+
+    def settings(self) -> dict[str, Any]:
+        """The settings of a study that carry these effects, by name."""
+        return {
+            "harmonics": self.harmonics,
+            "bias": self.bias,
+            "variable_normal_load": self.variable_normal_load,
+            "separation": self.separation,
+            "rigid_modes": self.rigid_modes,
+            "damper_modes": self.damper_modes,
+            "single_basis": not self.harmonic_nodal_diameters,
+            "constraints": self.constraints,
+            "contact_points": self.contact_points,
+            "blade_modes": self.blade_modes,
+        }
+
+    def _with(self, name: str, value: Any) -> Effects:
+        changes: dict[str, Any] = {name: value}
+        return replace(self, **changes)
+
+    def missing(self, richer: Effects) -> dict[str, Effects]:
+        """Single effects that the richer set has on and this one has off.
+
+        Returns
+        -------
+        dict of str to Effects
+            Name of each effect, and this set with it switched on.
+        """
+        out: dict[str, Effects] = {}
+        if set(richer.harmonic_numbers) - set(self.harmonic_numbers):
+            out["harmonics"] = replace(self, harmonics=_merged(self.harmonic_numbers, richer.harmonic_numbers))
+        for name in ("bias", "harmonic_nodal_diameters", "constraints"):
+            if getattr(richer, name) and not getattr(self, name):
+                out[name.replace("_", " ")] = self._with(name, True)
+        if richer.variable_normal_load and not self.variable_normal_load:
+            out["variable normal load"] = replace(self, variable_normal_load=True, separation=False)
+        if richer.separation and not self.separation:
+            out["separation"] = replace(self, variable_normal_load=True, separation=True)
+        for name in ("rotation", "translation"):
+            for axis in getattr(richer, name):
+                if axis not in getattr(self, name):
+                    out[f"{name} {axis}"] = self._with(name, (*getattr(self, name), axis))
+        for name in ("damper_modes", "blade_modes"):
+            if getattr(richer, name) > getattr(self, name):
+                out[name.replace("_", " ")] = self._with(name, getattr(richer, name))
+        if self.contact_points is not None and (
+            richer.contact_points is None or richer.contact_points > self.contact_points
+        ):
+            out["contact points"] = replace(self, contact_points=richer.contact_points)
+        return out
+
+    def describe(self) -> str:
+        """A table of all effects: the setting, what it means, and what is assumed where it is off or reduced."""
+        rows = [
+            (f.name.replace("_", " "), _text(getattr(self, f.name)), f.metadata["meaning"], f.metadata["off"])
+            for f in fields(self)
+        ]
+        head = ("effect", "setting", "meaning", "assumed where off or reduced")
+        width = [max(len(r[i]) for r in [head, *rows]) for i in range(4)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, width)).rstrip() for row in [head, *rows]]
+        evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
+        if evens and not self.odd_symmetry:
+            lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
+        return "\n".join(lines)
+
+
+def check_harmonics(harmonics: int | Sequence[int]) -> None:
+    """Refuse anything but a count from 1 to 64 or a set of harmonics that contains the first."""
+    what = f"harmonics: expected a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
+    if isinstance(harmonics, (str, bytes)):
+        raise SettingError(f"{what}, found {harmonics!r}")
+    try:
+        given = [harmonics] if not isinstance(harmonics, Sequence) else list(harmonics)
+        good = all(int(l) == l and 1 <= l <= MAX_HARMONIC for l in given)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"{what}, found {harmonics!r}") from error
+    if not good or (isinstance(harmonics, Sequence) and 1 not in given) or len(set(given)) != len(given):
+        raise SettingError(f"{what}, found {harmonics!r}")
+
+
+def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
+    """Harmonics besides the mean, ascending, from a count or a set."""
+    if isinstance(harmonics, Sequence):
+        return tuple(sorted(int(l) for l in harmonics))
+    return tuple(range(1, int(harmonics) + 1))
+
+
+def _merged(a: tuple[int, ...], b: tuple[int, ...]) -> int | tuple[int, ...]:
+    union = tuple(sorted({*a, *b}))
+    return len(union) if union == tuple(range(1, len(union) + 1)) else union
+
+
+def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    given = tuple(value)
+    if any(axis not in AXES for axis in given) or len(set(given)) != len(given):
+        raise SettingError(f"{name}: expected axes out of {AXES}, each at most once, found {value!r}")
+    return tuple(axis for axis in AXES if axis in given)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, tuple):
+        return " ".join(str(v) for v in value) or "off"
+    return "all" if value is None else str(value)

@@ -1,0 +1,264 @@
+"""What a study carries with an effect switched off: unknowns, points, kernels, and what remains of the equations."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.aggregation import group_patches, unite_contact_points
+from bdamper.preload import OPEN
+from bdamper.system import LAW_SEPARABLE
+from tests import models
+
+PRELOAD = 300.0
+
+
+@pytest.fixture(scope="module")
+def model():
+    return models.wedge_model(1, n_points=6, harmonics=5)
+
+
+@pytest.fixture(scope="module")
+def full(model):
+    return bd.Study(
+        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+    )
+
+
+def effects(study, **changes):
+    return replace(bd.Effects.of(study), **changes)
+
+
+# n modes: 4 of the blade, 6 + 1 of the damper; points: 2 faces of 6 with friction, 2 planes of 3
+COUNTS = [
+    ({}, 11 * 7, 18),
+    ({"harmonics": 1}, 11 * 3, 18),
+    ({"harmonics": (1, 3)}, 11 * 5, 18),
+    ({"bias": False}, 11 * 6, 18),
+    ({"rotation": ()}, 8 * 7, 18),
+    ({"rotation": ("X", "Y")}, 10 * 7, 18),
+    ({"translation": ("X", "Y")}, 10 * 7, 18),
+    ({"damper_modes": 0}, 10 * 7, 18),
+    ({"blade_modes": 2}, 9 * 7, 18),
+    ({"constraints": False}, 11 * 7, 12),
+    ({"contact_points": 2}, 11 * 7, 10),
+    ({"harmonic_nodal_diameters": False}, 11 * 7, 18),
+    ({"harmonics": 1, "bias": False, "rotation": (), "damper_modes": 0, "constraints": False}, 7 * 2, 12),
+]
+
+
+@pytest.mark.parametrize(("changes", "unknowns", "points"), COUNTS, ids=lambda v: str(v))
+def test_unknowns_and_points_of_an_effect_that_is_off_are_gone(full, changes, unknowns, points):
+    system = full.with_effects(effects(full, **changes)).system(PRELOAD)
+    assert (system.n_unknowns, system.n_points) == (unknowns, points)
+
+
+def test_every_evaluation_of_a_curve_is_counted(full):
+    """Contact laws are evaluated once for each point of the system and each evaluation of the residual."""
+    cheap = full.with_effects(effects(full, harmonics=1, damper_modes=0))
+    for study in (full, cheap):
+        curve = study.track(5000.0, (780.0, 880.0))
+        assert curve.complete
+        # one Jacobian for each corrector iteration, and one for the tangent of each point
+        assert curve.cost.evaluations >= curve.cost.jacobians >= curve.cost.iterations + len(curve)
+        assert curve.unknowns.shape[1] == study.system(5000.0).n_unknowns
+
+
+def state_of(study, rng, size=3e-6):
+    system = study.system(PRELOAD)
+    u = size * rng.standard_normal(system.n_unknowns)
+    if study.bias:
+        u[: system.n_mean] = study.static(PRELOAD).q
+    return system, u
+
+
+def embedded(cheap, rich, u, study):
+    """Unknowns of the richer system: those of the cheap one where there are any, else rest."""
+    out = np.zeros(rich.n_unknowns)
+    out[: rich.n_mean] = study.static(PRELOAD).q
+    for l in range(cheap.n_harmonics + 1):
+        for a, b in zip(cheap.slices(l), rich.slices(l)):
+            if a.stop > a.start:
+                out[b] = u[a]
+    return out
+
+
+@pytest.mark.parametrize("changes", [{"harmonics": (1, 3)}, {"harmonics": 2}, {"bias": False}], ids=str)
+def test_equations_that_remain_are_those_of_the_full_system(full, changes):
+    rng = np.random.default_rng(1)
+    study = full.with_effects(effects(full, **changes))
+    cheap, u = state_of(study, rng)
+    rich = full.system(PRELOAD)
+    r, J, d = cheap.evaluate(u, 2000.0)
+    R, K, D = rich.evaluate(embedded(cheap, rich, u, study), 2000.0)
+    index = np.flatnonzero(embedded(cheap, rich, np.ones(len(u)), study) == 1.0)
+    assert len(index) == len(u)
+    scale = np.abs(R).max()
+    np.testing.assert_allclose(r, R[index], atol=1e-11 * scale)
+    np.testing.assert_allclose(J, K[np.ix_(index, index)], rtol=1e-9, atol=1e-9 * np.abs(K).max())
+    np.testing.assert_allclose(d, D[index], rtol=1e-12, atol=1e-14)
+
+
+def test_shared_variant_is_the_study_made_anew(full):
+    changed = effects(full, harmonics=(1, 3), bias=False)
+    a, b = full.with_effects(changed), replace(full, **changed.settings())
+    np.testing.assert_array_equal(a.track(2000.0, (780.0, 880.0)).unknowns, b.track(2000.0, (780.0, 880.0)).unknowns)
+
+
+def test_without_separation_the_normal_spring_is_two_sided(full):
+    rng = np.random.default_rng(2)
+    study = full.with_effects(effects(full, separation=False))
+    closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
+    friction = np.arange(18) < 12
+    system, u = state_of(study, rng, 3e-5)
+    X, F, share = system.contact(u)
+    n = int((closed | ~friction).sum())
+    held = np.flatnonzero(closed & friction)
+    assert system.n_points == n + len(held)
+    both = F[: len(held), 2] - F[n:, 2]
+    expected = study._k[held, 2, None] * X[: len(held), 2]
+    np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
+    assert np.abs(F[n:]).max() > 1e-3 * np.abs(F).max(), "no point was pulled: the test saw nothing"
+    assert (share[: len(held), 4] > 0.0).any()
+
+
+def test_constant_normal_load_limits_friction_by_its_static_value(full):
+    rng = np.random.default_rng(3)
+    study = full.with_effects(effects(full, variable_normal_load=False))
+    assert not bd.Effects.of(study).separation
+    state = study.static(PRELOAD)
+    system, u = state_of(study, rng, 3e-5)
+    X, F, share = system.contact(u)
+    held = np.flatnonzero(~(state.status[:12] == OPEN).any(axis=1))
+    friction = slice(0, len(held))
+    assert (system.points.law[friction] == LAW_SEPARABLE).all()
+    np.testing.assert_array_equal(share[friction, 4], 0.0)
+    assert share[friction, 1].max() > 0.1
+    # with harmonics up to H the sum of the series overshoots the limit; the mean square cannot
+    power = F[friction, :2, 0] ** 2 + 0.5 * (F[friction, :2, 1:] ** 2).sum(axis=2)
+    limit = 0.4 * state.force[held, 2]
+    assert (power <= limit[:, None] ** 2 * (1 + 1e-12)).all()
+    normal = F[len(held) + 6 :, 2]  # behind the constraint planes: turned round, then straight
+    both = normal[len(held) :] - normal[: len(held)]
+    np.testing.assert_allclose(both, study._k[held, 2, None] * X[-len(held) :, 2], atol=1e-9 * np.abs(both).max())
+
+
+def test_even_harmonics_vanish_with_a_constant_limit_and_no_bias(full):
+    study = full.with_effects(effects(full, variable_normal_load=False, bias=True, constraints=False))
+    assert bd.Effects.of(study).odd_symmetry
+    curve = study.track(20.0, (780.0, 880.0))
+    assert curve.complete
+    assert curve.shares[:, 1].max() > 0.01
+    top = np.abs(curve.harmonics).max(axis=0)
+    assert top[2] < 1e-6 * top[3]
+
+
+@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
+def test_stuck_response_does_not_depend_on_how_points_would_slip_or_open(full, changes):
+    a = full.track(1e6, (780.0, 880.0))
+    b = full.with_effects(effects(full, **changes)).track(1e6, (780.0, 880.0))
+    assert a.shares[:, 0].min() == 1.0
+    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-8)
+    assert b.peak.frequency == pytest.approx(a.peak.frequency, rel=1e-9)
+
+
+# ---- contact points ----
+
+
+def test_groups_of_patches_are_of_equal_area_and_compact(model):
+    face = bd.reference_model("bladed_disk", 24).interfaces["left"]
+    for n in (1, 4, 6, 12):
+        label = group_patches(face, n)
+        assert sorted(np.unique(label)) == list(range(n))
+        area = np.bincount(label, face.area)
+        assert np.ptp(area) < 0.35 * area.mean()
+
+
+def test_united_points_keep_rigid_motion_area_and_energy(model):
+    rng = np.random.default_rng(4)
+    small = unite_contact_points(model, 2)
+    for name in ("left", "right"):
+        old, new = model.interfaces[name], small.interfaces[name]
+        assert new.area.sum() == pytest.approx(old.area.sum())
+        body = small.bodies["damper"]
+        rows = small.port_slice("damper", (name, "a"))
+        rigid = models.rigid_modes(body.mass, body.centre, body.inertia, new.points)
+        turned = np.einsum("pij,pjk->pik", new.frame, rigid)
+        np.testing.assert_allclose(body.bases[0].contact_modes[rows, :, :6], turned, atol=1e-12)
+    # a force on the groups does the same work on both
+    blade, united = model.bodies["blade"].bases[2], small.bodies["blade"].bases[2]
+    f = rng.standard_normal(united.flexibility.shape[0])
+    assert (f @ united.flexibility @ f).real > 0.0
+    residual = united.flexibility - (
+        united.contact_modes.reshape(len(f), -1) / blade.omega2 @ united.contact_modes.reshape(len(f), -1).conj().T
+    )
+    assert np.linalg.eigvalsh(residual).min() > -1e-12 * np.abs(united.flexibility).max()
+
+
+def test_as_many_groups_as_points_change_nothing(full):
+    a = full.track(2000.0, (780.0, 880.0))
+    b = full.with_effects(effects(full, contact_points=6)).track(2000.0, (780.0, 880.0))
+    assert b.peak.amplitude == pytest.approx(a.peak.amplitude, rel=1e-9)
+
+
+def test_given_stiffness_is_that_of_the_points_of_the_model(full):
+    whole = replace(full, contact_stiffness=2e7)
+    united = replace(whole, contact_points=2)
+    np.testing.assert_allclose(united._k[:2], 6e7)
+    np.testing.assert_allclose(united._k[:4].sum(axis=0), whole._k[:12].sum(axis=0))
+    by_name = replace(united, contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.coupling.interfaces})
+    np.testing.assert_allclose(by_name._k[0], [3e7, 6e7, 9e7])
+
+
+# ---- the interface ----
+
+
+def test_effects_and_settings_are_one(full):
+    chosen = bd.Effects(harmonics=(1, 3), rotation=("Z",), blade_modes=3, contact_points=3, bias=False)
+    study = bd.Study(full.model, bd.Excitation("tip"), engine_order=2, effects=chosen)
+    assert bd.Effects.of(study) == chosen
+    assert study.harmonics == (1, 3) and study.rigid_modes == ("TX", "TY", "TZ", "RZ")
+    assert bd.Effects.of(replace(study, harmonics=2)).harmonics == 2
+    assert bd.Effects.of(study.with_effects(bd.Effects.of(full))) == bd.Effects.of(full)
+
+
+def test_every_effect_has_a_meaning_and_an_assumption():
+    text = bd.Effects().describe()
+    for f in fields(bd.Effects):
+        assert f.metadata["meaning"] in text and f.metadata["off"] in text
+    assert "variable normal load excites them" in bd.Effects(harmonics=(1, 3)).describe()
+    assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
+
+
+def test_missing_names_each_effect_once(full):
+    rich = replace(bd.Effects.of(full), harmonics=5)
+    cheap = bd.Effects(
+        harmonics=(1, 3), bias=False, variable_normal_load=False, rotation=("X",), damper_modes=0, constraints=False,
+        harmonic_nodal_diameters=False, contact_points=2, blade_modes=1,
+    )
+    missing = cheap.missing(rich)
+    assert set(missing) == {
+        "harmonics", "bias", "variable normal load", "separation", "rotation Y", "rotation Z", "damper modes",
+        "constraints", "harmonic nodal diameters", "contact points", "blade modes",
+    }
+    assert missing["harmonics"].harmonics == 5
+    assert not missing["variable normal load"].separation
+    assert rich.missing(rich) == {}
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"harmonics": 0}, {"harmonics": (2, 3)}, {"harmonics": "all"}, {"harmonics": (1, 1)}, {"harmonics": 1.5},
+     {"rotation": ("W",)}, {"translation": ("X", "X")}, {"contact_points": 0}],
+    ids=str,
+)
+def test_bad_effects_are_named(wrong):
+    name = next(iter(wrong))
+    with pytest.raises(bd.SettingError, match=rf"^{name}: expected .* found"):
+        bd.Effects(**wrong)
+
+
+def test_an_effect_given_twice_is_refused(full):
+    with pytest.raises(bd.SettingError, match="harmonics: expected only one of effects and harmonics"):
+        bd.Study(full.model, bd.Excitation("tip"), engine_order=2, harmonics=3, effects=bd.Effects(harmonics=2))
