@@ -113,7 +113,8 @@ def random_arrays(
     n_mode = np.array(n_mode, np.intc)
     total = int(n_mode.sum())
     unknowns = int(n_mode[0] + 2 * n_mode[1:].sum())
-    G = [rng.normal(size=(n_point, 3, n)) + (1j * rng.normal(size=(n_point, 3, n)) if l else 0) for l, n in enumerate(n_mode)]
+    shapes = [(n_point, 3, n) for n in n_mode]
+    G = [rng.normal(size=shape) + (1j * rng.normal(size=shape) if l else 0) for l, shape in enumerate(shapes)]
     mass = np.ones(total)
     for l in range(len(n_mode)):
         last = int(n_mode[: l + 1].sum())

@@ -190,7 +190,8 @@ def residual(u, omega, arrays, law=contact):
     """Harmonic-balance residual of the arrays handed to the core (a dict of its arguments, G as a list)."""
     a = arrays
     x = motion(u, a["n_mode"], a["G"], a["shift"])
-    force = np.array([law(x[p], a["kt"][p], a["kn"][p], a["mu"][p], a["n0"][p], a["w"][p]) for p in range(len(x))]).reshape(x.shape)
+    arguments = [[a[name][p] for name in ("kt", "kn", "mu", "n0", "w")] for p in range(len(x))]
+    force = np.array([law(x[p], *arguments[p]) for p in range(len(x))]).reshape(x.shape)
     out, first, start = [], 0, 0
     for l, q in enumerate(split(u, a["n_mode"])):
         n = a["n_mode"][l]

@@ -8,7 +8,18 @@ from hypothesis.extra.numpy import arrays
 
 from bdamper import _core
 from tests import oracle
-from tests.cases import EXACT, OPEN, PLAIN, SAMPLED, Point, difference, evaluate, far_from_events, random_motion, random_point
+from tests.cases import (
+    EXACT,
+    OPEN,
+    PLAIN,
+    SAMPLED,
+    Point,
+    difference,
+    evaluate,
+    far_from_events,
+    random_motion,
+    random_point,
+)
 
 HARMONICS = (1, 2, 3, 5, 7)
 
@@ -98,7 +109,7 @@ def test_tangent_is_the_derivative(n_harm, evaluation):
     for _ in range(400):
         point, x = random_point(rng), random_motion(rng, n_harm)
         result = evaluate(x, point, evaluation, n_time)
-        if not far_from_events(x, point, rng) or not (0.0 < result.shares[1] + result.shares[3]):
+        if not far_from_events(x, point, rng) or not (result.shares[1] + result.shares[3] > 0.0):
             continue
         h = 1e-5 if evaluation == EXACT else 1e-7
         numeric = difference(lambda z: evaluate(z, point, evaluation, n_time).force, x, h)  # noqa: B023
@@ -185,9 +196,16 @@ def test_sampled_tangent_converges_only_with_interpolated_closing():
 
 
 class TestArguments:
-    good = dict(  # noqa: RUF012
-        x=np.zeros((3, 3)), kt=np.ones(2), kn=1.0, mu=0.3, n0=1.0, w=np.zeros(2), F=np.zeros((3, 3)), J=np.zeros((3, 3, 3, 3))
-    )
+    good = {  # noqa: RUF012
+        "x": np.zeros((3, 3)),
+        "kt": np.ones(2),
+        "kn": 1.0,
+        "mu": 0.3,
+        "n0": 1.0,
+        "w": np.zeros(2),
+        "F": np.zeros((3, 3)),
+        "J": np.zeros((3, 3, 3, 3)),
+    }
 
     @pytest.mark.parametrize(
         ("name", "value", "error"),
@@ -219,11 +237,11 @@ class TestArguments:
     def test_outputs_must_be_writable(self):
         F = np.zeros((3, 3))
         F.flags.writeable = False
-        with pytest.raises(ValueError, match="^F: .*writable"):
+        with pytest.raises(ValueError, match=r"^F: .*writable"):
             _core.evaluate_contact(**{**self.good, "F": F})
 
     def test_number_of_samples(self):
-        with pytest.raises(ValueError, match="^n_time: expected 8 to"):
+        with pytest.raises(ValueError, match=r"^n_time: expected 8 to"):
             _core.evaluate_contact(**self.good, evaluation=1, n_time=7)
 
     def test_number_of_harmonics(self):

@@ -54,7 +54,6 @@ def test_friction_stays_in_the_cone_and_dissipates():
                 u, level = b @ x[d], point.n0 + point.kn * (b @ x[2])
                 if state == STICK:
                     if slider is None:  # never slips: the given slider, or the nearest that does not slip either
-                        bound = point.mu * level / point.kt[d]
                         grid = oracle.basis(np.linspace(0, 2 * np.pi, 20001), h)
                         reach = point.mu * (point.n0 + point.kn * (grid @ x[2])) / point.kt[d]
                         slider = np.clip(point.w[d], (grid @ x[d] - reach).max(), (grid @ x[d] + reach).min())
