@@ -5,10 +5,11 @@ The mean equations of the harmonic balance without vibration, paper section 3.1:
     K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
-The load grows in steps from a small fraction to its full value.  Within a step every point has a state (stick, slip in
+The load grows in steps from a small fraction to its full value. Within a step every point has a state (stick, slip in
 one of two senses, open, for each tangential direction); the equations are then linear, and the states are updated from
-the law until they repeat themselves.  At the first step all points that touch are taken as stuck.  Sliders are carried
-from step to step, so the result depends on the history of loading, as friction does.
+the law until they repeat themselves. At the first step all points that touch are taken as stuck, and again where the
+states of the step before lead nowhere. Sliders are carried from step to step, so the result depends on the history of
+loading, as friction does.
 """
 
 from __future__ import annotations
@@ -119,7 +120,10 @@ def _tangent(system: StaticSystem, status: NDArray) -> NDArray:
 
 def _solve(J: NDArray, r: NDArray) -> NDArray:
     """Least-norm solution where the contact leaves a rigid-body motion undetermined."""
-    scale = 1.0 / np.sqrt(np.maximum(np.abs(np.diag(J)), 1e-12 * np.abs(np.diag(J)).max()))
+    size = np.abs(np.diag(J))
+    if not size.any():  # nothing touches and nothing is constrained
+        return np.zeros(len(r))
+    scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
     A = J * scale[:, None] * scale
     try:
         if np.linalg.cond(A) < 1e12:
@@ -224,9 +228,16 @@ def static_state(
     while done < 1.0:
         now = min(1.0, done + fraction)
         at = first + now * target
-        q, status, iterations, residual = _step(
-            system, at, state.q, state.slider, state.status, tolerance, max_iterations
-        )
+        # slip signs of the step before may be a dead end; then all closed points are taken as stuck, and then all points
+        stuck = np.where(state.status == OPEN, OPEN, STICK)
+        iterations = 0
+        for first_status in (state.status, stuck, np.full_like(stuck, STICK)):
+            q, status, tried, residual = _step(
+                system, at, state.q, state.slider, first_status, tolerance, max_iterations
+            )
+            iterations += tried
+            if residual <= tolerance:
+                break
         if not residual <= tolerance:
             fraction *= 0.5
             if fraction < 1e-3 / steps:

@@ -1,8 +1,8 @@
 """A8: a lumped bladed disk of 24 sectors without contact.
 
 Each sector is a chain ground - 6e5 - disk (1.2 kg) - 1e6 - blade root (0.35 kg) - 2e6 - blade tip (0.25 kg), the disk
-tied to its neighbours by 5e7 N/m.  (The published numbers fix this order: with the two blade springs exchanged they come out
-differently.)  Frequencies confirmed by two independent programs.
+tied to its neighbours by 5e7 N/m.  (The published numbers fix this order: with the two blade springs exchanged they come
+out differently.)  Frequencies confirmed by two independent programs.
 """
 
 import numpy as np
