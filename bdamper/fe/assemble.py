@@ -20,47 +20,24 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementHexS2, MeshHex
 
 from bdamper.fe.geometry import Material
+from bdamper.reduction.structure import Structure
 
 
 @dataclass(frozen=True)
-class Discretisation:
+class Discretisation(Structure):
     """A meshed body with its matrices.
 
     Parameters
     ----------
     mesh : MeshHex
-    nodes : (n_nodes, 3) float, m
     elements : (n_elements, 20) int
         Nodes of each element in scikit-fem's local order.
-    stiffness, mass : (3 n_nodes, 3 n_nodes) sparse, N/m and kg
     material : Material
     """
 
     mesh: MeshHex
-    nodes: NDArray
     elements: NDArray
-    stiffness: sp.csr_matrix
-    mass: sp.csr_matrix
     material: Material
-
-    @property
-    def n_dof(self) -> int:
-        return 3 * len(self.nodes)
-
-    def dofs(self, nodes: NDArray) -> NDArray:
-        """Degrees of freedom (3 n,) of nodes (n,), grouped by node."""
-        return (3 * np.asarray(nodes)[:, None] + np.arange(3)).ravel()
-
-    def nearest_node(self, position: NDArray) -> int:
-        """The node closest to ``position`` (3,)."""
-        return int(np.argmin(np.linalg.norm(self.nodes - position, axis=1)))
-
-    def body_force(self, density: NDArray) -> NDArray:
-        """Consistent nodal forces (n_nodes, 3) of a force per mass given at the nodes (n_nodes, 3), N.
-
-        The field is interpolated with the shape functions, exactly so if it is linear in the coordinates.
-        """
-        return (self.mass @ np.asarray(density, float).ravel()).reshape(-1, 3)
 
 
 def discretise(mesh: MeshHex, material: Material) -> Discretisation:
@@ -98,4 +75,6 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     mass = sp.kron(scalar, sp.identity(3), format="csr")
     # Rounding leaves a trace of asymmetry, which the Hermitian solvers would only carry along.
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
-    return Discretisation(mesh, basis.doflocs.T.copy(), elements, stiffness, mass, material)
+    return Discretisation(
+        basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material
+    )

@@ -26,7 +26,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fe.contact_points import Patches, averaging_matrix
-from bdamper.fe.cyclic import lowest_modes
+from bdamper.reduction.cyclic import lowest_modes
 
 if TYPE_CHECKING:
     from bdamper.fe.sector import SectorFE

@@ -31,11 +31,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.reduction.rotation import turn
 
-def turn(angle: float) -> NDArray:
-    """Rotation matrix (3, 3) about Z that turns +Y toward +X by ``angle`` (rad)."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+__all__ = ["Geometry", "Material", "turn"]
 
 
 @dataclass(frozen=True)

@@ -25,40 +25,25 @@ import numpy as np
 import scipy
 import scipy.sparse as sp
 import skfem
-from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation
-from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, wedge_patches
+from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, surface_facets, wedge_patches
 from bdamper.fe.geometry import turn
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.sector import SectorFE
-from bdamper.model import Body, BodyLoad, Interface, Location, ModalBasis, Model, SurfaceMesh
+from bdamper.model import Body, Interface, Location, Model, SurfaceMesh
+from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
+
+__all__ = ["BLADE_PORTS", "DAMPER_PORTS", "bladed_disk", "needed_nodal_diameters", "surface_mesh"]
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
 
 
-def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
-    """Nodal diameters of the harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
-    orders = (engine_order * h % n_blades for h in range(harmonics + 1))
-    return tuple(sorted({min(d, n_blades - d) for d in orders}))
-
-
 def surface_mesh(body: Discretisation) -> SurfaceMesh:
     """Outer surface of a body as quadrilaterals of its corner nodes."""
-    facets = body.mesh.facets[:, body.mesh.boundary_facets()]
+    quads = surface_facets(body).groups[0][:, :4]
     points = body.mesh.p.T
-    # Facets come with sorted corners: run around each, so that neighbours in the list are neighbours in
-    # space.
-    a, b, c, d = (points[facets[k]] for k in range(4))
-    around = np.stack(
-        [
-            np.linalg.norm(np.cross(p[2] - p[0], p[3] - p[1]), axis=1)
-            for p in ((a, b, c, d), (a, b, d, c), (a, c, b, d))
-        ]
-    )
-    order = np.array([[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 1, 3]])[around.argmax(axis=0)]
-    quads = np.take_along_axis(facets.T, order, axis=1)
     used, compact = np.unique(quads, return_inverse=True)
     return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape))
 
@@ -90,10 +75,6 @@ def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterab
     distance = np.abs((contact @ body.nodes.ravel()).reshape(-1, 3) - expected).max()
     if distance > 1e-10:
         raise AssertionError(f"patches and contact points are up to {distance:.3g} m apart")
-
-
-def _location_rows(body: Discretisation, nodes: dict[str, int], shapes: NDArray) -> dict[str, NDArray]:
-    return {name: shapes[3 * node : 3 * node + 3].copy() for name, node in nodes.items()}
 
 
 def bladed_disk(
@@ -164,43 +145,18 @@ def bladed_disk(
     }
     damper_nodes = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
 
-    bases = {}
-    for d in diameters:
-        sector = fe.cyclic(d)
-        omega2, shapes = sector.modes(n_modes)
-        bases[d] = ModalBasis(
-            omega2=omega2.copy(),
-            damping_ratio=np.full(n_modes, damping_ratio),
-            contact_modes=(contact_blade @ shapes).reshape(-1, 3, n_modes),
-            locations=_location_rows(fe.blade, blade_nodes, shapes),
-            flexibility=sector.receptance(contact_blade) if d in wanted else None,
-        )
-    blade = Body("blade", "constrained", BLADE_PORTS, bases)
-
-    omega2, shapes = fe.damper.modes(n_damper_modes)
-    radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
-    force = fe.damper.centrifugal_load(radial)
-    damper = Body(
+    blade = constrained_body(
+        "blade", BLADE_PORTS, fe.cyclic, contact_blade, blade_nodes, diameters, n_modes, damping_ratio, wanted
+    )
+    damper = free_body(
         "damper",
-        "free",
         DAMPER_PORTS,
-        {
-            0: ModalBasis(
-                omega2=omega2,
-                damping_ratio=np.where(omega2 > 0.0, damping_ratio, 0.0),
-                contact_modes=(contact_damper @ shapes).reshape(-1, 3, n_damper_modes),
-                locations=_location_rows(fe.damper.body, damper_nodes, shapes),
-                flexibility=fe.damper.receptance(contact_damper),
-            )
-        },
-        mass=fe.damper.total_mass,
-        centre=fe.damper.centre,
-        inertia=fe.damper.inertia,
-        load=BodyLoad(
-            direction=radial,
-            generalised=shapes.T @ force,
-            displacement=(contact_damper @ fe.damper.elastic_response(force)).reshape(-1, 3),
-        ),
+        fe.damper,
+        contact_damper,
+        damper_nodes,
+        n_damper_modes,
+        damping_ratio,
+        turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0],
     )
     ground = Body("ground", "ground", (("front", "b"), ("back", "b")))
 

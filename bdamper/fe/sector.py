@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import Patches, averaging_matrix, wedge_patches
-from bdamper.fe.cyclic import CyclicSector, match_faces
-from bdamper.fe.damper import FreeBody
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, sector_mesh
+from bdamper.reduction.cyclic import CyclicSector, match_faces
+from bdamper.reduction.free_body import FreeBody
 
 
 @dataclass
@@ -38,7 +38,7 @@ class SectorFE:
     def __post_init__(self) -> None:
         g = self.geometry
         self.blade: Discretisation = discretise(sector_mesh(g, self.density), self.material)
-        self.damper: FreeBody = FreeBody(
+        self.damper: FreeBody[Discretisation] = FreeBody(
             discretise(damper_mesh(g, self.density), self.material), turn(0.5 * g.pitch).T
         )
         nodes = self.blade.nodes

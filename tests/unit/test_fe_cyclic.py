@@ -10,10 +10,10 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from skfem import MeshHex
 
 from bdamper.fe.assemble import discretise
-from bdamper.fe.cyclic import CyclicSector, match_faces
 from bdamper.fe.geometry import Material, turn
 from bdamper.fe.mesh import join_blocks
 from bdamper.fe.sector import SectorFE
+from bdamper.reduction.cyclic import CyclicSector, match_faces
 
 N = 6
 

@@ -9,9 +9,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper.fe.assemble import discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
-from bdamper.fe.damper import FreeBody, isostatic_dofs, rigid_motions
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh
+from bdamper.reduction.free_body import FreeBody, isostatic_dofs, rigid_motions
 
 G = Geometry()
 AXES = turn(0.5 * G.pitch).T

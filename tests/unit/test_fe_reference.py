@@ -10,8 +10,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.checks import check_model
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import turn
-from bdamper.fe.reference import bladed_disk, needed_nodal_diameters
+from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
+from bdamper.reduction.bodies import needed_nodal_diameters
 
 
 @pytest.fixture(scope="module")

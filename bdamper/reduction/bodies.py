@@ -1,0 +1,98 @@
+"""The bodies of a model from reduced structures: modes, receptances and loads at contact points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.model import Body, BodyLoad, ModalBasis, Port
+from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.free_body import FreeBody
+
+
+def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
+    """Nodal diameters of the harmonics 0 to ``harmonics`` of an engine order, folded to at most N/2."""
+    orders = (engine_order * h % n_blades for h in range(harmonics + 1))
+    return tuple(sorted({min(d, n_blades - d) for d in orders}))
+
+
+def location_rows(nodes: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
+    """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes) at named nodes."""
+    return {name: shapes[3 * node : 3 * node + 3].copy() for name, node in nodes.items()}
+
+
+def constrained_body(
+    name: str,
+    ports: tuple[Port, ...],
+    sector: Callable[[int], CyclicSector],
+    contact: sp.spmatrix,
+    locations: Mapping[str, int],
+    nodal_diameters: Iterable[int],
+    n_modes: int,
+    damping_ratio: float,
+    flexibility_at: Collection[int],
+) -> Body:
+    """A sector that is held somewhere, at several nodal diameters.
+
+    Parameters
+    ----------
+    name : str
+    ports : tuple of Port
+    sector : function of the nodal diameter
+    contact : (3 n_points, 3 n_nodes) sparse
+        From nodal displacements to contact points, all ports.
+    locations : mapping of name to node
+    nodal_diameters : iterable of int
+    n_modes : int
+    damping_ratio : float
+    flexibility_at : collection of int
+        Nodal diameters at which the static receptance is wanted.
+    """
+    bases = {}
+    for d in nodal_diameters:
+        reduced = sector(d)
+        omega2, shapes = reduced.modes(n_modes)
+        bases[d] = ModalBasis(
+            omega2=omega2.copy(),
+            damping_ratio=np.full(len(omega2), damping_ratio),
+            contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
+            locations=location_rows(locations, shapes),
+            flexibility=reduced.receptance(contact) if d in flexibility_at else None,
+        )
+    return Body(name, "constrained", ports, bases)
+
+
+def free_body(
+    name: str,
+    ports: tuple[Port, ...],
+    free: FreeBody,
+    contact: sp.spmatrix,
+    locations: Mapping[str, int],
+    n_modes: int,
+    damping_ratio: float,
+    radial: NDArray,
+) -> Body:
+    """A free body with its rigid-body and elastic modes, under centrifugal load along ``radial`` (3,).
+
+    Parameters as in :func:`constrained_body`; ``n_modes`` counts the six rigid-body modes.
+    """
+    omega2, shapes = free.modes(n_modes)
+    force = free.centrifugal_load(radial)
+    basis = ModalBasis(
+        omega2=omega2,
+        damping_ratio=np.where(omega2 > 0.0, damping_ratio, 0.0),
+        contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
+        locations=location_rows(locations, shapes),
+        flexibility=free.receptance(contact),
+    )
+    load = BodyLoad(
+        direction=radial,
+        generalised=shapes.T @ force,
+        displacement=(contact @ free.elastic_response(force)).reshape(-1, 3),
+    )
+    return Body(
+        name, "free", ports, {0: basis}, mass=free.total_mass, centre=free.centre, inertia=free.inertia, load=load
+    )

@@ -1,0 +1,220 @@
+r"""One sector of a cyclic structure at one nodal diameter.
+
+A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}`, :math:`\varphi = 2\pi
+d/N`, with R the rotation that carries sector k onto sector k+1 (see :mod:`bdamper.reduction.rotation`).  The right
+face of sector 0 is the left face of sector 1, so with :math:`x_R = R x_L`
+
+.. math:: u(x_R) = e^{i\varphi} R\, u(x_L).
+
+Collected in a matrix T from the independent degrees of freedom to all of the sector, this gives the Hermitian
+problem :math:`(T^H K T - \omega^2 T^H M T)\,q = 0` of one sector; :math:`u = T q` with :math:`u^H M u = 1`.
+The matrices are real for d = 0 and d = N/2.  A single factorisation of :math:`T^H K T` serves both the modes
+(shift and invert about zero) and the static receptances.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
+from scipy.spatial import cKDTree
+
+from bdamper.reduction.rotation import turn
+from bdamper.reduction.structure import Structure
+
+_RIGID = 1e-12  # of the largest squared frequency: below this a motion of a small free body counts as rigid
+
+
+def factorise(matrix: sp.spmatrix) -> SuperLU:
+    """Sparse factorisation of a positive definite Hermitian matrix."""
+    return splu(
+        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
+
+
+def match_faces(
+    nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tolerance: float = 1e-8
+) -> NDArray:
+    """The nodes of ``right`` in the order in which rotation by one pitch carries ``left`` onto them.
+
+    Raises
+    ------
+    ValueError
+        If the faces do not match node by node within ``tolerance`` (m).
+    """
+    if len(left) == 0 or len(right) == 0:
+        raise ValueError(f"sector faces with {len(left)} and {len(right)} nodes: none may be empty")
+    target = nodes[left] @ turn(pitch).T
+    distance, index = cKDTree(nodes[right]).query(target)
+    if len(left) != len(right) or distance.max() > tolerance or len(np.unique(index)) != len(index):
+        raise ValueError(
+            f"sector faces do not match under rotation by {pitch:.6g} rad: "
+            f"{len(left)} and {len(right)} nodes, largest distance {distance.max():.3g} m"
+        )
+    return right[index]
+
+
+def cyclic_transformation(
+    n_nodes: int, left: NDArray, right: NDArray, clamped: NDArray, n_sectors: int, nodal_diameter: int
+) -> sp.csr_matrix:
+    """Matrix T (3 n_nodes, n_independent) of the module's docstring; ``right[m]`` is ``left[m]``'s image.
+
+    ``clamped`` are nodes (n,), or a mask (n_nodes, 3) of fixed components.  On the faces a rotation about Z mixes
+    X and Y, so there both or neither of them must be fixed, and alike on both faces.
+
+    Raises
+    ------
+    ValueError
+        If the fixed components of the faces do not allow the phase condition.
+    """
+    dependent = np.zeros(n_nodes, bool)
+    dependent[right] = True
+    clamped = np.asarray(clamped)
+    fixed = np.zeros((n_nodes, 3), bool)
+    if clamped.dtype == bool and clamped.shape == (n_nodes, 3):
+        fixed = clamped
+    else:
+        fixed[clamped] = True
+    if np.any(fixed[left] != fixed[right]):
+        raise ValueError("a clamped node of one sector face has a free image on the other")
+    if n_sectors > 1 and np.any(fixed[left, 0] != fixed[left, 1]):
+        raise ValueError("a node of a sector face is fixed in one of the directions X and Y that a rotation mixes")
+    free = np.flatnonzero(~dependent & ~fixed.all(axis=1))
+    column = np.full(n_nodes, -1)
+    column[free] = np.arange(len(free))
+
+    # For d = 0 and d = N/2 the phase is +-1 and everything stays real.
+    if 2 * nodal_diameter % n_sectors == 0:
+        phase: complex = -1.0 if nodal_diameter % n_sectors else 1.0
+    else:
+        phase = np.exp(2j * np.pi * nodal_diameter / n_sectors)
+    keep = column[left] >= 0
+    rows, columns = np.concatenate([free, right[keep]]), np.concatenate([column[free], column[left[keep]]])
+    blocks = np.concatenate(
+        [
+            np.broadcast_to(np.eye(3), (len(free), 3, 3)),
+            np.broadcast_to(phase * turn(2.0 * np.pi / n_sectors), (keep.sum(), 3, 3)),
+        ]
+    )
+    order = np.argsort(rows, kind="stable")
+    pointer = np.searchsorted(rows[order], np.arange(n_nodes + 1))
+    t = sp.bsr_matrix((blocks[order], columns[order], pointer), shape=(3 * n_nodes, 3 * len(free))).tocsr()
+    loose = ~fixed[free].ravel()
+    return t if loose.all() else t[:, np.flatnonzero(loose)]
+
+
+def fix_phase(vectors: NDArray, mass: sp.spmatrix) -> NDArray:
+    """Give each column a definite phase: ``u^T M u`` real and positive, the largest component positive.
+
+    The first makes the mode as real as it can be, and unlike a rule on one component it cannot jump when two
+    components are about equally large; the second decides the remaining sign.
+    """
+    if np.iscomplexobj(vectors):
+        square = np.einsum("ij,ij->j", vectors, mass @ vectors)
+        vectors = vectors * np.exp(-0.5j * np.angle(square))
+    # In a symmetric body several components are equally large up to rounding: take the first of them.
+    size = np.abs(vectors)
+    first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
+    largest = np.take_along_axis(vectors, first[None], axis=0)[0]
+    return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
+
+
+def lowest_modes(
+    stiffness: sp.spmatrix, mass: sp.spmatrix, solve: Callable[[NDArray], NDArray], n_modes: int
+) -> tuple[NDArray, NDArray]:
+    """Lowest modes of ``stiffness x = omega2 mass x``; ``solve`` is the action of the inverse stiffness.
+
+    Returns
+    -------
+    omega2 : (n_modes,) float, ascending
+    shapes : (n, n_modes)
+        Mass-normalised.
+    """
+    n = mass.shape[0]
+    if n <= 2 * n_modes + 20:  # too small for a Krylov space
+        k, m = stiffness.toarray(), mass.toarray()
+        omega2, v = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
+        lowest = np.flatnonzero(omega2 > _RIGID * np.abs(omega2).max())[:n_modes]
+        return omega2[lowest], v[:, lowest]
+    inverse = LinearOperator((n, n), matvec=solve, dtype=mass.dtype)
+    # A fixed start makes the result reproducible.
+    start = np.random.default_rng(0).standard_normal(n).astype(mass.dtype)
+    _, v = eigsh(stiffness, n_modes, M=mass, sigma=0.0, OPinv=inverse, v0=start, ncv=min(n, 2 * n_modes + 20))
+    # The complex Lanczos vectors come from a general Arnoldi process, which does not keep them orthogonal in
+    # the mass matrix; one Rayleigh-Ritz step does.
+    k, m = v.conj().T @ (stiffness @ v), v.conj().T @ (mass @ v)
+    omega2, combination = eigh(0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T))
+    return omega2, v @ combination
+
+
+@dataclass
+class CyclicSector:
+    """One sector at one nodal diameter: reduced matrices, factorisation and modes, made once when needed.
+
+    Parameters
+    ----------
+    body : Structure
+    left, right, clamped : int arrays
+        Matched nodes of the two sector faces (empty for one sector), and the clamped nodes or components
+        (see :func:`cyclic_transformation`).
+    n_sectors, nodal_diameter : int
+    """
+
+    body: Structure
+    left: NDArray
+    right: NDArray
+    clamped: NDArray
+    n_sectors: int
+    nodal_diameter: int
+    _lu: SuperLU | None = field(default=None, repr=False)
+    _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        self.transformation = cyclic_transformation(
+            len(self.body.nodes), self.left, self.right, self.clamped, self.n_sectors, self.nodal_diameter
+        )
+        adjoint = self.transformation.conj().T
+        self.stiffness = (adjoint @ self.body.stiffness @ self.transformation).tocsr()
+        self.mass = (adjoint @ self.body.mass @ self.transformation).tocsr()
+
+    @property
+    def solver(self) -> SuperLU:
+        """Factorisation of the reduced stiffness matrix."""
+        if self._lu is None:
+            self._lu = factorise(self.stiffness)
+        return self._lu
+
+    def release(self) -> None:
+        """Forget the factorisation (by far the largest object here); it is made again when needed."""
+        self._lu = None
+
+    def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Lowest modes.
+
+        Returns
+        -------
+        omega2 : (n_modes,) float, rad2/s2
+        shapes : (3 n_nodes, n_modes) float or complex, kg^-1/2
+            Of all nodes of the sector.
+        """
+        if self._modes is None or len(self._modes[0]) < n_modes:
+            omega2, reduced = lowest_modes(self.stiffness, self.mass, self.solver.solve, n_modes)
+            self._modes = omega2, fix_phase(self.transformation @ reduced, self.body.mass)
+        return self._modes[0][:n_modes], self._modes[1][:, :n_modes]
+
+    def static_response(self, load: sp.spmatrix | NDArray) -> NDArray:
+        """Displacements (n_independent, n) under loads ``load`` (3 n_nodes, n) on all nodes of the sector."""
+        reduced = self.transformation.conj().T @ load
+        reduced = reduced.toarray() if sp.issparse(reduced) else np.asarray(reduced)
+        return self.solver.solve(np.ascontiguousarray(reduced.astype(self.stiffness.dtype)))
+
+    def receptance(self, contact: sp.spmatrix) -> NDArray:
+        """Static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
+        reduced = contact @ self.transformation
+        flexibility = reduced @ self.static_response(contact.T)
+        return 0.5 * (flexibility + flexibility.conj().T)

@@ -1,0 +1,498 @@
+r"""Contact points as averages over patches of the faces of two bodies whose meshes need not match.
+
+Each patch is one contact point.  Displacement and force of patch i with area :math:`A_i` are exchanged by
+
+.. math:: B_i = \frac{1}{A_i}\int_{A_i} N\,dA, \qquad u_i = B_i u, \qquad f = \textstyle\sum_i B_i^T F_i ,
+
+so a force is spread evenly over its patch and works on the mean displacement.  Receptances between single nodes
+diverge when a mesh is refined, those between patches converge.
+
+Facets of both bodies are projected onto the plane of the face and cut with each other and with the patch
+(Sutherland-Hodgman); each piece lies in one facet of either body.  It is split into triangles with seven integration
+points each, at which the shape functions of both facets are taken: both bodies are averaged over the very same area.
+The map from the square or triangle of a facet to the plane is that of its corners and is inverted by Newton's method.
+The weights of a patch are divided by their sum, so a rigid motion is averaged to its value at the mean position up to
+rounding.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.reduction.facets import Facets, area_vectors, corner_count
+
+# Seven points on a triangle, exact for degree 5: barycentric coordinates and weights (sum 1).
+_A, _B = (6.0 - np.sqrt(15.0)) / 21.0, (6.0 + np.sqrt(15.0)) / 21.0
+_BARYCENTRIC = np.array(
+    [[1 / 3, 1 / 3, 1 / 3]]
+    + [
+        [c if i == j else a for j in range(3)]
+        for a, c in ((_A, 1 - 2 * _A), (_B, 1 - 2 * _B))
+        for i in range(3)
+    ]
+)
+_WEIGHTS = np.array([0.225] + 3 * [(155 - np.sqrt(15)) / 1200] + 3 * [(155 + np.sqrt(15)) / 1200])
+
+_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+
+SMALL_CELL = 0.02
+"""Share of a grid cell below which what a face covers of it is added to the neighbouring patch."""
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Rectangular patches in planes, all of one interface.
+
+    Parameters
+    ----------
+    centre : (n, 3) float, m
+    frame : (n, 3, 3) float
+        Rows t1, t2, n.
+    size : (n, 2) float, m
+        Edges along t1 and t2.
+    """
+
+    centre: NDArray
+    frame: NDArray
+    size: NDArray
+
+    @property
+    def area(self) -> NDArray:
+        """Areas (n,), m2."""
+        return self.size.prod(axis=1)
+
+    def turned(self, rotation: NDArray) -> Patches:
+        """The patches after a rotation (3, 3)."""
+        return Patches(self.centre @ rotation.T, self.frame @ rotation.T, self.size)
+
+
+@dataclass(frozen=True)
+class PatchMeans:
+    """Patches laid over a face of one body, or over what two faces have in common.
+
+    Parameters
+    ----------
+    area : (n,) float, m2
+    frame : (n, 3, 3) float
+        Rows t1, t2, n.
+    points_a, points_b : (n, 3) float, m
+        Mean positions on either body (b is None if there is no second body).
+    matrix_a, matrix_b : (3 n, 3 n_nodes) sparse
+        From nodal displacements to patch means along t1, t2, n.
+    """
+
+    area: NDArray
+    frame: NDArray
+    points_a: NDArray
+    points_b: NDArray | None
+    matrix_a: sp.csr_matrix
+    matrix_b: sp.csr_matrix | None
+
+    @property
+    def distance(self) -> NDArray:
+        """(n,) mean normal distance of the two faces, m; zero without a second one."""
+        if self.points_b is None:
+            return np.zeros(len(self.area))
+        return np.einsum("ij,ij->i", self.frame[:, 2], self.points_b - self.points_a)
+
+
+def patch_grid(points: int | tuple[int, int], length: float, width: float) -> tuple[int, int]:
+    """Number of patches along the two edges of a face.
+
+    A plain number is split into two factors so that the patches come as close to squares as they can.
+    """
+    if not isinstance(points, (int, np.integer)):
+        return int(points[0]), int(points[1])
+    if points < 1:
+        raise ValueError(f"points must be at least 1, not {points}")
+    factors = [n for n in range(1, points + 1) if points % n == 0]
+    n_s = min(factors, key=lambda n: (abs(np.log(length / n / (width / (points // n)))), n))
+    # Nine points are meant as three by three, although longer patches would be closer to squares then.
+    root = round(np.sqrt(points))
+    return (root, root) if root * root == points else (n_s, points // n_s)
+
+
+def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
+    """Contact axes (3, 3), rows t1, t2, n, of a face: n its mean outward normal, t2 against the axis Z.
+
+    For a face normal to the axis, t1 is the direction in which its centre would move in a rotation toward +X.
+
+    Raises
+    ------
+    ValueError
+        If the normals of the facets contradict each other.
+    """
+    vectors = area_vectors(facets, nodes)
+    total = vectors.sum(axis=0)
+    area = np.linalg.norm(vectors, axis=1).sum()
+    if not np.linalg.norm(total) > 0.5 * area:
+        raise ValueError(
+            "the normals of its facets do not point to one side: expected one face, with all facets seen from outside "
+            "counter-clockwise"
+        )
+    n = total / np.linalg.norm(total)
+    axial = np.array([0.0, 0.0, 1.0])
+    t2 = n * n[2] - axial
+    if np.linalg.norm(t2) > 0.1:
+        t2 /= np.linalg.norm(t2)
+        return np.array([np.cross(t2, n), t2, n])
+    centre = nodes[facets.nodes].mean(axis=0)
+    angle = np.arctan2(centre[0], centre[1])
+    t1 = np.array([np.cos(angle), -np.sin(angle), 0.0])
+    t1 -= n * (n @ t1)
+    t1 /= np.linalg.norm(t1)
+    return np.array([t1, np.cross(n, t1), n])
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Shape functions
+
+
+def serendipity(xi: NDArray) -> NDArray:
+    """Shape functions (m, 8) of the quadrilateral: corners as in ``_SIGNS``, then middles of the edges."""
+    a, b = xi[:, :1], xi[:, 1:]
+    sa, sb = _SIGNS[:, 0], _SIGNS[:, 1]
+    corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
+    bottom, top = 0.5 * (1 - a**2) * (1 - b), 0.5 * (1 - a**2) * (1 + b)
+    right, left = 0.5 * (1 + a) * (1 - b**2), 0.5 * (1 - a) * (1 - b**2)
+    return np.hstack([corners, bottom, right, top, left])
+
+
+def _shape(xi: NDArray, n_nodes: int) -> NDArray:
+    """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
+    if n_nodes == 8:
+        return serendipity(xi)
+    if n_nodes == 4:
+        return 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
+    if n_nodes == 3:
+        return xi
+    return np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
+
+
+def _inverse_map(corner: NDArray, x: NDArray) -> NDArray:
+    """Coordinates on the square (m, 2), or barycentric (m, 3), of points ``x`` (m, 2) in a facet."""
+    if len(corner) == 3:
+        edges = np.stack([corner[1] - corner[0], corner[2] - corner[0]], axis=1)
+        st = np.linalg.solve(edges, (x - corner[0]).T).T
+        return np.column_stack([1.0 - st.sum(axis=1), st])
+    xi = np.zeros_like(x)
+    for _ in range(20):
+        shape = 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
+        d_xi = 0.25 * _SIGNS[:, 0] * (1 + xi[:, 1:] * _SIGNS[:, 1]) @ corner
+        d_eta = 0.25 * _SIGNS[:, 1] * (1 + xi[:, :1] * _SIGNS[:, 0]) @ corner
+        r = x - shape @ corner
+        det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
+        step = np.stack(
+            [
+                (r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0]) / det,
+                (d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0]) / det,
+            ],
+            axis=-1,
+        )
+        xi += step
+        if np.abs(step).max() < 1e-14:
+            break
+    return xi
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Polygons
+
+
+def _cut(polygon: NDArray, inside: NDArray) -> NDArray:
+    """Part (m, 2) of a convex polygon where the distance ``inside`` of its corners from a line is not negative."""
+    if inside.min() >= 0.0:
+        return polygon
+    out = []
+    for k in range(len(polygon)):
+        a, b, da, db = polygon[k - 1], polygon[k], inside[k - 1], inside[k]
+        if da * db < 0.0:
+            out.append(a + (b - a) * da / (da - db))
+        if db >= 0.0:
+            out.append(b)
+    return np.array(out) if len(out) >= 3 else np.empty((0, 2))
+
+
+def clip_to_rectangle(polygon: NDArray, low: NDArray, high: NDArray) -> NDArray:
+    """Part (m, 2) of a convex polygon in the rectangle from ``low`` (2,) to ``high`` (2,)."""
+    for axis in (0, 1):
+        for sign, bound in ((1.0, low[axis]), (-1.0, high[axis])):
+            if len(polygon) == 0:
+                return polygon
+            polygon = _cut(polygon, sign * (polygon[:, axis] - bound))
+    return polygon
+
+
+def clip_to_polygon(polygon: NDArray, window: NDArray) -> NDArray:
+    """Part (m, 2) of a convex polygon in a convex, counter-clockwise ``window`` (k, 2)."""
+    for a, b in zip(window, np.roll(window, -1, axis=0)):
+        if len(polygon) == 0:
+            return polygon
+        edge = b - a
+        polygon = _cut(polygon, edge[0] * (polygon[:, 1] - a[1]) - edge[1] * (polygon[:, 0] - a[0]))
+    return polygon
+
+
+def polygon_area(polygon: NDArray) -> float:
+    """Signed area of a polygon (m, 2)."""
+    x, y = polygon[:, 0], polygon[:, 1]
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _quadrature(polygon: NDArray) -> tuple[NDArray, NDArray]:
+    """Points (m, 2) and weights (m,) on a convex polygon."""
+    triangles = np.stack([np.broadcast_to(polygon[0], polygon[2:].shape), polygon[1:-1], polygon[2:]], axis=1)
+    d1, d2 = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    area = 0.5 * np.abs(d1[:, 0] * d2[:, 1] - d1[:, 1] * d2[:, 0])
+    return (_BARYCENTRIC @ triangles).reshape(-1, 2), np.outer(area, _WEIGHTS).ravel()
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Patches over faces
+
+
+@dataclass(frozen=True)
+class _Flat:
+    """Facets of one body projected onto a plane: their nodes and their convex, counter-clockwise corners."""
+
+    nodes: list[NDArray]
+    corner: list[NDArray]
+    low: NDArray
+    high: NDArray
+
+
+def _flatten(facets: Facets, nodes: NDArray, origin: NDArray, frame: NDArray, what: str) -> _Flat:
+    """Project facets; those seen from behind are turned around, folded ones are refused."""
+    rows, corners = [], []
+    for row in facets.each():
+        n = corner_count(len(row))
+        x = (nodes[row[:n]] - origin) @ frame[:2].T
+        if polygon_area(x) < 0.0:
+            row = Facets((row[None],)).flipped().groups[0][0]
+            x = (nodes[row[:n]] - origin) @ frame[:2].T
+        ahead, behind = np.roll(x, -1, axis=0) - x, x - np.roll(x, 1, axis=0)
+        bend = behind[:, 0] * ahead[:, 1] - behind[:, 1] * ahead[:, 0]
+        if not polygon_area(x) > 0.0 or bend.min() < -1e-6 * bend.max():
+            raise ValueError(f"a facet of {what} at {nodes[row[:n]].mean(axis=0)} m is folded or seen edge-on")
+        rows.append(row)
+        corners.append(x)
+    low = np.array([c.min(axis=0) for c in corners]).reshape(-1, 2)
+    high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
+    return _Flat(rows, corners, low, high)
+
+
+@dataclass
+class _Piece:
+    polygon: NDArray
+    a: int
+    b: int
+
+
+def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
+    """What the facets of both faces have in common."""
+    if flat_b is None:
+        return [_Piece(corner, k, -1) for k, corner in enumerate(flat_a.corner)]
+    out = []
+    for k, corner in enumerate(flat_a.corner):
+        near = np.flatnonzero(np.all((flat_b.low < flat_a.high[k]) & (flat_b.high > flat_a.low[k]), axis=1))
+        for m in near.tolist():
+            polygon = clip_to_polygon(corner, flat_b.corner[m])
+            if len(polygon) >= 3:
+                out.append(_Piece(polygon, k, m))
+    return out
+
+
+def _means(
+    cells: list[list[_Piece]], frames: NDArray, flats: tuple[_Flat, _Flat | None], bodies: tuple[NDArray, NDArray | None]
+) -> PatchMeans:
+    """Integrate the shape functions of both bodies over the pieces of each cell."""
+    n = len(cells)
+    area = np.zeros(n)
+    data: list[list[tuple[int, int, float]]] = [[], []]
+    for i, pieces in enumerate(cells):
+        weight: list[dict[int, float]] = [{}, {}]
+        for piece in pieces:
+            x, w = _quadrature(piece.polygon)
+            area[i] += w.sum()
+            for side, (flat, index) in enumerate(zip(flats, (piece.a, piece.b))):
+                if flat is None:
+                    continue
+                row = flat.nodes[index]
+                values = w @ _shape(_inverse_map(flat.corner[index], x), len(row))
+                for node, value in zip(row.tolist(), values.tolist()):
+                    weight[side][node] = weight[side].get(node, 0.0) + value
+        for side in (0, 1):
+            total = sum(weight[side].values())
+            data[side] += [(i, node, value / total) for node, value in weight[side].items()]
+    matrices: list[sp.csr_matrix | None] = []
+    points: list[NDArray | None] = []
+    for side, nodes in enumerate(bodies):
+        if nodes is None:
+            matrices.append(None)
+            points.append(None)
+            continue
+        rows, columns, values = (np.array(part) for part in zip(*data[side]))
+        mean = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
+        points.append(mean @ nodes)
+        turn_rows = sp.block_diag(list(frames), format="csr")
+        matrices.append((turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr())
+    assert points[0] is not None and matrices[0] is not None
+    return PatchMeans(area, frames, points[0], points[1], matrices[0], matrices[1])
+
+
+def patches_on_rectangles(
+    patches: Patches, nodes: NDArray, facets: Facets, what: str = "the surface of the body"
+) -> PatchMeans:
+    """Means over given rectangles on the surface of one body.
+
+    Parameters
+    ----------
+    patches : Patches
+    nodes : (n_nodes, 3) float, m
+    facets : Facets
+        Any part of the surface that contains the patches; facets out of the plane of a patch are left out.
+    what : str
+        What messages call the surface.
+
+    Raises
+    ------
+    ValueError
+        If the surface does not cover a patch.
+    """
+    return _joined([_rectangles_in_plane(part, nodes, facets, what) for part in _by_plane(patches)])
+
+
+def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what: str) -> PatchMeans:
+    """The same for patches in one plane with one frame: the facets are projected once."""
+    origin, frame = patches.centre[0], patches.frame[0]
+    height = np.abs((nodes - origin) @ frame[2])
+    flat_enough = height < 1e-7 * float(np.ptp(nodes, axis=0).max())
+    groups = [g[flat_enough[g[:, : corner_count(g.shape[1])]].all(axis=1)] for g in facets.groups]
+    flat = _flatten(Facets(tuple(g for g in groups if len(g))), nodes, origin, frame, what)
+    cells: list[list[_Piece]] = []
+    for i, (centre, size) in enumerate(zip(patches.centre, patches.size)):
+        shift = (centre - origin) @ frame[:2].T
+        low, high = shift - 0.5 * size, shift + 0.5 * size
+        found = []
+        for k in np.flatnonzero(np.all((flat.low < high) & (flat.high > low), axis=1)).tolist():
+            polygon = clip_to_rectangle(flat.corner[k], low, high)
+            if len(polygon) >= 3:
+                found.append(_Piece(polygon, k, -1))
+        total = sum(polygon_area(p.polygon) for p in found)
+        if abs(total - size.prod()) > 1e-6 * size.prod():
+            raise ValueError(
+                f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, "
+                f"but {what} covers {total:.6g} m2 of it"
+            )
+        cells.append(found)
+    return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
+
+
+def _by_plane(patches: Patches) -> list[Patches]:
+    """Runs of consecutive patches that share a plane."""
+    start, out = 0, []
+    for i in range(1, len(patches.size) + 1):
+        if i < len(patches.size):
+            same = abs((patches.centre[i] - patches.centre[start]) @ patches.frame[start, 2]) <= 1e-9
+            if same and np.allclose(patches.frame[i], patches.frame[start]):
+                continue
+        out.append(Patches(patches.centre[start:i], patches.frame[start:i], patches.size[start:i]))
+        start = i
+    return out
+
+
+def _joined(parts: list[PatchMeans]) -> PatchMeans:
+    return PatchMeans(
+        np.concatenate([p.area for p in parts]),
+        np.concatenate([p.frame for p in parts]),
+        np.concatenate([p.points_a for p in parts]),
+        None,
+        sp.vstack([p.matrix_a for p in parts], format="csr"),
+        None,
+    )
+
+
+def patches_on_faces(
+    points: int | tuple[int, int],
+    nodes_a: NDArray,
+    facets_a: Facets,
+    nodes_b: NDArray | None = None,
+    facets_b: Facets | None = None,
+    frame: NDArray | None = None,
+    what: tuple[str, str] = ("face a", "face b"),
+) -> PatchMeans:
+    """A grid of patches over a face, or over what two faces have in common.
+
+    Parameters
+    ----------
+    points : int or (int, int)
+        Patches in all, or along t1 and t2.
+    nodes_a, nodes_b : (n_nodes, 3) float, m
+        Of both bodies, at the place where they touch.
+    facets_a, facets_b : Facets
+    frame : (3, 3) float, optional
+        Rows t1, t2, n; by default those of `mean_frame` of face a.
+    what : (str, str)
+        What messages call the faces.
+
+    Raises
+    ------
+    ValueError
+        If a face is folded, or the faces have nothing in common.
+    """
+    if frame is None:
+        frame = mean_frame(facets_a, nodes_a)
+    origin = nodes_a[facets_a.nodes].mean(axis=0)
+    flat_a = _flatten(facets_a, nodes_a, origin, frame, what[0])
+    flat_b = None
+    if nodes_b is not None and facets_b is not None:
+        flat_b = _flatten(facets_b, nodes_b, origin, frame, what[1])
+    pieces = [p for p in _pieces(flat_a, flat_b) if polygon_area(p.polygon) > 0.0]
+    if not pieces:
+        raise ValueError(f"{what[0]} and {what[1]} have no area in common")
+    whole = sum(polygon_area(p.polygon) for p in pieces)
+    low = np.min([p.polygon.min(axis=0) for p in pieces], axis=0)
+    high = np.max([p.polygon.max(axis=0) for p in pieces], axis=0)
+    n_1, n_2 = patch_grid(points, *(high - low))
+    if n_1 < 1 or n_2 < 1:
+        raise ValueError(f"points must be at least 1 along both edges, not ({n_1}, {n_2})")
+    edges = [np.linspace(low[k], high[k], n + 1) for k, n in enumerate((n_1, n_2))]
+    cells: list[list[_Piece]] = [[] for _ in range(n_1 * n_2)]
+    tiny = 1e-13 * whole
+    for piece in pieces:
+        span = [
+            range(
+                max(int(np.searchsorted(e, piece.polygon[:, k].min(), "right")) - 1, 0),
+                min(int(np.searchsorted(e, piece.polygon[:, k].max(), "left")), len(e) - 1),
+            )
+            for k, e in enumerate(edges)
+        ]
+        for i in span[0]:
+            for j in span[1]:
+                part = clip_to_rectangle(
+                    piece.polygon,
+                    np.array([edges[0][i], edges[1][j]]),
+                    np.array([edges[0][i + 1], edges[1][j + 1]]),
+                )
+                if len(part) >= 3 and polygon_area(part) > tiny:
+                    cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
+    cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
+    frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
+    return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))
+
+
+def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
+    """Cells that a face hardly covers are joined to the nearest one that it does."""
+    area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
+    kept = np.flatnonzero(area > SMALL_CELL * full)
+    if len(kept) == 0:
+        kept = np.array([int(area.argmax())])
+    place = np.stack(np.divmod(np.arange(len(cells)), n_2), axis=1)
+    for small in np.setdiff1d(np.flatnonzero(area > 0.0), kept):
+        nearest = kept[np.abs(place[kept] - place[small]).sum(axis=1).argmin()]
+        cells[nearest].extend(cells[small])
+    return [cells[k] for k in kept]
