@@ -14,8 +14,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
+from bdamper.io.import_report import ImportReport
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
@@ -137,3 +139,43 @@ def plot_curves(
         if ax.get_legend_handles_labels()[0]:
             ax.legend(ncols=2, fontsize=7.0)
     return ax
+
+
+def plot_import_report(report: ImportReport) -> Figure:
+    """Frequencies over nodal diameter beside the bodies with their contact points.
+
+    Parameters
+    ----------
+    report : ImportReport
+
+    Returns
+    -------
+    Figure
+    """
+    with plt.rc_context(PAPER):
+        figure = plt.figure(figsize=(9.0, 4.2))
+        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
+        diameters = np.array(sorted(report.frequencies))
+        n = min((len(report.frequencies[d]) for d in diameters), default=0)
+        for mode in range(min(n, 8)):
+            values = [report.frequencies[d][mode] for d in diameters]
+            left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
+        left.set(xlabel="nodal diameter", ylabel="frequency, Hz", ylim=(0.0, None))
+        left.set_title("sector", fontsize=9)
+        for k, mesh in enumerate(report.model.meshes.values()):
+            edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
+            edges = np.unique(np.sort(edges, axis=1), axis=0)
+            edges = edges[edges[:, 0] != edges[:, 1]]
+            right.add_collection3d(Line3DCollection(mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
+        points = [face.points for face in report.model.interfaces.values()]
+        for k, (name, face) in enumerate(report.model.interfaces.items()):
+            right.scatter(*face.points.T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
+        shown = [mesh.points for mesh in report.model.meshes.values()] or points
+        if shown:
+            low, high = np.concatenate(shown).min(axis=0), np.concatenate(shown).max(axis=0)
+            right.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+            right.set_box_aspect(np.maximum(high - low, 1e-3 * np.ptp([low, high])))
+        right.set(xlabel="X", ylabel="Y", zlabel="Z")
+        right.tick_params(labelsize=6)
+        right.legend(loc="upper right")
+    return figure

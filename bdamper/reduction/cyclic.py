@@ -108,19 +108,23 @@ def cyclic_transformation(
     return t if loose.all() else t[:, np.flatnonzero(loose)]
 
 
-def fix_phase(vectors: NDArray, mass: sp.spmatrix) -> NDArray:
+def fix_phase(vectors: NDArray, mass: sp.spmatrix, partial: bool = False) -> NDArray:
     """Give each column a definite phase: ``u^T M u`` real and positive, the largest component positive.
+
+    With ``partial`` the vectors may be unknown (NaN) in some rows, which decide nothing.
 
     The first makes the mode as real as it can be, and unlike a rule on one component it cannot jump when two
     components are about equally large; the second decides the remaining sign.
     """
+    known = np.nan_to_num(vectors) if partial else vectors
     if np.iscomplexobj(vectors):
-        square = np.einsum("ij,ij->j", vectors, mass @ vectors)
-        vectors = vectors * np.exp(-0.5j * np.angle(square))
+        square = np.einsum("ij,ij->j", known, mass @ known)
+        turn_back = np.exp(-0.5j * np.angle(square))
+        vectors, known = vectors * turn_back, known * turn_back
     # In a symmetric body several components are equally large up to rounding: take the first of them.
-    size = np.abs(vectors)
+    size = np.abs(known)
     first = (size > (1.0 - 1e-6) * size.max(axis=0)).argmax(axis=0)
-    largest = np.take_along_axis(vectors, first[None], axis=0)[0]
+    largest = np.take_along_axis(known, first[None], axis=0)[0]
     return vectors * np.where(largest.real < 0.0, -1.0, 1.0)
 
 

@@ -1,0 +1,180 @@
+"""What another program knows of one body: nodes, elements, sets, matrices, modes, as numbers in its own units.
+
+Loaders fill these classes and :func:`bdamper.io.build_model` makes a model of them.  Nothing here is converted: units,
+axes and phases are settled where the model is built.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+
+
+@dataclass(frozen=True)
+class Units:
+    """Units of a finite element model, as factors to metres and kilograms; time is in seconds.
+
+    Parameters
+    ----------
+    length : float
+        Metres per unit of length.
+    mass : float
+        Kilograms per unit of mass; the unit of force is mass times length over second squared.
+    """
+
+    length: float = 1.0
+    mass: float = 1.0
+
+
+UNITS = {
+    "m-kg-s": Units(1.0, 1.0),
+    "mm-t-s": Units(1e-3, 1e3),
+    "mm-kg-s": Units(1e-3, 1.0),
+    "in-lbf-s": Units(0.0254, 175.12683524647638),
+}
+"""Systems of units by name; "mm-t-s" is that of N and MPa."""
+
+
+@dataclass(frozen=True)
+class Modes:
+    """Modes of one body at one nodal diameter, as a file has them.
+
+    Parameters
+    ----------
+    nodal_diameter : int
+    frequency : (n_modes,) float, Hz
+    numbers : (n_nodes,) int
+        Node numbers of the rows of ``shapes``.
+    shapes : (n_nodes, 3, n_modes) float or complex
+        Travelling waves (complex) or standing ones (real); neither direction, nor pairing, nor length is relied on.
+    modal_mass : (n_modes,) float, optional
+        Of each mode over one sector, in the file's unit of mass, as the file or the user states it; for standing waves,
+        that of ``a + i b`` for a pair ``a, b``.  Not needed where a mass matrix is at hand.
+    source : str
+    """
+
+    nodal_diameter: int
+    frequency: NDArray
+    numbers: NDArray
+    shapes: NDArray
+    modal_mass: NDArray | None = None
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        item = f"{self.source or 'modes'}, nodal diameter {self.nodal_diameter}"
+        n, m = len(self.numbers), len(self.frequency)
+        if self.nodal_diameter < 0:
+            raise mismatch(item, "a nodal diameter >= 0", self.nodal_diameter)
+        if self.shapes.shape != (n, 3, m):
+            raise mismatch(item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape)
+        if len(np.unique(self.numbers)) != n:
+            raise mismatch(item, "each node once", "a repeated node number")
+        if not (np.isfinite(self.frequency).all() and np.isfinite(self.shapes).all()):
+            raise mismatch(item, "finite frequencies and shapes", "others")
+        if self.modal_mass is not None:
+            mass = np.asarray(self.modal_mass)
+            if mass.shape != (m,) or not (np.isfinite(mass).all() and np.all(mass > 0)):
+                raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
+
+
+@dataclass(frozen=True)
+class Receptance:
+    """Static unit-load columns: displacements of a set of nodes under unit forces on them, at one nodal diameter.
+
+    Parameters
+    ----------
+    nodal_diameter : int
+    numbers : (k,) int
+        All nodes of the contact faces of the body (more are allowed).
+    matrix : (3 k, 3 k) float or complex
+        Column ``3 j + c``: displacements under a unit force at node ``j`` along ``c``; rows alike.
+    """
+
+    nodal_diameter: int
+    numbers: NDArray
+    matrix: NDArray
+
+
+@dataclass(frozen=True)
+class MassProperties:
+    """Mass, centre and inertia of a rigid body, for a free body without a mass matrix.
+
+    Parameters
+    ----------
+    mass : float
+    centre : (3,) float
+    inertia : (3, 3) float
+        About the centre.
+    """
+
+    mass: float
+    centre: NDArray
+    inertia: NDArray
+
+
+@dataclass(frozen=True)
+class FEBody:
+    """A body of a finite element model, in the units, axes and numbers of the program that made it.
+
+    Parameters
+    ----------
+    numbers : (n_nodes,) int
+        Node numbers.
+    nodes : (n_nodes, 3) float
+        Positions.
+    stiffness, mass : (n_eq, n_eq) sparse or None
+        None for the route that knows modes only.
+    dofs : (n_eq, 2) int or None
+        Node number and component (1, 2, 3) of each row of the matrices; None for three rows a node in the order of
+        ``numbers``.  Components without a row count as fixed.
+    elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
+        Node numbers of solid elements; needed where faces are given as sets of nodes.
+    node_sets : mapping of name to (n,) int
+        Node numbers.
+    face_sets : mapping of name to tuple of (n, 3 | 4 | 6 | 8) int arrays
+        Node numbers of faces of elements, seen from outside counter-clockwise, corners first.
+    node_axes : mapping of node number to (3, 3) float
+        Rows: the axes of displacements at nodes with axes of their own.
+    modes : tuple of Modes
+        Compared with those of the matrices, or used in their place if there are none.
+    receptances : tuple of Receptance
+    rigid : MassProperties, optional
+    source : str
+        File or program, for messages and the report.
+    notes : tuple of str
+        What a loader left out or changed.
+    """
+
+    numbers: NDArray
+    nodes: NDArray
+    stiffness: sp.spmatrix | None = None
+    mass: sp.spmatrix | None = None
+    dofs: NDArray | None = None
+    elements: tuple[NDArray, ...] = ()
+    node_sets: Mapping[str, NDArray] = field(default_factory=dict)
+    face_sets: Mapping[str, tuple[NDArray, ...]] = field(default_factory=dict)
+    node_axes: Mapping[int, NDArray] = field(default_factory=dict)
+    modes: tuple[Modes, ...] = ()
+    receptances: tuple[Receptance, ...] = ()
+    rigid: MassProperties | None = None
+    source: str = "the given arrays"
+    notes: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        n_elements = sum(len(e) for e in self.elements)
+        lines = [f"{self.source}: {len(self.nodes)} nodes, {n_elements} solid elements"]
+        if self.stiffness is not None:
+            lines.append(f"  {self.stiffness.shape[0]} equations, {self.stiffness.nnz} entries in the stiffness matrix")
+        if self.modes:
+            lines += [f"  {len(m.frequency)} modes of nodal diameter {m.nodal_diameter}" for m in self.modes]
+        if self.node_sets:
+            lines.append("  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items()))
+        if self.face_sets:
+            lines.append("  face sets " + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items()))
+        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])

@@ -1,0 +1,286 @@
+"""Matrices and tables from plain files: NumPy, MATLAB, Matrix Market, Abaqus coordinate text, CSV."""
+
+from __future__ import annotations
+
+import os
+from typing import Any
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+from bdamper.io.fe_body import FEBody
+from bdamper.io.reading import LARGEST_COUNT, check_count, reading
+
+FilePath = str | os.PathLike[str]
+
+
+def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
+    """A square matrix from a file, the kind of which follows from its ending.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.npz`` (scipy.sparse.save_npz, or arrays), ``.npy``, ``.mat``, ``.mtx`` (Matrix Market, or Abaqus coordinate
+        text: lines of row, column, value or of node, dof, node, dof, value).
+    name : str, optional
+        Of the array, in files with several.
+
+    Returns
+    -------
+    (n, n) sparse, float
+        For Abaqus text with nodes see :func:`read_abaqus_matrix`, which also returns the table of them.
+    """
+    with reading(path, "a matrix as .npz, .npy, .mat or .mtx", library=True) as source:
+        kind = source.suffix.lower()
+        if kind == ".npz":
+            return _square(_from_npz(source, name), str(source))
+        if kind == ".npy":
+            return _square(np.load(source, allow_pickle=False), str(source))
+        if kind == ".mat":
+            return _square(_from_mat(source, name), str(source))
+        if kind in (".mtx", ".mm", ".gz"):
+            with open(source, "rb") as file:
+                head = file.read(14)
+            if head.startswith(b"%%MatrixMarket"):
+                rows, columns, entries, *_ = scipy.io.mminfo(source)
+                for count in (rows, columns, entries):
+                    check_count(count, f"{source}: size line", "a count")
+                if entries > 2 * source.stat().st_size:
+                    raise mismatch(f"{source}: size line", "as many entries as the file has room for", entries)
+                return _square(scipy.io.mmread(source), str(source))
+            return read_abaqus_matrix(source)[0]
+        raise mismatch(str(source), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+
+
+def _from_npz(source: os.PathLike[str], name: str | None) -> sp.spmatrix | NDArray:
+    with np.load(source, allow_pickle=False) as archive:
+        names = list(archive)
+        if name is None and {"format", "shape", "data"} <= set(names):
+            shape = archive["shape"]
+            for count in np.atleast_1d(shape).tolist():
+                check_count(count, f"{source}: shape", "a count")
+            return sp.load_npz(source)
+        if name is None and len(names) == 1:
+            name = names[0]
+        if name not in names:
+            wanted = "the name of an array" if name is None else f"an array '{name}'"
+            raise mismatch(str(source), wanted, f"the arrays {names}")
+        return archive[name]
+
+
+def _from_mat(source: os.PathLike[str], name: str | None) -> sp.spmatrix | NDArray:
+    try:
+        content = scipy.io.loadmat(source)
+    except NotImplementedError as error:
+        raise mismatch(str(source), "a MATLAB file up to version 7.2 (save -v7)", "version 7.3, an HDF5 file") from error
+    names = [key for key in content if not key.startswith("__")]
+    if name is None and len(names) == 1:
+        name = names[0]
+    if name not in names:
+        wanted = "the name of a variable" if name is None else f"a variable '{name}'"
+        raise mismatch(str(source), wanted, f"the variables {names}")
+    return content[name]
+
+
+def _square(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
+    if not sp.issparse(matrix):
+        matrix = np.asarray(matrix)
+        if matrix.dtype.kind not in "fiu" or matrix.ndim != 2:
+            raise mismatch(item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    elif matrix.dtype.kind not in "fiu":
+        raise mismatch(item, "a real matrix", f"numbers of type {matrix.dtype}")
+    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
+        raise mismatch(item, "a square matrix", f"shape {matrix.shape}")
+    if hasattr(matrix, "check_format"):
+        matrix.check_format(full_check=True)
+    out = sp.coo_matrix(matrix)
+    n = out.shape[0]
+    if out.nnz and (out.row.min() < 0 or out.col.min() < 0 or out.row.max() >= n or out.col.max() >= n):
+        raise mismatch(item, f"indices 0 to {n - 1}", f"{max(out.row.max(), out.col.max())}")
+    if not np.isfinite(out.data).all():
+        raise mismatch(item, "finite numbers", "others")
+    return out.astype(float).tocsr()
+
+
+def number_table(text: str, item: str, columns: tuple[int, ...], comments: tuple[str, ...] = ("#", "*", "%")) -> NDArray:
+    """Numbers separated by commas or blanks, one row a line, with the same count of columns in every row."""
+    rows: list[list[float]] = []
+    for k, line in enumerate(text.splitlines()):
+        stripped = line.strip()
+        if not stripped or stripped.startswith(comments):
+            continue
+        words = stripped.replace(",", " ").replace(";", " ").split()
+        try:
+            row = [float(w.replace("D", "E").replace("d", "e")) for w in words]
+        except ValueError:
+            if not rows:  # a line of column names
+                continue
+            raise mismatch(f"{item}: line {k + 1}", "numbers", stripped[:60]) from None
+        if len(row) not in columns or (rows and len(row) != len(rows[0])):
+            wanted = len(rows[0]) if rows else " or ".join(map(str, columns))
+            raise mismatch(f"{item}: line {k + 1}", f"{wanted} numbers", f"{len(row)}")
+        rows.append(row)
+    if not rows:
+        raise mismatch(item, "at least one line of numbers", "none")
+    table = np.array(rows)
+    if not np.isfinite(table).all():
+        raise mismatch(item, "finite numbers", "others")
+    return table
+
+
+def as_integers(values: NDArray, item: str) -> NDArray:
+    """Whole numbers from a table of floats."""
+    if len(values) and (np.any(values != np.round(values)) or np.abs(values).max() > 2**53):
+        raise mismatch(item, "whole numbers", values[np.argmax(values != np.round(values))])
+    return values.astype(np.int64)
+
+
+def read_abaqus_matrix(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
+    """Matrix from Abaqus coordinate text.
+
+    Lines of ``row, column, value`` (``FORMAT=COORDINATE``), or of ``node, dof, node, dof, value``
+    (``FORMAT=MATRIX INPUT``).  Where only one triangle is in the file, the other is its mirror image.
+
+    Returns
+    -------
+    matrix : (n, n) sparse
+    dofs : (n, 2) int or None
+        Node and component of each row.
+    """
+    with reading(path, "Abaqus coordinate text") as source:
+        with open(source, encoding="ascii", errors="replace") as file:
+            table = number_table(file.read(), str(source), (3, 5))
+        dofs = None
+        if table.shape[1] == 3:
+            row, column = (as_integers(table[:, k], f"{source}: column {k + 1}") - 1 for k in (0, 1))
+        else:
+            pairs = as_integers(table[:, :4].ravel(), str(source)).reshape(-1, 2)
+            dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
+            ends: NDArray = np.asarray(inverse).reshape(-1, 2)
+            row = ends[:, 0]
+            column = ends[:, 1]
+        n = int(max(row.max(), column.max())) + 1
+        if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
+            raise mismatch(str(source), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
+        return triangle_to_full(row, column, table[:, -1], n), dofs
+
+
+def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
+    """Matrix (n, n) from entries; if all are on one side of the diagonal, with their mirror images."""
+    matrix = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
+    if np.all(row <= column) or np.all(row >= column):
+        matrix = (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
+    return matrix
+
+
+def read_nodes(path: FilePath) -> tuple[NDArray, NDArray]:
+    """Node numbers (n,) and positions (n, 3) from CSV with the columns number, x, y, z."""
+    with reading(path, "CSV with the columns number, x, y, z") as source:
+        table = number_table(source.read_text(errors="replace"), str(source), (4,))
+        return as_integers(table[:, 0], f"{source}: column 1"), table[:, 1:]
+
+
+def read_dofs(path: FilePath) -> NDArray:
+    """Node number and component (1, 2, 3) of each matrix row, (n, 2), from CSV or from text like ``12.3``."""
+    with reading(path, "CSV with the columns node, component") as source:
+        table = number_table(source.read_text(errors="replace").replace(".", " "), str(source), (2,))
+        return as_integers(table.ravel(), str(source)).reshape(-1, 2)
+
+
+def read_set(path: FilePath) -> NDArray:
+    """Node numbers (n,) from CSV with any number of them a line, or faces (n, 3 | 4 | 6 | 8), one a line.
+
+    A file with a single number a line is a set of nodes; one with a fixed count of 3, 4, 6 or 8 a line holds faces.
+    """
+    with reading(path, "CSV of node numbers") as source:
+        table = number_table(source.read_text(errors="replace"), str(source), (1, 3, 4, 6, 8))
+        whole: Any = as_integers(table.ravel(), str(source)).reshape(table.shape)
+        return whole[:, 0] if whole.shape[1] == 1 else whole
+
+
+def read_arrays(
+    stiffness: FilePath | sp.spmatrix,
+    mass: FilePath | sp.spmatrix,
+    nodes: FilePath | tuple[NDArray, NDArray],
+    dofs: FilePath | NDArray | None = None,
+    sets: dict[str, FilePath | NDArray] | None = None,
+    elements: tuple[NDArray, ...] = (),
+    source: str = "",
+) -> FEBody:
+    """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
+
+    Parameters
+    ----------
+    stiffness, mass : path-like or sparse matrix
+        See :func:`read_matrix`.
+    nodes : path-like or (numbers, positions)
+        See :func:`read_nodes`.
+    dofs : path-like or (n_eq, 2) int, optional
+        See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
+    sets : mapping of name to path-like or array, optional
+        One-dimensional: node numbers; two-dimensional: faces of elements.
+    elements : tuple of int arrays
+        See :class:`FEBody`.
+    source : str
+        What messages call the body; the file of the stiffness by default.
+    """
+    found: list[tuple[sp.csr_matrix, NDArray | None]] = []
+    for given in (stiffness, mass):
+        if isinstance(given, str | os.PathLike):
+            found.append(_with_table(given))
+        else:
+            found.append((_square(given, source or "matrix"), None))
+    (k, k_dofs), (m, m_dofs) = found
+    if dofs is None:
+        dofs = k_dofs
+        if k_dofs is not None and m_dofs is not None:
+            m = _reordered(m, m_dofs, k_dofs, str(mass))
+    elif isinstance(dofs, str | os.PathLike):
+        dofs = read_dofs(dofs)
+    numbers, positions = read_nodes(nodes) if isinstance(nodes, str | os.PathLike) else nodes
+    node_sets: dict[str, NDArray] = {}
+    face_sets: dict[str, tuple[NDArray, ...]] = {}
+    for name, given_set in (sets or {}).items():
+        values = read_set(given_set) if isinstance(given_set, str | os.PathLike) else np.asarray(given_set)
+        if values.ndim == 1:
+            node_sets[name] = values
+        else:
+            face_sets[name] = (values,)
+    if not source:
+        source = str(stiffness) if isinstance(stiffness, str | os.PathLike) else "the given arrays"
+    return FEBody(
+        np.asarray(numbers),
+        np.asarray(positions, float),
+        k,
+        m,
+        None if dofs is None else np.asarray(dofs),
+        elements,
+        node_sets,
+        face_sets,
+        source=source,
+    )
+
+
+def _with_table(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
+    with reading(path, "a matrix") as source:
+        if source.suffix.lower() == ".mtx":
+            with open(source, "rb") as file:
+                if not file.read(14).startswith(b"%%MatrixMarket"):
+                    return read_abaqus_matrix(source)
+    return read_matrix(path), None
+
+
+def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) -> sp.csr_matrix:
+    """The matrix with rows in the order of another table of nodes and components."""
+    index = {pair: k for k, pair in enumerate(map(tuple, own.tolist()))}
+    unknown = set(index) - set(map(tuple, wanted.tolist()))
+    if unknown:
+        raise mismatch(item, "nodes and components of the stiffness matrix", f"also {sorted(unknown)[0]}")
+    place = np.array([index.get(pair, -1) for pair in map(tuple, wanted.tolist())])
+    pick = sp.csr_matrix(
+        (np.ones((place >= 0).sum()), (np.flatnonzero(place >= 0), place[place >= 0])), shape=(len(wanted), len(own))
+    )
+    return (pick @ matrix @ pick.T).tocsr()

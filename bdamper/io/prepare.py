@@ -1,0 +1,352 @@
+r"""From the numbers of another program to a body in the agreed axes and units, with checks on the way.
+
+Positions become :math:`x' = s Q (x - x_0)` with the rows of Q the axes X, Y, Z of a model (Z the axis of rotation, Y the
+blade, X = Y x Z) in the axes of the file and s the unit of length; matrices become :math:`Q_n K Q_n^T` with a block of
+``Q`` for each node (times the axes of the node, if it has axes of its own).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from bdamper.errors import ModelError, SettingError, mismatch
+from bdamper.io.fe_body import UNITS, FEBody, Units
+from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
+from bdamper.reduction.structure import Structure
+
+SYMMETRY_TOLERANCE = 1e-6
+"""Largest difference between a matrix and its transpose, relative to its largest entry."""
+
+FaceSet = str | NDArray | tuple[NDArray, ...]
+NodeSet = str | NDArray | list[int]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Axes and units of the finite element model.
+
+    Parameters
+    ----------
+    axis : (3,) float
+        Axis of rotation, in the axes of the file.
+    radial : (3,) float
+        Direction from the axis to the blade of the sector.
+    origin : (3,) float
+        A point on the axis.
+    units : str or Units
+    """
+
+    axis: NDArray
+    radial: NDArray
+    origin: NDArray
+    units: Units
+
+    @property
+    def rotation(self) -> NDArray:
+        """(3, 3) rows X, Y, Z."""
+        return np.array([np.cross(self.radial, self.axis), self.radial, self.axis])
+
+
+def placement(axis: object, radial: object, origin: object, units: str | Units) -> Placement:
+    """Check and normalise axes and units.
+
+    Raises
+    ------
+    SettingError
+    """
+    vectors = {}
+    for name, value in (("axis", axis), ("radial", radial), ("origin", origin)):
+        vector = np.asarray(value, float)
+        if vector.shape != (3,) or not np.isfinite(vector).all():
+            raise SettingError(f"{name}: expected three finite numbers, found {value!r}")
+        vectors[name] = vector
+    z, y = vectors["axis"], vectors["radial"]
+    if not np.linalg.norm(z) or abs(z @ y) > 1e-6 * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
+        raise SettingError(f"axis and radial: expected two directions at right angles, found {axis!r} and {radial!r}")
+    if isinstance(units, str):
+        if units not in UNITS:
+            raise SettingError(f"units: expected one of {sorted(UNITS)} or Units(...), found '{units}'")
+        units = UNITS[units]
+    if not (np.isfinite(units.length) and np.isfinite(units.mass) and units.length > 0 and units.mass > 0):
+        raise SettingError(f"units: expected factors > 0, found {units}")
+    return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), vectors["origin"], units)
+
+
+@dataclass
+class PreparedBody:
+    """A body in SI units and in the axes of the model.
+
+    Parameters
+    ----------
+    name : str
+        For messages.
+    given : FEBody
+    place : Placement
+    checks : list of str
+        What was found to be in order; grows.
+    """
+
+    name: str
+    given: FEBody
+    place: Placement
+    checks: list[str] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        g = self.given
+        self.where = f"{self.name} ({g.source})"
+        numbers, nodes = np.asarray(g.numbers), np.asarray(g.nodes, float)
+        if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
+            raise mismatch(f"{self.where}: nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
+        if numbers.dtype.kind not in "iu":
+            raise mismatch(f"{self.where}: nodes", "whole node numbers", numbers.dtype)
+        if not np.isfinite(nodes).all():
+            raise mismatch(f"{self.where}: nodes", "finite positions", "others")
+        unique, count = np.unique(numbers, return_counts=True)
+        if len(unique) < len(numbers):
+            raise mismatch(f"{self.where}: nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
+        self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
+        self._sorted = np.argsort(numbers, kind="stable")
+        self._ascending = numbers[self._sorted]
+
+    # ---- numbers, sets and faces ----
+
+    @property
+    def size(self) -> float:
+        """Largest extent, m."""
+        return float(np.ptp(self.nodes, axis=0).max())
+
+    def index(self, numbers: NDArray, item: str) -> NDArray:
+        """Indices of nodes by their numbers, any shape.
+
+        Raises
+        ------
+        ModelError
+            If there is no node of such a number.
+        """
+        numbers = np.asarray(numbers)
+        if numbers.dtype.kind not in "iu":
+            raise mismatch(f"{self.where}: {item}", "whole node numbers", f"numbers of type {numbers.dtype}")
+        place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
+        missing = self._ascending[place] != numbers
+        if missing.any():
+            raise mismatch(f"{self.where}: {item}", "numbers of existing nodes", f"{numbers[missing].ravel()[0]}")
+        return self._sorted[place]
+
+    def node_set(self, given: NodeSet, item: str) -> NDArray:
+        """Node indices of a set by name or by numbers."""
+        if isinstance(given, str):
+            if given in self.given.node_sets:
+                return np.unique(self.index(self.given.node_sets[given], f"node set '{given}'"))
+            if given in self.given.face_sets:
+                return self.faces(given, item).nodes
+            known = sorted({*self.given.node_sets, *self.given.face_sets})
+            raise mismatch(f"{self.where}: {item}", f"a set out of {known}", f"'{given}'")
+        array = np.asarray(given)
+        if array.ndim != 1 or len(array) == 0:
+            raise mismatch(f"{self.where}: {item}", "node numbers (n,)", f"shape {array.shape}")
+        return np.unique(self.index(array, item))
+
+    @cached_property
+    def elements(self) -> tuple[NDArray, ...]:
+        """Node indices of the solid elements."""
+        return tuple(self.index(e, "elements") for e in self.given.elements)
+
+    @cached_property
+    def boundary(self) -> Facets:
+        """Outer faces of the solid elements."""
+        try:
+            return boundary_facets(self.elements, self.nodes)
+        except ValueError as error:
+            raise mismatch(f"{self.where}: elements", "solid elements", error) from error
+
+    def faces(self, given: FaceSet, item: str) -> Facets:
+        """Facets by the name of a set, by node numbers of faces, or by a set of nodes with the elements behind it."""
+        if isinstance(given, str) and given in self.given.face_sets:
+            groups: tuple[NDArray, ...] = tuple(self.given.face_sets[given])
+        elif isinstance(given, tuple):
+            groups = tuple(np.asarray(g) for g in given)
+        elif not isinstance(given, str) and np.ndim(given) == 2:
+            groups = (np.asarray(given),)
+        else:
+            nodes = self.node_set(given, item)
+            if not self.elements:
+                raise mismatch(f"{self.where}: {item}", "faces, or elements besides the set of nodes", "nodes alone")
+            found = facets_on_nodes(self.boundary, nodes)
+            if len(found) == 0:
+                raise mismatch(f"{self.where}: {item}", "nodes that hold at least one whole face of an element", "none")
+            return found
+        for group in groups:
+            if group.ndim != 2 or group.shape[1] not in (3, 4, 6, 8) or len(group) == 0:
+                raise mismatch(f"{self.where}: {item}", "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
+        return Facets(tuple(self.index(g, item) for g in groups))
+
+    def node(self, given: object, item: str) -> int:
+        """Index of one node by its number, or the one nearest to a position in the axes and units of the file."""
+        if isinstance(given, int | np.integer) and not isinstance(given, bool):
+            return int(self.index(np.array([given]), item)[0])
+        try:
+            position = np.asarray(given, float)
+        except (TypeError, ValueError):
+            position = np.empty(0)
+        if position.shape != (3,) or not np.isfinite(position).all():
+            raise mismatch(f"{self.where}: {item}", "a node number or a position (3,)", repr(given))
+        position = self.place.units.length * self.place.rotation @ (position - self.place.origin)
+        distance = np.linalg.norm(self.nodes - position, axis=1)
+        if distance.min() > 0.1 * self.size:
+            found = f"{distance.min():.4g} m from the nearest node"
+            raise mismatch(f"{self.where}: {item}", "a position on the body", found)
+        return int(distance.argmin())
+
+    def check_repeated(self) -> None:
+        """Nodes at the same place are usually a mesh that was not merged."""
+        used = np.arange(len(self.nodes))
+        if self.elements:
+            used = np.unique(np.concatenate([e.ravel() for e in self.elements]))
+        pairs = cKDTree(self.nodes[used]).query_pairs(1e-9 * max(self.size, 1e-30), output_type="ndarray")
+        if len(pairs):
+            a, b = self.given.numbers[used[pairs[0]]]
+            found = f"nodes {a} and {b} at one place and {len(pairs)} such pairs in all"
+            raise mismatch(f"{self.where}: nodes", "each place once", found)
+
+    # ---- matrices ----
+
+    @property
+    def has_matrices(self) -> bool:
+        return self.given.stiffness is not None and self.given.mass is not None
+
+    @cached_property
+    def _table(self) -> tuple[NDArray, NDArray]:
+        """Rows (n_eq,) of the full matrices, and the mask (n_nodes, 3) of components without a row."""
+        assert self.given.stiffness is not None
+        n_eq = self.given.stiffness.shape[0]
+        n = len(self.nodes)
+        if self.given.dofs is None:
+            if n_eq != 3 * n:
+                expected = f"{3 * n} rows for {n} nodes, or a table of nodes and components"
+                raise mismatch(f"{self.where}: stiffness", expected, f"{n_eq} rows and no table")
+            return np.arange(3 * n), np.zeros((n, 3), bool)
+        dofs = np.asarray(self.given.dofs)
+        if dofs.shape != (n_eq, 2) or dofs.dtype.kind not in "iu":
+            raise mismatch(f"{self.where}: table of nodes and components", f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
+        if dofs[:, 1].min() < 1 or dofs[:, 1].max() > 3:
+            wrong = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)][0]
+            raise mismatch(
+                f"{self.where}: table of nodes and components",
+                "displacements only (components 1, 2, 3)",
+                f"component {wrong[1]} of node {wrong[0]}",
+            )
+        rows = 3 * self.index(dofs[:, 0], "table of nodes and components") + dofs[:, 1] - 1
+        if len(np.unique(rows)) < n_eq:
+            values, count = np.unique(rows, return_counts=True)
+            node, component = divmod(int(values[count.argmax()]), 3)
+            raise mismatch(
+                f"{self.where}: table of nodes and components",
+                "each pair once",
+                f"node {self.given.numbers[node]}, component {component + 1} repeated",
+            )
+        absent = np.ones(3 * n, bool)
+        absent[rows] = False
+        return rows, absent.reshape(n, 3)
+
+    @cached_property
+    def structure(self) -> Structure:
+        """Nodes and full matrices; components without a row have empty rows."""
+        if self.given.stiffness is None:
+            raise ModelError(f"{self.where}: expected a stiffness and a mass matrix, found none")
+        return Structure(self.nodes, self._expanded("stiffness"), self._expanded("mass"))
+
+    def _expanded(self, key: str) -> sp.csr_matrix:
+        given = getattr(self.given, key)
+        item = f"{self.where}: {key} matrix"
+        if given is None:
+            raise mismatch(item, "a matrix", "none")
+        rows, _ = self._table
+        matrix = sp.csr_matrix(given)
+        n_eq = len(rows)
+        if matrix.shape != (n_eq, n_eq):
+            raise mismatch(item, f"shape ({n_eq}, {n_eq})", matrix.shape)
+        if matrix.dtype.kind not in "fiu" or not np.isfinite(matrix.data).all():
+            raise mismatch(item, "finite real numbers", f"{matrix.dtype}")
+        scale = float(abs(matrix).max())
+        if scale == 0.0:
+            raise mismatch(item, "numbers other than 0", "none")
+        difference = abs(matrix - matrix.T).tocoo()
+        if difference.nnz and difference.data.max() > SYMMETRY_TOLERANCE * scale:
+            k = int(difference.data.argmax())
+            r, c = int(difference.row[k]), int(difference.col[k])
+            raise mismatch(
+                item,
+                "a symmetric matrix (both triangles)",
+                f"{matrix[r, c]:.9g} in row {r + 1}, column {c + 1} and {matrix[c, r]:.9g} in its mirror place",
+            )
+        diagonal = matrix.diagonal()
+        if diagonal.min() < 0.0:
+            k = int(diagonal.argmin())
+            raise mismatch(item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
+        n = 3 * len(self.nodes)
+        pick = sp.csr_matrix((np.ones(n_eq), (rows, np.arange(n_eq))), shape=(n, n_eq))
+        full = (pick @ (0.5 * (matrix + matrix.T)) @ pick.T).tocsr()
+        turned = self._turning
+        if turned is not None:
+            full = (turned @ full @ turned.T).tocsr()
+            full = (0.5 * (full + full.T)).tocsr()
+        return (self.place.units.mass * full).tocsr()
+
+    @cached_property
+    def _turning(self) -> sp.csr_matrix | None:
+        """Block-diagonal rotation from the components of the file to those of the model; None if they are the same."""
+        q = self.place.rotation
+        if np.allclose(q, np.eye(3), rtol=0.0, atol=1e-12) and not self.given.node_axes:
+            return None
+        blocks = np.broadcast_to(q, (len(self.nodes), 3, 3)).copy()
+        for number, axes in self.given.node_axes.items():
+            axes = np.asarray(axes, float)
+            if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
+                expected = "three rows at right angles, of length 1"
+                raise mismatch(f"{self.where}: axes of node {number}", expected, axes.tolist())
+            k = int(self.index(np.array([number]), "axes of nodes")[0])
+            blocks[k] = q @ axes.T
+        n = len(blocks)
+        return sp.bsr_matrix((blocks, np.arange(n), np.arange(n + 1)), shape=(3 * n, 3 * n)).tocsr()
+
+    def fixed(self, held: NDArray | None) -> NDArray:
+        """Mask (n_nodes, 3) of the fixed components, in the axes of the model; ``held`` are node indices."""
+        absent = self._table[1].copy() if self.given.stiffness is not None else np.zeros((len(self.nodes), 3), bool)
+        # Nodes that no matrix knows at all (of another body, of a plane of reference) are left out with the fixed ones.
+        partly = absent.any(axis=1) & ~absent.all(axis=1)
+        q = np.abs(self.place.rotation)
+        plain = bool(np.all((q < 1e-9) | (q > 1 - 1e-9)))
+        own = np.isin(self.given.numbers, np.array(list(self.given.node_axes), int))
+        if np.any(partly & (own | (not plain))):
+            k = int(np.flatnonzero(partly & (own | (not plain)))[0])
+            raise mismatch(
+                f"{self.where}: node {self.given.numbers[k]}",
+                "all three components or none fixed, or axes of the file along those of the model",
+                "some fixed in axes that are turned",
+            )
+        out = absent @ (q > 0.5).T if partly.any() else absent
+        if held is not None:
+            out[held] = True
+        return out
+
+    def shapes(self, numbers: NDArray, shapes: NDArray, item: str) -> NDArray:
+        """Mode shapes of a file (n, 3, m) as rows of all nodes (3 n_nodes, m), NaN where the file has none."""
+        out = np.full((len(self.nodes), 3, shapes.shape[2]), np.nan, shapes.dtype)
+        known = np.isin(numbers, self.given.numbers)
+        if not known.any():
+            raise mismatch(f"{self.where}: {item}", "nodes of this body", "none of them")
+        rows = self.index(numbers[known], item)
+        turned = np.broadcast_to(self.place.rotation, (len(rows), 3, 3))
+        out[rows] = np.einsum("nij,njm->nim", turned, shapes[known])
+        return out.reshape(-1, shapes.shape[2])
+
+    @cached_property
+    def volume(self) -> float | None:
+        """Volume of the solid elements, m3; None without elements."""
+        return enclosed_volume(self.boundary, self.nodes) if self.elements else None
