@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -101,6 +102,8 @@ def sector_input(
             "*FREQUENCY",
             f"{2 * n_modes},",
             f"*SELECT CYCLIC SYMMETRY MODES, NMIN={nodal_diameter}, NMAX={nodal_diameter}",
+            "*NODE FILE",
+            "U",
             "*END STEP",
             "",
         ]
@@ -110,6 +113,25 @@ def sector_input(
 def free_input(body: Discretisation, n_modes: int) -> str:
     """Input file for a free body; ``n_modes`` counts the six rigid ones."""
     return "\n".join([_model(body), "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
+
+
+def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
+    """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
+
+    Parameters
+    ----------
+    body : Discretisation
+    sets : mapping of name to (n,) int
+        Node sets, for the user of the matrices.
+    clamped : str, optional
+        The set that is held; its nodes have no rows in the matrices.
+    """
+    lines = [_model(body)]
+    for name, nodes in sets.items():
+        lines += [f"*NSET, NSET={name}", _numbers(nodes)]
+    if clamped is not None:
+        lines += ["*BOUNDARY", f"{clamped}, 1, 3"]
+    return "\n".join([*lines, "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
 
 
 def read_frequencies(path: Path) -> NDArray:
@@ -134,11 +156,23 @@ def run(text: str, folder: Path, program: str = "ccx", timeout: float = 600.0) -
     RuntimeError
         If it fails or lists no frequency; the message ends with its last lines of output.
     """
-    (folder / "job.inp").write_text(text)
-    done = subprocess.run(
-        [program, "-i", "job"], cwd=folder, capture_output=True, text=True, timeout=timeout, check=False
-    )
+    output = run_job(text, folder, "job", program, timeout)
     frequencies = read_frequencies(folder / "job.dat") if (folder / "job.dat").exists() else np.empty(0)
-    if done.returncode or not len(frequencies):
-        raise RuntimeError(f"CalculiX gave no frequencies:\n{done.stdout[-1500:]}")
+    if not len(frequencies):
+        raise RuntimeError(f"CalculiX gave no frequencies:\n{output[-1500:]}")
     return frequencies
+
+
+def run_job(text: str, folder: Path, job: str, program: str = "ccx", timeout: float = 600.0) -> str:
+    """Write ``job.inp`` in ``folder``, run CalculiX on it and return what it printed.
+
+    Raises
+    ------
+    RuntimeError
+        If it fails; the message ends with its last lines of output.
+    """
+    (folder / f"{job}.inp").write_text(text)
+    done = subprocess.run([program, "-i", job], cwd=folder, capture_output=True, text=True, timeout=timeout, check=False)
+    if done.returncode:
+        raise RuntimeError(f"CalculiX failed on {job}.inp:\n{done.stdout[-1500:]}")
+    return done.stdout

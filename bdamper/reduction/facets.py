@@ -121,13 +121,21 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
     facets: dict[int, list[NDArray]] = {}
     for users in found.values():
         if len(users) == 1:
-            facet = _oriented(*users[0], nodes)
+            facet = oriented_facet(*users[0], nodes)
             facets.setdefault(len(facet), []).append(facet)
     return Facets(tuple(np.array(facets[n]) for n in sorted(facets)))
 
 
-def _oriented(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
-    """One facet of an element: repeated corners dropped, outward, with the nodes between its corners."""
+def oriented_facet(corner: NDArray, element: NDArray, nodes: NDArray) -> NDArray:
+    """One facet of an element: repeated corners dropped, outward, with the nodes between its corners.
+
+    Parameters
+    ----------
+    corner : (3 | 4,) int
+        Corners of the facet in turn, either way round.
+    element : (4 | 6 | 8 | 10 | 15 | 20,) int
+    nodes : (n_nodes, 3) float
+    """
     unique = corner[np.r_[True, corner[1:] != corner[:-1]]]
     if len(unique) > 3 and unique[0] == unique[-1]:
         unique = unique[:-1]

@@ -1,0 +1,467 @@
+"""CalculiX: mesh and sets of an input file or of results, stored matrices, modes of a cyclic run.
+
+``*FREQUENCY, SOLVER=MATRIXSTORAGE`` writes the upper triangles of stiffness and mass (``.sti``, ``.mas``: row, column,
+value) over the free components that ``.dof`` lists (``node.component``).  With ties of cyclic symmetry in the deck,
+``CYCMPC=INACTIVE`` keeps them out of the matrices.
+
+A cyclic ``.frd`` has for each mode the blocks DISP and DISPI, real and imaginary part of a travelling wave whose direction
+is not relied on here, scaled to a modal mass of one over the sector.  Positions in it have six digits: take the mesh from
+the input file where there is one.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.matrices import as_integers, triangle_to_full
+from bdamper.io.reading import LARGEST_COUNT, reading
+from bdamper.reduction.facets import N_CORNER, oriented_facet
+
+FilePath = str | os.PathLike[str]
+
+_SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
+_IGNORED_STRUCTURE = ("*EQUATION", "*MPC", "*TIE", "*RIGID BODY", "*TRANSFORM", "*SPRING", "*DISTRIBUTING COUPLING")
+
+# Faces S1, S2, ... of solid elements by their corners, as in Abaqus.
+_SURFACE_FACES = {
+    4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
+    6: ((0, 1, 2), (3, 5, 4), (0, 3, 4, 1), (1, 4, 5, 2), (2, 5, 3, 0)),
+    8: ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)),
+}
+
+_FRD_SOLIDS = {1: 8, 2: 6, 3: 4, 4: 20, 5: 15, 6: 10}
+_FRD_PER_LINE = 10
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Input file
+
+
+class _Deck:
+    """Blocks of a deck: a keyword with its parameters, then data lines."""
+
+    def __init__(self, source: Path) -> None:
+        self.source = source
+        self.numbers: list[int] = []
+        self.positions: list[list[float]] = []
+        self.elements: dict[int, list[list[int]]] = {}
+        self.element_of: dict[int, list[int]] = {}
+        self.node_sets: dict[str, list[int]] = {}
+        self.element_sets: dict[str, list[int]] = {}
+        self.surfaces: dict[str, list[tuple[str, str]]] = {}
+        self.node_surfaces: dict[str, list[str]] = {}
+        self.notes: list[str] = []
+
+    def read(self, source: Path, depth: int = 0) -> None:
+        """One file, with those that it includes."""
+        if depth > 5:
+            raise mismatch(str(source), "at most five files included in each other", "more")
+        with open(source, encoding="utf-8", errors="replace") as file:
+            for keyword, parameters, lines in self._blocks(file):
+                item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
+                if keyword == "*INCLUDE":
+                    included = source.parent / parameters.get("INPUT", "")
+                    if not included.is_file():
+                        raise mismatch(item, "an existing file", f"'{included.name}'")
+                    self.read(included, depth + 1)
+                else:
+                    self._block(keyword, parameters, lines, item)
+
+    @staticmethod
+    def _blocks(file: Iterator[str]) -> Iterator[tuple[str, dict[str, str], list[tuple[int, str]]]]:
+        keyword, parameters, lines = "", {}, []  # type: ignore[var-annotated]
+        for number, line in enumerate(file, 1):
+            text = line.strip()
+            if not text or text.startswith("**"):
+                continue
+            if text.startswith("*"):
+                if keyword:
+                    yield keyword, parameters, lines
+                words = [w.strip() for w in text.split(",")]
+                keyword, lines = words[0].upper(), []
+                parameters = {}
+                for word in words[1:]:
+                    key, _, value = word.partition("=")
+                    parameters[key.strip().upper()] = value.strip().strip('"')
+            else:
+                lines.append((number, text))
+        if keyword:
+            yield keyword, parameters, lines
+
+    def _block(self, keyword: str, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+        if keyword == "*NODE":
+            self._nodes(parameters, lines)
+        elif keyword == "*ELEMENT":
+            self._elements(parameters, lines, item)
+        elif keyword in ("*NSET", "*ELSET"):
+            sets = self.node_sets if keyword == "*NSET" else self.element_sets
+            self._set(sets, parameters.get(keyword[1:], ""), "GENERATE" in parameters, lines, item)
+        elif keyword == "*SURFACE":
+            name = parameters.get("NAME", "").upper()
+            if parameters.get("TYPE", "ELEMENT").upper() == "NODE":
+                self.node_surfaces[name] = [text.split(",")[0].strip() for _, text in lines]
+            else:
+                pairs = [tuple(w.strip() for w in text.split(",")[:2]) for _, text in lines]
+                if any(len(p) != 2 for p in pairs):
+                    raise mismatch(item, "an element or set and the label of a face in every line", "another line")
+                self.surfaces[name] = pairs  # type: ignore[assignment]
+        elif keyword in _IGNORED_STRUCTURE:
+            self.notes.append(f"{keyword} of the deck is not read: what it does must be in the matrices")
+
+    def _words(self, lines: list[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+        for number, text in lines:
+            for word in text.split(","):
+                if word.strip():
+                    yield number, word.strip()
+
+    def _integer(self, number: int, word: str) -> int:
+        try:
+            return int(word)
+        except ValueError:
+            raise mismatch(f"{self.source}: line {number}", "a whole number", f"'{word[:30]}'") from None
+
+    def _nodes(self, parameters: dict[str, str], lines: list[tuple[int, str]]) -> None:
+        added = []
+        for number, text in lines:
+            words = text.split(",")
+            try:
+                if len(words) < 2 or len([w for w in words if w.strip()]) > 4:
+                    raise ValueError
+                position = [float(w) if w.strip() else 0.0 for w in words[1:4]]
+                added.append(int(words[0]))
+            except ValueError:
+                raise mismatch(
+                    f"{self.source}: line {number}", "a node number and its position", f"'{text[:50]}'"
+                ) from None
+            self.numbers.append(added[-1])
+            self.positions.append(position + [0.0] * (3 - len(position)))
+        if parameters.get("NSET"):
+            self.node_sets.setdefault(parameters["NSET"].upper(), []).extend(added)
+
+    def _elements(self, parameters: dict[str, str], lines: list[tuple[int, str]], item: str) -> None:
+        kind = parameters.get("TYPE", "").upper()
+        plain = kind.rstrip("RIHM")
+        n = _SOLIDS.get(plain)
+        if n is None:
+            self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
+            return
+        words = [self._integer(number, word) for number, word in self._words(lines)]
+        if len(words) % (n + 1):
+            raise mismatch(item, f"1 + {n} numbers for each element of type {kind}", f"{len(words)} numbers in all")
+        for k in range(0, len(words), n + 1):
+            self.elements.setdefault(n, []).append(words[k + 1 : k + n + 1])
+            self.element_of[words[k]] = words[k + 1 : k + n + 1]
+        if parameters.get("ELSET"):
+            self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
+
+    def _set(self, sets: dict[str, list[int]], name: str, generate: bool, lines: list[tuple[int, str]], item: str) -> None:
+        if not name:
+            raise mismatch(item, "a name of the set", "none")
+        members = sets.setdefault(name.upper(), [])
+        if generate:
+            for number, text in lines:
+                words = [self._integer(number, w.strip()) for w in text.split(",") if w.strip()]
+                step = words[2] if len(words) > 2 else 1
+                if len(words) < 2 or step <= 0 or not 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100:
+                    raise mismatch(f"{self.source}: line {number}", "first, last and step", f"'{text[:50]}'")
+                members.extend(range(words[0], words[1] + 1, step))
+            return
+        for number, word in self._words(lines):
+            if word.lstrip("+-").isdigit():
+                members.append(self._integer(number, word))
+            elif word.upper() in sets:
+                members.extend(sets[word.upper()])
+            else:
+                raise mismatch(
+                    f"{self.source}: line {number}", f"a number or a set out of {sorted(sets)}", f"'{word[:30]}'"
+                )
+
+    def body(self) -> FEBody:
+        """What the deck says, as a body without matrices."""
+        if not self.numbers:
+            raise mismatch(str(self.source), "*NODE with at least one node", "none")
+        # A node given twice is the same node; the last one counts, as in the program.
+        unique = dict(zip(self.numbers, self.positions))
+        numbers = np.array(list(unique), dtype=np.int64)
+        nodes = np.array(list(unique.values()), float)
+        if not np.isfinite(nodes).all():
+            raise mismatch(f"{self.source}: *NODE", "finite positions", "others")
+        sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
+        for name, members in self.node_surfaces.items():
+            known = [sets[m.upper()] for m in members if m.upper() in sets]
+            if known:
+                sets.setdefault(name, np.unique(np.concatenate(known)))
+        return FEBody(
+            numbers,
+            nodes,
+            elements=tuple(np.array(e, dtype=np.int64) for e in self.elements.values()),
+            node_sets=sets,
+            face_sets=self._face_sets(numbers, nodes),
+            source=str(self.source),
+            notes=tuple(dict.fromkeys(self.notes)),
+        )
+
+    def _face_sets(self, numbers: NDArray, nodes: NDArray) -> dict[str, tuple[NDArray, ...]]:
+        index = {number: k for k, number in enumerate(numbers.tolist())}
+        out = {}
+        for name, pairs in self.surfaces.items():
+            item = f"{self.source}: *SURFACE, NAME={name}"
+            facets: dict[int, list[NDArray]] = {}
+            for who, label in pairs:
+                members = [int(who)] if who.isdigit() else self.element_sets.get(who.upper())
+                if members is None:
+                    raise mismatch(item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
+                for element in members:
+                    if element not in self.element_of:
+                        raise mismatch(item, "solid elements of this deck", f"element {element}")
+                    own = self.element_of[element]
+                    faces = _SURFACE_FACES[N_CORNER[len(own)]]
+                    face = label.upper().removeprefix("S")
+                    if not face.isdigit() or not 1 <= int(face) <= len(faces):
+                        raise mismatch(item, f"faces S1 to S{len(faces)}", f"'{label[:30]}'")
+                    missing = [n for n in own if n not in index]
+                    if missing:
+                        raise mismatch(item, "elements with existing nodes", f"node {missing[0]}")
+                    rows = np.array([index[n] for n in own])
+                    facet = oriented_facet(rows[list(faces[int(face) - 1])], rows, nodes)
+                    facets.setdefault(len(facet), []).append(numbers[facet])
+            if facets:
+                out[name] = tuple(np.array(f) for f in facets.values())
+        return out
+
+
+def read_inp(path: FilePath) -> FEBody:
+    """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
+
+    Names of sets are in capitals.  Steps, loads and materials are not looked at.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "an input file of CalculiX") as source:
+        deck = _Deck(source)
+        deck.read(source)
+        return deck.body()
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Matrices
+
+
+def _triplets(path: Path, n: int) -> sp.csr_matrix:
+    """Symmetric matrix (n, n) from lines of row, column, value."""
+    with reading(path, "lines of row, column, value") as source:
+        table = np.loadtxt(source, ndmin=2, encoding="ascii", comments=None)
+        if table.shape[1] != 3:
+            raise mismatch(str(source), "three numbers a line", f"{table.shape[1]}")
+        row, column = (as_integers(table[:, k], f"{source}: column {k + 1}") - 1 for k in (0, 1))
+        if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
+            found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
+            raise mismatch(str(source), f"rows and columns 1 to {n}, as many as lines of the .dof file", found)
+        if not np.isfinite(table[:, 2]).all():
+            raise mismatch(str(source), "finite numbers", "others")
+        return triangle_to_full(row, column, table[:, 2], n)
+
+
+def _dof_table(path: Path) -> NDArray:
+    with reading(path, "lines like 12.3, node and component") as source:
+        rows = []
+        for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):
+            if not line.strip():
+                continue
+            node, _, component = line.strip().partition(".")
+            if not (node.isdigit() and component.isdigit()):
+                raise mismatch(f"{source}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
+            rows.append((int(node), int(component)))
+        if not rows:
+            raise mismatch(str(source), "at least one line", "none")
+        return np.array(rows, dtype=np.int64)
+
+
+def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
+    """A body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
+
+    Parameters
+    ----------
+    job : path-like
+        ``job.sti``, ``job.mas`` and ``job.dof`` are read; an ending of the name is left aside.
+    mesh : path-like, optional
+        Input file, or result file (.frd), with nodes and elements; by default ``job.inp``, else ``job.frd``.
+    modes : path-like or tuple of them
+        Result files (.frd) of modal analyses to compare with.
+
+    Returns
+    -------
+    FEBody
+    """
+    base = Path(job)
+    if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
+        base = base.with_suffix("")
+    if mesh is None:
+        candidates = [base.with_name(base.name + ending) for ending in (".inp", ".frd")]
+        mesh = next((c for c in candidates if c.is_file()), candidates[0])
+    body = read_frd(mesh) if str(mesh).lower().endswith(".frd") else read_inp(mesh)
+    dofs = _dof_table(base.with_name(base.name + ".dof"))
+    stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
+    mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
+    found: list[Modes] = []
+    for path in (modes,) if isinstance(modes, str | os.PathLike) else modes:
+        found += read_frd(path).modes
+    return replace(
+        body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=f"{base} (.sti, .mas, .dof), {mesh}"
+    )
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Results
+
+
+def read_frd(path: FilePath) -> FEBody:
+    """Nodes, solid elements and modes of a result file in text form.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a result file of CalculiX in text form (.frd)") as source:
+        with open(source, "rb") as raw:
+            if b"\x00" in raw.read(100_000):
+                raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
+        with open(source, encoding="ascii", errors="replace") as file:
+            return _Frd(source, file.read().splitlines()).body()
+
+
+class _Frd:
+    def __init__(self, source: Path, lines: list[str]) -> None:
+        self.source, self.lines, self.at = source, lines, 0
+        self.numbers: NDArray = np.empty(0, np.int64)
+        self.nodes: NDArray = np.empty((0, 3))
+        self.elements: dict[int, list[list[int]]] = {}
+        self.blocks: list[tuple[int, int, float, str, NDArray, NDArray]] = []  # diameter, mode, Hz, name, nodes, values
+
+    def _here(self) -> str:
+        return f"{self.source}: line {self.at + 1}"
+
+    def _rows(self, width: int, n_values: int) -> tuple[NDArray, NDArray]:
+        """Node numbers and values of the lines up to the end of a block."""
+        numbers, values = [], []
+        start = 3 + width
+        while True:
+            if self.at >= len(self.lines):
+                raise mismatch(str(self.source), "the end of a block (-3)", "the end of the file")
+            line = self.lines[self.at]
+            if line.startswith(" -3"):
+                self.at += 1
+                break
+            if not line.startswith(" -1"):
+                raise mismatch(self._here(), "a line of values (-1)", f"'{line[:40]}'")
+            try:
+                numbers.append(int(line[3:start]))
+                values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
+            except ValueError:
+                raise mismatch(self._here(), f"a node number and {n_values} values", f"'{line[:60]}'") from None
+            self.at += 1
+        out = np.array(values, float).reshape(-1, n_values)
+        if not np.isfinite(out).all():
+            raise mismatch(self._here(), "finite values in the block above", "others")
+        return np.array(numbers, np.int64), out
+
+    @staticmethod
+    def _width(line: str) -> int:
+        return 5 if line.rstrip().endswith("0") else 10
+
+    def _element_block(self) -> None:
+        while self.at < len(self.lines) and not self.lines[self.at].startswith(" -3"):
+            words = self.lines[self.at][3:].split()
+            if not self.lines[self.at].startswith(" -1") or len(words) < 2:
+                raise mismatch(self._here(), "an element (-1)", f"'{self.lines[self.at][:40]}'")
+            n = _FRD_SOLIDS.get(int(words[1]))
+            self.at += 1
+            nodes: list[int] = []
+            while self.at < len(self.lines) and self.lines[self.at].startswith(" -2"):
+                text = self.lines[self.at][3:]
+                nodes += [int(text[k : k + 10]) for k in range(0, len(text.rstrip()), 10)]
+                self.at += 1
+            if n is None:
+                continue
+            if len(nodes) != n:
+                raise mismatch(self._here(), f"{n} nodes of the element above", f"{len(nodes)}")
+            self.elements.setdefault(n, []).append(nodes)
+        self.at += 1
+
+    def body(self) -> FEBody:
+        diameter, mode = 0, 0
+        while self.at < len(self.lines):
+            line = self.lines[self.at]
+            key = line[:10].strip()
+            self.at += 1
+            if key.startswith("2C"):
+                self.numbers, self.nodes = self._rows(self._width(line), 3)
+            elif key.startswith("3C"):
+                self._element_block()
+            elif key.startswith("1PHID"):
+                diameter = int(line[10:].split()[0])
+            elif key.startswith("1PMODE"):
+                mode = int(line[10:].split()[0])
+            elif key.startswith("100C"):
+                self._result(line, diameter, mode)
+        if len(self.numbers) == 0:
+            raise mismatch(str(self.source), "a block of nodes (2C)", "none")
+        return FEBody(
+            self.numbers,
+            self.nodes,
+            elements=tuple(np.array(e, np.int64) for e in self.elements.values()),
+            modes=self._modes(),
+            source=str(self.source),
+        )
+
+    def _result(self, line: str, diameter: int, mode: int) -> None:
+        try:
+            frequency = float(line[12:24])
+        except ValueError:
+            raise mismatch(f"{self.source}: line {self.at}", "a frequency in columns 13 to 24", f"'{line[:40]}'") from None
+        width = self._width(line)
+        name = ""
+        while self.at < len(self.lines) and self.lines[self.at].startswith((" -4", " -5")):
+            if self.lines[self.at].startswith(" -4"):
+                name = self.lines[self.at][5:13].strip()
+            self.at += 1
+        if name in ("DISP", "DISPI"):
+            self.blocks.append((diameter, mode, frequency, name, *self._rows(width, 3)))
+        else:
+            while self.at < len(self.lines) and not self.lines[self.at].startswith(" -3"):
+                self.at += 1
+
+    def _modes(self) -> tuple[Modes, ...]:
+        found: dict[int, list[tuple[float, NDArray]]] = {}
+        numbers: NDArray | None = None
+        for k, (d, mode, frequency, name, nodes, values) in enumerate(self.blocks):
+            if name == "DISPI":
+                continue
+            if numbers is None:
+                numbers = nodes
+            if not np.array_equal(numbers, nodes):
+                raise mismatch(f"{self.source}: mode {mode}", "the same nodes in every result", "others")
+            shape: NDArray = values
+            if k + 1 < len(self.blocks) and self.blocks[k + 1][:2] == (d, mode) and self.blocks[k + 1][3] == "DISPI":
+                if not np.array_equal(self.blocks[k + 1][4], nodes):
+                    raise mismatch(f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
+                shape = values + 1j * self.blocks[k + 1][5]
+            found.setdefault(d, []).append((frequency, shape))
+        out = []
+        for d, modes in found.items():
+            assert numbers is not None
+            shapes = np.stack([s for _, s in modes], axis=2)
+            hertz = np.array([f for f, _ in modes])
+            out.append(Modes(d, hertz, numbers, shapes, np.ones(len(modes)), str(self.source)))
+        return tuple(out)

@@ -1,0 +1,82 @@
+"""A bladed disk with wedge dampers, from CalculiX to a tracking curve.
+
+Three decks are written: the sector with its free faces and the damper, whose matrices CalculiX stores
+(``*FREQUENCY, SOLVER=MATRIXSTORAGE``), and the sector with cyclic symmetry, whose modes of nodal diameter 5 serve as a
+check.  From their results a model is built, reported, saved and tracked.
+
+    python examples/calculix/bladed_disk.py [folder]
+
+needs the program ``ccx`` and the extra ``bdamper[fe]``, which makes the meshes here; with your own decks it does not.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from bdamper import Curve, Excitation, Study
+from bdamper.fe import MeshDensity, SectorFE, calculix
+from bdamper.fe.contact_points import end_patches
+from bdamper.fe.sets import blade_sets, damper_sets
+from bdamper.io import BuiltModel, ContactFaces, build_model
+from bdamper.io.calculix import read_calculix
+
+ENGINE_ORDER = 5
+
+
+def write_and_run(folder: Path, fe: SectorFE) -> None:
+    """The decks, and CalculiX on each of them."""
+    blade, damper = blade_sets(fe), damper_sets(fe)
+    calculix.run_job(calculix.matrix_input(fe.blade, blade, clamped="BORE"), folder, "sector")
+    calculix.run_job(calculix.matrix_input(fe.damper.body, damper), folder, "damper")
+    cyclic = calculix.sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, ENGINE_ORDER, 5)
+    calculix.run_job(cyclic, folder, "sector_cyclic")
+
+
+def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20) -> BuiltModel:
+    """The model, with the same contact points as the reference model."""
+    g = fe.geometry
+    tip = [g.camber / 3.0, g.ridge_radius + g.platform_edge_thickness + g.airfoil_height, 0.0]
+    return build_model(
+        read_calculix(folder / "sector", modes=folder / "sector_cyclic.frd"),
+        read_calculix(folder / "damper"),
+        n_blades=g.n_blades,
+        sector_faces=("LOW", "HIGH"),
+        engine_order=ENGINE_ORDER,
+        harmonics=3,
+        n_modes=n_modes,
+        contacts=[
+            ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=points),
+            ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=points),
+            *(
+                ContactFaces(
+                    name, name.upper(), body_b="ground", kind="constraint", gap=g.end_gap, patches=end_patches(g, name)
+                )
+                for name in ("front", "back")
+            ),
+        ],
+        locations={"tip": tip},
+    )
+
+
+def tracking_curve(built: BuiltModel) -> Curve:
+    """First bending mode of the blade under 1 N at the tip and 200 N on the damper."""
+    study = Study(built.model, Excitation("tip", amplitude=1.0), engine_order=ENGINE_ORDER, friction_coefficient=0.3)
+    return study.track(preload=200.0, frequency=(250.0, 400.0))
+
+
+def main(folder: Path) -> tuple[BuiltModel, Curve]:
+    """Everything, in ``folder``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    fe = SectorFE(density=MeshDensity.preset("coarse"))
+    write_and_run(folder, fe)
+    built = import_model(folder, fe)
+    built.save(folder / "bladed_disk.h5")
+    curve = tracking_curve(built)
+    print(built)
+    print(curve)
+    return built, curve
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path("calculix_run"))
