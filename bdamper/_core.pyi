@@ -21,6 +21,7 @@ class System:
         force: NDArray[np.float64],
         evaluation: int = 0,
         n_time: int = 0,
+        load: NDArray[np.float64] | None = None,
     ) -> None: ...
     @property
     def n_unknown(self) -> int: ...
@@ -70,4 +71,5 @@ def evaluate_contact(
     law: int = 0,
     evaluation: int = 0,
     n_time: int = 0,
+    load: float = ...,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...

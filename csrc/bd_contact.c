@@ -1,34 +1,55 @@
 /* Dispatch over evaluators; laws are told apart inside them, so that physics is written once. */
 #include "bd_contact.h"
 
+#include <string.h>
+
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm, int n_time) {
+    memset(evaluator, 0, sizeof *evaluator);
     evaluator->evaluation = evaluation;
     evaluator->n_harm = n_harm;
-    if (evaluation == BD_EXACT) return bd_event_create(&evaluator->work.event, n_harm);
-    return bd_sampled_create(&evaluator->work.sampled, n_harm, n_time, evaluation == BD_SAMPLED);
+    if (evaluation == BD_EXACT) return bd_event_create(&evaluator->event, n_harm);
+    const bd_status status = bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
+    return status == BD_OK ? bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled) : status;
 }
 
 void bd_evaluator_destroy(bd_evaluator *evaluator) {
     if (!evaluator) return;
-    if (evaluator->evaluation == BD_EXACT)
-        bd_event_destroy(&evaluator->work.event);
-    else
-        bd_sampled_destroy(&evaluator->work.sampled);
+    bd_event_destroy(&evaluator->event);
+    bd_sampled_destroy(&evaluator->sampled);
+    bd_coulomb_destroy(&evaluator->coulomb);
+}
+
+void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
+                              bd_status_share *share, bd_evaluator *evaluator) {
+    const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
+    bd_status_share unused[BD_LANES];
+    if (!share) share = unused;
+    if (evaluator->evaluation == BD_EXACT) {
+        for (int i = 0; i < n; ++i) bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->event);
+        return;
+    }
+    bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
+    for (int i = 0; i < n; ++i) {
+        evaluator->latest_is_coupled = bd_law_is_coupled(element[i].law);
+        if (evaluator->latest_is_coupled)
+            bd_coulomb_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->coulomb);
+    }
 }
 
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                          bd_evaluator *evaluator) {
-    if (evaluator->evaluation == BD_EXACT)
-        bd_event_evaluate(element, x, out, share, &evaluator->work.event);
-    else
-        bd_sampled_evaluate(element, x, out, share, &evaluator->work.sampled);
+    bd_contact_evaluate_many(1, element, x, out, share, evaluator);
 }
 
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment) {
     if (evaluator->evaluation == BD_EXACT) {
-        *segment = evaluator->work.event.segment[d];
-        return evaluator->work.event.n_segment[d];
+        *segment = evaluator->event.segment[d];
+        return evaluator->event.n_segment[d];
     }
-    *segment = evaluator->work.sampled.segment[d];
-    return evaluator->work.sampled.n_segment[d];
+    if (evaluator->latest_is_coupled) {
+        *segment = evaluator->coulomb.segment;
+        return evaluator->coulomb.n_segment;
+    }
+    *segment = evaluator->sampled.segment[d];
+    return evaluator->sampled.n_segment[d];
 }

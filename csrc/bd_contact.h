@@ -1,7 +1,8 @@
-/* One contact point, whatever its law and however it is evaluated: the switch that the layers above call. */
+/* Contact points, whatever their law and however they are evaluated: the switch that the layers above call. */
 #ifndef BD_CONTACT_H
 #define BD_CONTACT_H
 
+#include "bd_coulomb.h"
 #include "bd_event.h"
 #include "bd_sampled.h"
 
@@ -10,20 +11,29 @@ typedef enum { BD_EXACT = 0, BD_SAMPLED = 1, BD_SAMPLED_PLAIN = 2 } bd_evaluatio
 typedef struct {
     bd_evaluation evaluation;
     int n_harm;
-    union {
-        bd_event_work event;
-        bd_sampled_work sampled;
-    } work;
+    bd_event_work event;     /* of BD_EXACT */
+    bd_sampled_work sampled; /* of the others */
+    bd_coulomb_work coulomb; /* of the others */
+    int latest_is_coupled;
 } bd_evaluator;
 
 /* n_time is not read for BD_EXACT. */
 bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation, int n_harm, int n_time);
 void bd_evaluator_destroy(bd_evaluator *evaluator);
 
+/* The coupled laws have no exact evaluation. */
+static inline int bd_evaluation_serves(bd_evaluation evaluation, bd_law law) {
+    return evaluation != BD_EXACT || !bd_law_is_coupled(law);
+}
+
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                          bd_evaluator *evaluator);
 
-/* Parts of the cycle of direction d in the latest evaluation; returns their number. */
+/* The same for n <= BD_LANES points: element (n), x (n, 3, n_coef), out (n), share (n). */
+void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
+                              bd_status_share *share, bd_evaluator *evaluator);
+
+/* Parts of the cycle of direction d in the latest evaluation of a single point; returns their number. */
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment);
 
 #endif

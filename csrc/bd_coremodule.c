@@ -8,6 +8,7 @@
 
 #define NPY_NO_DEPRECATED_API NPY_1_25_API_VERSION
 #include <numpy/arrayobject.h>
+#include <math.h>
 #include <pythread.h>
 #include <string.h>
 
@@ -113,6 +114,27 @@ static int check_n_harm(npy_intp n_harm) {
     return 0;
 }
 
+static int check_law(int law, int evaluation) {
+    if (bd_evaluation_serves((bd_evaluation)evaluation, (bd_law)law)) return 1;
+    PyErr_Format(PyExc_ValueError, "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2 "
+                 "with them, found 0", BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT);
+    return 0;
+}
+
+/* An infinite slider asks for an end of the interval of residual tractions, which only the 1-D laws have. */
+static int check_slider(const double *w, int law) {
+    const int one_d = law == BD_LAW_SEPARABLE || law == BD_LAW_CONSTANT;
+    for (int d = 0; d < 2; ++d) {
+        const int finite = w[d] - w[d] == 0.0;
+        if (finite || (one_d && w[d] == w[d])) continue;
+        PyObject *value = PyFloat_FromDouble(w[d]);
+        if (value) PyErr_Format(PyExc_ValueError, "w: expected finite numbers under law %d, found %R", law, value);
+        Py_XDECREF(value);
+        return 0;
+    }
+    return 1;
+}
+
 /* ---- System ---- */
 
 typedef struct {
@@ -145,7 +167,7 @@ static int read_points(PyObject *const *object, bd_hbm_input *in, npy_intp n_poi
     if (!(in->kn = vector(object[1], "kn", n_point, 0)) || !all_satisfy(in->kn, n_point, "kn", 1)) return 0;
     if (!(in->mu = vector(object[2], "mu", n_point, 0)) || !all_satisfy(in->mu, n_point, "mu", 1)) return 0;
     if (!(in->n0 = vector(object[3], "n0", n_point, 0)) || !all_satisfy(in->n0, n_point, "n0", 0)) return 0;
-    if (!(in->w = doubles(object[4], "w", 2, by2, 0)) || !all_satisfy(in->w, 2 * n_point, "w", 0)) return 0;
+    if (!(in->w = doubles(object[4], "w", 2, by2, 0))) return 0;
     if (!(in->law = array_data(object[5], "law", NPY_INT, "intc", 1, &n_point, 0))) return 0;
     for (npy_intp p = 0; p < n_point; ++p)
         if (in->law[p] < 0 || in->law[p] >= BD_N_LAW) {
@@ -153,18 +175,24 @@ static int read_points(PyObject *const *object, bd_hbm_input *in, npy_intp n_poi
                          (Py_ssize_t)p);
             return 0;
         }
+    for (npy_intp p = 0; p < n_point; ++p)
+        if (!check_law(in->law[p], in->evaluation) || !check_slider(in->w + 2 * p, in->law[p])) return 0;
+    if (object[7] != Py_None && (!(in->load = vector(object[7], "load", n_point, 0)) ||
+                                 !all_satisfy(in->load, n_point, "load", 0)))
+        return 0;
     return (in->shift = doubles(object[6], "shift", 2, by3, 0)) && all_satisfy(in->shift, 3 * n_point, "shift", 0);
 }
 
 static PyObject *System_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"n_mode", "stiffness", "mass", "damping", "G", "kt", "kn", "mu", "n0", "w", "law",
-                            "shift", "force", "evaluation", "n_time", NULL};
-    PyObject *n_mode, *stiffness, *mass, *damping, *G, *force, *point[7];
+                            "shift", "force", "evaluation", "n_time", "load", NULL};
+    PyObject *n_mode, *stiffness, *mass, *damping, *G, *force, *point[8];
+    point[7] = Py_None;
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|ii:System", names, &n_mode, &stiffness, &mass,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiO:System", names, &n_mode, &stiffness, &mass,
                                      &damping, &G, &point[0], &point[1], &point[2], &point[3], &point[4], &point[5],
-                                     &point[6], &force, &evaluation, &in.n_time))
+                                     &point[6], &force, &evaluation, &in.n_time, &point[7]))
         return NULL;
     if (!PyArray_Check(n_mode) || PyArray_NDIM((PyArrayObject *)n_mode) != 1) {
         PyErr_SetString(PyExc_TypeError, "n_mode: expected a one-dimensional numpy array");
@@ -244,7 +272,8 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
     int n = 0;
     mean[0] = mean[1] = mean[2] = 0.0;
     for (int p = 0; p < hbm->n_point; ++p) {
-        if (hbm->element[p].law == BD_LAW_NORMAL || hbm->element[p].mu == 0.0) continue;
+        if (hbm->element[p].law == BD_LAW_NORMAL || hbm->element[p].law == BD_LAW_BONDED || hbm->element[p].mu == 0.0)
+            continue;
         const bd_status_share s = hbm->share[p];
         mean[0] += 0.5 * (s.stick[0] + s.stick[1]);
         mean[1] += 0.5 * (s.slip[0] + s.slip[1]);
@@ -389,21 +418,22 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
 }
 
 /* Spreads the blocks of one point into the dense (3, n_coef, 3, n_coef) tangent. */
-static void spread(const double *block, int used, int row, int column, npy_intp n_coef, double *J) {
+static void spread(const double *block, int row, int column, npy_intp n_coef, double *J) {
     for (npy_intp i = 0; i < n_coef; ++i)
         for (npy_intp j = 0; j < n_coef; ++j)
-            J[((row * n_coef + i) * 3 + column) * n_coef + j] = used ? block[i * n_coef + j] : 0.0;
+            J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
 }
 
 static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs) {
     (void)module;
-    static char *names[] = {"x", "kt", "kn", "mu", "n0", "w", "F", "J", "law", "evaluation", "n_time", NULL};
+    static char *names[] = {"x", "kt", "kn", "mu", "n0", "w", "F", "J", "law", "evaluation", "n_time", "load", NULL};
     PyObject *x_object, *kt_object, *w_object, *F_object, *J_object;
     bd_element element = {0};
     int law = 0, evaluation = 0, n_time = 0;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOdddOOO|iii:evaluate_contact", names, &x_object, &kt_object,
+    element.load = NAN;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOdddOOO|iiid:evaluate_contact", names, &x_object, &kt_object,
                                      &element.kn, &element.mu, &element.n0, &w_object, &F_object, &J_object, &law,
-                                     &evaluation, &n_time))
+                                     &evaluation, &n_time, &element.load))
         return NULL;
     if (!PyArray_Check(x_object) || PyArray_NDIM((PyArrayObject *)x_object) != 2 ||
         PyArray_DIM((PyArrayObject *)x_object, 0) != 3 || PyArray_DIM((PyArrayObject *)x_object, 1) % 2 != 1) {
@@ -417,7 +447,7 @@ static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kw
     double *w = kt ? vector(w_object, "w", 2, 0) : NULL, *F = w ? doubles(F_object, "F", 2, shape, 1) : NULL;
     double *J = F ? doubles(J_object, "J", 4, shape_J, 1) : NULL;
     if (!J || !check_n_harm(n_harm) || !check_evaluation(evaluation, n_time, n_harm) ||
-        !all_satisfy(x, 3 * n_coef, "x", 0) || !all_satisfy(kt, 2, "kt", 1) || !all_satisfy(w, 2, "w", 0) ||
+        !all_satisfy(x, 3 * n_coef, "x", 0) || !all_satisfy(kt, 2, "kt", 1) ||
         !all_satisfy(&element.kn, 1, "kn", 1) || !all_satisfy(&element.mu, 1, "mu", 1) ||
         !all_satisfy(&element.n0, 1, "n0", 0))
         return NULL;
@@ -425,27 +455,33 @@ static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kw
         PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_N_LAW - 1, law);
         return NULL;
     }
+    if (!check_law(law, evaluation) || !check_slider(w, law)) return NULL;
+    if (element.load != element.load) element.load = element.n0;
+    if (!all_satisfy(&element.load, 1, "load", 0)) return NULL;
     element.law = (bd_law)law;
     memcpy(element.kt, kt, sizeof element.kt);
     memcpy(element.w, w, sizeof element.w);
     bd_evaluator evaluator;
     if (!raise_status(bd_evaluator_create(&evaluator, (bd_evaluation)evaluation, n_harm, n_time))) return NULL;
     const size_t nn = (size_t)(n_coef * n_coef);
-    double *block = PyMem_Malloc(sizeof(double) * 5 * nn);
+    double *block = PyMem_Malloc(sizeof(double) * 7 * nn);
     PyObject *result = NULL;
     if (!block) {
         PyErr_NoMemory();
         goto done;
     }
-    bd_response out = {.F = F, .dT = {block, block + nn}, .dTv = {block + 2 * nn, block + 3 * nn}, .dN = block + 4 * nn};
+    bd_response out = {.F = F, .dT = {block, block + nn}, .dTv = {block + 2 * nn, block + 3 * nn},
+                       .dTc = {block + 4 * nn, block + 5 * nn}, .dN = block + 6 * nn};
     bd_status_share share;
     bd_contact_evaluate(&element, x, &out, &share, &evaluator);
+    bd_element_write_blocks(&element, n_harm, &out);
     memset(J, 0, sizeof(double) * 9 * nn);
     for (int d = 0; d < 2; ++d) {
-        spread(out.dT[d], out.tangential[d], d, d, n_coef, J);
-        spread(out.dTv[d], out.tangential[d], d, 2, n_coef, J);
+        spread(out.dT[d], d, d, n_coef, J);
+        spread(out.dTv[d], d, 2, n_coef, J);
+        spread(out.dTc[d], d, 1 - d, n_coef, J);
     }
-    spread(out.dN, out.normal, 2, 2, n_coef, J);
+    spread(out.dN, 2, 2, n_coef, J);
     PyObject *first = segment_list(&evaluator, 0), *second = segment_list(&evaluator, 1);
     if (first && second)
         result = Py_BuildValue("(ddddd)(OO)", share.stick[0], share.slip[0], share.stick[1], share.slip[1], share.open,
@@ -460,7 +496,7 @@ done:
 
 static PyMethodDef core_methods[] = {
     {"evaluate_contact", (PyCFunction)(void (*)(void))evaluate_contact, METH_VARARGS | METH_KEYWORDS,
-     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0) -> (shares, segments)\n\n"
+     "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0) -> (shares, segments)\n\n"
      "One contact point: fill force (3, n_coef) and tangent (3, n_coef, 3, n_coef); return the shares of the cycle and "
      "for each direction a list of (start, end, state)."},
     {NULL, NULL, 0, NULL}};

@@ -23,6 +23,7 @@
  * sampled evaluation with the same formulas. */
 #include "bd_element.h"
 
+#include <math.h>
 #include <string.h>
 
 void bd_cycle_clear(bd_cycle *cycle) {
@@ -82,9 +83,10 @@ static double row_scale(int i) { return i == 0 ? 1.0 / BD_TWO_PI : 1.0 / BD_PI; 
 
 void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, const double *u, const double *v,
                        bd_response *out, double *scratch) {
-    const int n_coef = bd_n_coef(cycle->n_harm);
+    const int n_coef = bd_n_coef(cycle->n_harm), constant = bd_law_is_constant(element->law);
     const size_t n = (size_t)n_coef;
-    const double kt = element->kt[d], mu = element->mu, mu_kn = element->mu * element->kn;
+    const double kt = element->kt[d], mu = element->mu, mu_kn = constant ? 0.0 : element->mu * element->kn;
+    const double load = constant ? fmax(element->load, 0.0) : element->n0;
     double *F = out->F + (size_t)d * n;
     double *dT = out->dT[d], *dTv = out->dTv[d];
     const int tangent = cycle->held_u != NULL;
@@ -100,19 +102,22 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
             for (int j = 0; j < n_coef; ++j)
                 dT[(size_t)i * n + (size_t)j] = scale * kt * (row[j] - cycle->held_u[(size_t)i * n + (size_t)j]);
     }
+    out->tangential[d] = BD_BLOCK_FULL;
+    out->with_normal[d] = mu_kn > 0.0;
+    for (int i = 0; i < n_coef; ++i) F[i] += row_scale(i) * mu * load * cycle->slip[1 + i];
+    if (mu_kn == 0.0) return;
     bd_cycle_products(cycle->n_harm, cycle->slip, scratch);
     for (int i = 0; i < n_coef; ++i) {
         const double scale = row_scale(i);
         const double *row = scratch + (size_t)i * n;
-        double sum = mu * element->n0 * cycle->slip[1 + i];
-        for (int j = 0; j < n_coef; ++j) sum += mu_kn * row[j] * v[j];
-        F[i] += scale * sum;
+        double sum = 0.0;
+        for (int j = 0; j < n_coef; ++j) sum += row[j] * v[j];
+        F[i] += scale * mu_kn * sum;
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
                 dTv[(size_t)i * n + (size_t)j] =
                     scale * (mu_kn * row[j] - kt * cycle->held_v[(size_t)i * n + (size_t)j]);
     }
-    out->tangential[d] = 1;
 }
 
 void bd_cycle_normal(const bd_element *element, int n_harm, const double *contact, const double *v, bd_response *out,
@@ -129,12 +134,7 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
         if (out->dN)
             for (int j = 0; j < n_coef; ++j) out->dN[(size_t)i * n + (size_t)j] = scale * element->kn * row[j];
     }
-    out->normal = 1;
-}
-
-static void set_diagonal(double *block, int n_coef, double value) {
-    memset(block, 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
-    for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
+    out->normal = BD_BLOCK_FULL;
 }
 
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out) {
@@ -142,8 +142,7 @@ void bd_element_closed(const bd_element *element, int n_harm, const double *v, b
     double *N = out->F + 2 * (size_t)n_coef;
     for (int i = 0; i < n_coef; ++i) N[i] = element->kn * v[i];
     N[0] += element->n0;
-    if (out->dN) set_diagonal(out->dN, n_coef, element->kn);
-    out->normal = 1;
+    out->normal = BD_BLOCK_LINEAR;
 }
 
 void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out) {
@@ -151,15 +150,29 @@ void bd_element_stuck(const bd_element *element, int n_harm, int d, const double
     double *T = out->F + (size_t)d * (size_t)n_coef;
     for (int i = 0; i < n_coef; ++i) T[i] = element->kt[d] * u[i];
     T[0] -= element->kt[d] * element->w[d];
-    if (out->dT[d]) {
-        set_diagonal(out->dT[d], n_coef, element->kt[d]);
-        memset(out->dTv[d], 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
-    }
-    out->tangential[d] = 1;
+    out->tangential[d] = BD_BLOCK_LINEAR;
 }
 
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     (void)element;
     memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
-    out->tangential[0] = out->tangential[1] = out->normal = 0;
+    out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_ZERO;
+    out->coupled = out->with_normal[0] = out->with_normal[1] = 0;
+}
+
+static void set_diagonal(double *block, int n_coef, double value) {
+    memset(block, 0, sizeof(double) * (size_t)n_coef * (size_t)n_coef);
+    for (int i = 0; i < n_coef; ++i) block[(size_t)i * (size_t)n_coef + (size_t)i] = value;
+}
+
+void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out) {
+    const int n_coef = bd_n_coef(n_harm);
+    for (int d = 0; d < 2; ++d) {
+        if (out->tangential[d] != BD_BLOCK_FULL)
+            set_diagonal(out->dT[d], n_coef, out->tangential[d] == BD_BLOCK_LINEAR ? element->kt[d] : 0.0);
+        if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
+        if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled)) set_diagonal(out->dTc[d], n_coef, 0.0);
+    }
+    if (out->normal != BD_BLOCK_FULL)
+        set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
 }

@@ -5,10 +5,14 @@
 #include "bd_types.h"
 
 typedef enum {
-    BD_LAW_SEPARABLE = 0, /* two independent tangential directions, each 1-D friction with variable normal load */
-    BD_LAW_NORMAL = 1     /* unilateral normal spring alone: constraint planes, mu = 0 */
+    BD_LAW_SEPARABLE = 0,    /* two independent tangential directions, each 1-D friction with variable normal load */
+    BD_LAW_NORMAL = 1,       /* unilateral normal spring alone: constraint planes, mu = 0 */
+    BD_LAW_CONSTANT = 2,     /* as separable, but friction is limited by the constant `load`: no events of the normal load */
+    BD_LAW_COUPLED = 3,      /* the friction force lies in a disk of radius mu N */
+    BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
+    BD_LAW_BONDED = 5        /* linear springs in all directions and both senses */
 } bd_law;
-enum { BD_N_LAW = 2 };
+enum { BD_N_LAW = 6 };
 
 typedef struct {
     bd_law law;
@@ -16,8 +20,18 @@ typedef struct {
     double kn;    /* N/m */
     double mu;
     double n0;    /* N, normal load at v = 0; negative: a gap of -n0/kn */
-    double w[2];  /* m, slider positions that a point keeps if it never slips */
+    double w[2];  /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
+                  /* interval on that side */
+    double load;  /* N, normal load that limits the friction of the laws of constant load */
 } bd_element;
+
+static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
+static inline int bd_law_is_coupled(bd_law law) { return law == BD_LAW_COUPLED || law == BD_LAW_COUPLED_CONSTANT; }
+
+/* Whether direction d carries friction at all. */
+static inline int bd_element_rubs(const bd_element *e, int d) {
+    return e->law != BD_LAW_NORMAL && e->law != BD_LAW_BONDED && e->mu > 0.0 && e->kt[d] > 0.0;
+}
 
 /* State of one tangential direction on a part of the cycle. */
 typedef enum { BD_STICK = 0, BD_SLIP_PLUS = 1, BD_SLIP_MINUS = 2, BD_OPEN = 3 } bd_state;
@@ -32,14 +46,23 @@ typedef struct {
     double stick[2], slip[2], open;
 } bd_status_share;
 
+/* What is known of the tangent of one component. */
+typedef enum {
+    BD_BLOCK_ZERO = 0,    /* no force: the blocks are zero and were not written */
+    BD_BLOCK_FULL = 1,    /* the blocks were written */
+    BD_BLOCK_LINEAR = 2   /* the spring alone, kt or kn times the identity: the blocks were not written */
+} bd_block;
+
 /* Force coefficients and tangent of one point.  A block is (n_coef, n_coef) row-major. */
 typedef struct {
     double *F;      /* (3, n_coef): T1, T2, N */
     double *dT[2];  /* dT_d/du_d */
     double *dTv[2]; /* dT_d/dv */
+    double *dTc[2]; /* dT_d/du of the other direction; NULL unless a law couples them */
     double *dN;     /* dN/dv */
-    int tangential[2]; /* 0: the blocks of this direction are zero and were not written */
-    int normal;        /* 0: dN is zero and was not written */
+    bd_block tangential[2], normal;
+    int coupled;    /* 1: dTc is part of the tangent */
+    int with_normal[2]; /* 0: dTv of this direction is zero and was not written */
 } bd_response;
 
 /* Sums over one cycle of one tangential direction.  With E_n = integral of exp(i n theta), stored for n = 0..2 n_harm as
@@ -78,5 +101,8 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out);
 void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out);
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out);
+
+/* Writes the blocks that an evaluation left out because they are zero or diagonal. */
+void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out);
 
 #endif

@@ -18,6 +18,11 @@
  * that neither slips nor opens keeps the slider that it was given, or, where that one is outside of
  * [max lo, min hi], is carried to the nearer end of this interval.
  *
+ * With a constant normal load the bounds are u -+ mu load/kt, and contact does not matter.
+ *
+ * What costs nothing is found first: a swing bounded by the sum of the amplitudes, then by samples, of which a function
+ * exceeds the largest by h^2/8 max|f''| at most, shows most of the points that never slip, or never open, without any root.
+ *
  * The slider remembers the instant theta* that set it, and so does its derivative (b the basis at theta*):
  *
  *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0 there, so theta* may move freely
@@ -33,7 +38,7 @@
 
 enum { GIVEN, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
 enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
-enum { EVENT_LIFT = 0, EVENT_LO = 1, EVENT_HI = 2 };
+enum { NOTHING = -1 }; /* besides bd_state */
 
 typedef struct {
     int kind;
@@ -44,24 +49,32 @@ typedef struct {
 /* One direction of one point, as seen while marching. */
 typedef struct {
     int n_harm, n_coef, n_power;
-    int n_event;
+    int first, n_event;     /* events first .. n_event-1 take part */
     int n_lift;             /* events 0 .. n_lift-1 are lift-offs and closings */
-    int n_lo;               /* then n_lo extrema of lo, the rest are extrema of hi */
-    double r;               /* mu kn/kt */
+    int n_lo;               /* then n_lo extrema of lo, the rest are extrema of hi; */
+    int common;             /* 1: lo and hi have the same extrema, listed once */
+    double r;               /* mu kn/kt, 0 under a constant load */
     const double *lo, *hi;  /* polynomials */
     const double *dlo, *dhi;
     bd_event_work *work;
 } direction;
 
+/* The part of the cycle that is being marched through. */
+typedef struct {
+    int state;
+    double start, first_start;
+    int at;                 /* work->power[at] belongs to its beginning */
+    slider held;
+} run;
+
 bd_status bd_event_create(bd_event_work *work, int n_harm) {
     memset(work, 0, sizeof *work);
     if (n_harm < 1 || n_harm > BD_MAX_HARM) return BD_BAD_ARGUMENT;
     const size_t h = (size_t)n_harm, n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm);
-    const size_t n_time = 16 * h + 16, n_event = 6 * h, n_segment = 3 * n_event + 2;
+    const size_t n_time = 16 * h + 16, n_event = 6 * h, n_segment = 2 * n_event + 4;
     bd_status status = bd_trig_grid_create(&work->grid, n_harm, (int)n_time);
     if (status != BD_OK) return status;
-    const size_t n_double = 6 * n_time + 6 * n_coef + n_event * (3 + n_power) + 5 * n_power + 3 * n_coef * n_coef +
-                            3 * n_coef;
+    const size_t n_double = 11 * n_time + 11 * n_coef + 5 * n_event + 6 * n_power + 3 * n_coef * n_coef + 2 * n_coef;
     work->memory = malloc(sizeof(double) * n_double);
     work->order = malloc(sizeof(int) * 2 * n_event);
     work->segment[0] = malloc(sizeof(bd_segment) * 2 * n_segment);
@@ -70,25 +83,27 @@ bd_status bd_event_create(bd_event_work *work, int n_harm) {
         return BD_NO_MEMORY;
     }
     work->n_harm = n_harm;
+    work->kernel = bd_kernel_get();
     double *p = work->memory;
+    work->motion = p, p += 3 * n_time;
+    work->dmotion = p, p += 3 * n_time;
+    work->ddmotion = p, p += 3 * n_time;
     work->value = p, p += n_time;
     work->slope = p, p += n_time;
-    work->dv = p, p += n_time;
-    work->ddv = p, p += n_time;
-    work->du = p, p += n_time;
-    work->ddu = p, p += n_time;
-    work->poly = p, p += 6 * n_coef;
+    work->dx = p, p += 3 * n_coef;
+    work->ddx = p, p += 3 * n_coef;
+    work->poly = p, p += 5 * n_coef;
     work->theta = p, p += n_event;
+    work->z = p, p += 2 * n_event;
     work->lo = p, p += n_event;
     work->hi = p, p += n_event;
-    work->power = p, p += n_event * n_power;
-    work->onset_power = p, p += n_power;
+    work->power[0] = p, p += n_power;
+    work->power[1] = p, p += n_power;
     work->contact = p, p += n_power;
     work->part = p, p += n_power;
     work->cycle.stick = p, p += n_power;
     work->cycle.slip = p, p += n_power;
     work->cycle.held = p, p += n_coef;
-    work->origin_u = p, p += n_coef;
     work->origin_v = p, p += n_coef;
     work->scratch = p, p += n_coef * n_coef;
     work->held_u = p, p += n_coef * n_coef;
@@ -108,18 +123,27 @@ void bd_event_destroy(bd_event_work *work) {
     memset(work, 0, sizeof *work);
 }
 
-static double dot(int n, const double *a, const double *b) {
-    double sum = 0.0;
-    for (int i = 0; i < n; ++i) sum += a[i] * b[i];
-    return sum;
+/* x and y at exp(i theta) = z. */
+static void pair_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
+    const double c = z[0], s = z[1];
+    double re = c, im = s, sum_x = x[0], sum_y = y[0];
+    for (int l = 1; l <= n_harm; ++l) {
+        sum_x += x[2 * l - 1] * re + x[2 * l] * im;
+        sum_y += y[2 * l - 1] * re + y[2 * l] * im;
+        const double next = re * c - im * s;
+        im = re * s + im * c;
+        re = next;
+    }
+    *at_x = sum_x;
+    *at_y = sum_y;
 }
 
-/* Value of f somewhere between start and start + length, where f does not cross zero: b is the basis in the middle; if f
- * is small there, because it touches zero, a clearer value is looked for. */
-static double clear_value(int n_harm, const double *f, const double *b, double start, double length) {
+/* Value of f somewhere between start and start + length, where f does not cross zero: in the middle; if f is small there,
+ * because it touches zero, a clearer value is looked for. */
+static double clear_value(int n_harm, const double *f, double start, double length) {
     static const double place[4] = {0.29, 0.67, 0.11, 0.87};
     const int n_coef = bd_n_coef(n_harm);
-    double size = 0.0, value = dot(n_coef, b, f);
+    double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
     for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
     for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
         const double other = bd_trig_value(n_harm, f, start + place[i] * length);
@@ -128,16 +152,29 @@ static double clear_value(int n_harm, const double *f, const double *b, double s
     return value;
 }
 
-static const double *power_at(const bd_event_work *work, int event) {
-    return work->power + (size_t)event * (size_t)bd_n_power(work->n_harm);
+/* Bound of h^2/8 max|x''| between samples of x. */
+static double between_samples(const bd_event_work *work, const double *x) {
+    const double h = BD_TWO_PI / work->grid.n_time;
+    double sum = 0.0;
+    for (int l = 1; l <= work->n_harm; ++l) sum += l * l * sqrt(x[2 * l - 1] * x[2 * l - 1] + x[2 * l] * x[2 * l]);
+    return 0.125 * h * h * sum;
 }
 
-static const double *basis_at(const bd_event_work *work, int event) { return power_at(work, event) + 1; }
-
-static void add_event_powers(bd_event_work *work, int first, int last) {
-    for (int e = first; e < last; ++e)
-        bd_trig_powers(2 * work->n_harm, work->theta[e], work->power + (size_t)e * (size_t)bd_n_power(work->n_harm));
+/* v' and v'' on the grid, then those of u1 and u2, only if roots are to be found at all. */
+static void need_derivatives(bd_event_work *work, const double *x) {
+    if (work->derivatives_known) return;
+    const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
+    for (int a = 0; a < 3; ++a) {
+        bd_trig_derivative(n_harm, x + a * n_coef, work->dx + a * n_coef);
+        bd_trig_derivative(n_harm, work->dx + a * n_coef, work->ddx + a * n_coef);
+    }
+    work->derivatives_known = 1;
+    if (n_harm == 1) return;
+    work->kernel->grid_values(n_coef, n_time, work->grid.basis, 3, work->dx, work->dmotion);
+    work->kernel->grid_values(n_coef, n_time, work->grid.basis, 3, work->ddx, work->ddmotion);
 }
+
+/* ---- parts of the cycle ---- */
 
 static void push_segment(bd_event_work *work, int d, double start, double end, int state) {
     bd_segment *segment = work->segment[d];
@@ -150,21 +187,66 @@ static void push_segment(bd_event_work *work, int d, double start, double end, i
     }
 }
 
+static void whole_cycle(bd_event_work *work, int d, int state) {
+    work->n_segment[d] = 0;
+    push_segment(work, d, 0.0, BD_TWO_PI, state);
+}
+
+static void reverse(bd_segment *s, int n) {
+    for (int i = 0, j = n - 1; i < j; ++i, --j) {
+        const bd_segment swap = s[i];
+        s[i] = s[j];
+        s[j] = swap;
+    }
+}
+
+/* Brings starts into [0, 2 pi), ascending: a march may begin anywhere. */
+static void arrange_segments(bd_event_work *work, int d) {
+    bd_segment *segment = work->segment[d];
+    const int n = work->n_segment[d];
+    int turned = 0; /* how many at the end lie in the next period */
+    for (int i = 0; i < n; ++i)
+        if (segment[i].start >= BD_TWO_PI) {
+            segment[i].start -= BD_TWO_PI;
+            segment[i].end -= BD_TWO_PI;
+            ++turned;
+        }
+    reverse(segment, n - turned);
+    reverse(segment + n - turned, turned);
+    reverse(segment, n);
+}
+
 /* ---- normal direction ---- */
 
-/* Roots of n0 + kn v (left in work->poly) as events 0 .. n_lift-1; returns their number.  Leaves v', v'' on the grid for n_harm > 1. */
-static int find_lifts(const bd_element *element, const double *v, bd_event_work *work) {
-    const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm);
+/* Whether n0 + kn v changes sign; where the bounds on the swing and the samples leave it open, -1. */
+enum { CLOSED_ALWAYS, OPEN_ALWAYS, CHANGES };
+
+static int bound_contact(const bd_element *element, const double *v, bd_event_work *work) {
+    const double level = element->n0 + element->kn * v[0], swing = element->kn * bd_trig_amplitude(work->n_harm, v);
+    if (level <= -swing) return OPEN_ALWAYS; /* n0 = 0 without motion counts as open too: force and tangent are zero */
+    if (level >= swing) return CLOSED_ALWAYS;
+    if (work->n_harm == 1) return CHANGES;
+    double most, least;
+    const double *sample = work->motion + 2 * work->grid.n_time, margin = element->kn * between_samples(work, v);
+    work->kernel->bounds(work->grid.n_time, 0.0, sample, sample, &most, &least);
+    if (element->n0 + element->kn * least > margin) return CLOSED_ALWAYS;
+    if (element->n0 + element->kn * most < -margin) return OPEN_ALWAYS;
+    return CHANGES;
+}
+
+/* Roots of n0 + kn v (left in work->poly) as events 0 .. n_lift-1; returns their number. */
+static int find_lifts(const bd_element *element, const double *x, bd_event_work *work) {
+    const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm), n_time = work->grid.n_time;
+    const double *v = x + 2 * n_coef;
     double *g = work->poly;
     for (int i = 0; i < n_coef; ++i) g[i] = element->kn * v[i];
     g[0] += element->n0;
-    if (n_harm > 1) {
-        bd_trig_grid_values(&work->grid, g, work->value);
-        for (int k = 0; k < work->grid.n_time; ++k) work->slope[k] = element->kn * work->dv[k];
+    need_derivatives(work, x);
+    for (int k = 0; k < n_time && n_harm > 1; ++k) {
+        work->value[k] = element->n0 + element->kn * work->motion[2 * n_time + k];
+        work->slope[k] = element->kn * work->dmotion[2 * n_time + k];
     }
-    const int n = bd_trig_roots(&work->grid, g, work->value, work->slope, work->theta);
-    add_event_powers(work, 0, n);
-    return n;
+    return bd_trig_roots_with_powers(&work->grid, g, work->value, work->slope, work->theta, work->z);
 }
 
 static double lift_length(const bd_event_work *work, int n_lift, int e) {
@@ -173,20 +255,12 @@ static double lift_length(const bd_event_work *work, int n_lift, int e) {
 
 /* Whether the part that follows the first lift is in contact: told in the middle of the longest part, where the sign is
  * clearest (two lifts may coincide where the contact only touches), since the parts alternate. */
-static int contact_follows_first(bd_event_work *work, int n_lift) {
+static int contact_follows_first(const bd_event_work *work, int n_lift) {
     int longest = 0;
     for (int e = 1; e < n_lift; ++e)
         if (lift_length(work, n_lift, e) > lift_length(work, n_lift, longest)) longest = e;
-    const double start = work->theta[longest], length = lift_length(work, n_lift, longest);
-    bd_trig_powers(work->n_harm, start + 0.5 * length, work->onset_power);
-    const int contact = clear_value(work->n_harm, work->poly, work->onset_power + 1, start, length) > 0.0;
-    return longest % 2 == 0 ? contact : !contact;
-}
-
-/* n0 + kn v (in work->poly) somewhere in a period without lifts. */
-static double contact_sign(bd_event_work *work) {
-    bd_trig_powers(work->n_harm, BD_PI, work->onset_power);
-    return clear_value(work->n_harm, work->poly, work->onset_power + 1, 0.0, BD_TWO_PI);
+    const double value = clear_value(work->n_harm, work->poly, work->theta[longest], lift_length(work, n_lift, longest));
+    return longest % 2 == 0 ? value > 0.0 : !(value > 0.0);
 }
 
 /* Sums over the parts in contact, between consecutive lifts; contact_first tells whether part 0 (from event 0) is one. */
@@ -194,38 +268,72 @@ static void integrate_contact(bd_event_work *work, int n_lift, int contact_first
     memset(work->contact, 0, sizeof(double) * (size_t)bd_n_power(work->n_harm));
     for (int e = contact_first ? 0 : 1; e < n_lift; e += 2) {
         const int next = (e + 1) % n_lift;
-        bd_cycle_integrate(work->n_harm, work->contact, lift_length(work, n_lift, e), power_at(work, e), power_at(work, next), 1.0);
+        bd_trig_powers_of(2 * work->n_harm, work->z + 2 * e, work->power[0]);
+        bd_trig_powers_of(2 * work->n_harm, work->z + 2 * next, work->power[1]);
+        bd_cycle_integrate(work->n_harm, work->contact, lift_length(work, n_lift, e), work->power[0], work->power[1], 1.0);
     }
     share->open = 1.0 - work->contact[0] / BD_TWO_PI;
 }
 
-/* ---- one tangential direction ---- */
+/* ---- events of one tangential direction ---- */
+
+/* lo, hi and their derivatives; returns whether bounds on their swing already prove that w stays inside. */
+static int make_bounds(const bd_element *element, int d, const double *u, const double *v, direction *dir) {
+    const int n_coef = dir->n_coef, constant = bd_law_is_constant(element->law);
+    bd_event_work *work = dir->work;
+    double *lo = work->poly + n_coef, *hi = lo + n_coef, *dlo = hi + n_coef, *dhi = dlo + n_coef;
+    const double shift = element->mu * (constant ? fmax(element->load, 0.0) : element->n0) / element->kt[d];
+    const double w = element->w[d];
+    dir->r = constant ? 0.0 : element->mu * element->kn / element->kt[d];
+    for (int i = 0; i < n_coef; ++i) {
+        lo[i] = u[i] - dir->r * v[i];
+        hi[i] = u[i] + dir->r * v[i];
+    }
+    lo[0] -= shift;
+    hi[0] += shift;
+    dir->lo = lo, dir->hi = hi, dir->dlo = dlo, dir->dhi = dhi;
+    if (dir->first == 0 && dir->n_lift > 0) return 0;
+    if (lo[0] + bd_trig_amplitude(dir->n_harm, lo) <= w && hi[0] - bd_trig_amplitude(dir->n_harm, hi) >= w) return 1;
+    if (dir->n_harm == 1) return 0;
+    double most, least;
+    const int n_time = work->grid.n_time;
+    work->kernel->bounds(n_time, dir->r, work->motion + d * n_time, work->motion + 2 * n_time, &most, &least);
+    return most - shift + between_samples(work, lo) <= w && least + shift - between_samples(work, hi) >= w;
+}
 
 /* Extrema of lo and hi become events behind the lifts. */
-static void find_extrema(direction *dir) {
+static void find_extrema(direction *dir, int d) {
     bd_event_work *work = dir->work;
-    const int n_time = work->grid.n_time;
-    if (dir->n_harm > 1)
-        for (int k = 0; k < n_time; ++k) {
-            work->value[k] = work->du[k] - dir->r * work->dv[k];
-            work->slope[k] = work->ddu[k] - dir->r * work->ddv[k];
-        }
-    dir->n_lo = bd_trig_roots(&work->grid, dir->dlo, work->value, work->slope, work->theta + dir->n_lift);
-    const int first_hi = dir->n_lift + dir->n_lo;
-    if (dir->n_harm > 1)
-        for (int k = 0; k < n_time; ++k) {
-            work->value[k] += 2.0 * dir->r * work->dv[k];
-            work->slope[k] += 2.0 * dir->r * work->ddv[k];
-        }
-    const int n_hi = bd_trig_roots(&work->grid, dir->dhi, work->value, work->slope, work->theta + first_hi);
-    dir->n_event = first_hi + n_hi;
-    add_event_powers(work, dir->n_lift, dir->n_event);
+    const int n_time = work->grid.n_time, n_coef = dir->n_coef;
+    double *dlo = work->poly + 3 * n_coef, *dhi = dlo + n_coef;
+    const double *du = work->dx + d * n_coef, *dv = work->dx + 2 * n_coef, r = dir->r;
+    const double *su = work->dmotion + d * n_time, *sv = work->dmotion + 2 * n_time;
+    const double *ssu = work->ddmotion + d * n_time, *ssv = work->ddmotion + 2 * n_time;
+    for (int i = 0; i < n_coef; ++i) {
+        dlo[i] = du[i] - r * dv[i];
+        dhi[i] = du[i] + r * dv[i];
+    }
+    for (int k = 0; k < n_time && dir->n_harm > 1; ++k) {
+        work->value[k] = su[k] - r * sv[k];
+        work->slope[k] = ssu[k] - r * ssv[k];
+    }
+    const int at = dir->n_lift;
+    dir->n_lo = bd_trig_roots_with_powers(&work->grid, dlo, work->value, work->slope, work->theta + at, work->z + 2 * at);
+    dir->n_event = at + dir->n_lo;
+    dir->common = r == 0.0;
+    if (dir->common) return;
+    for (int k = 0; k < n_time && dir->n_harm > 1; ++k) {
+        work->value[k] = su[k] + r * sv[k];
+        work->slope[k] = ssu[k] + r * ssv[k];
+    }
+    dir->n_event += bd_trig_roots_with_powers(&work->grid, dhi, work->value, work->slope, work->theta + dir->n_event,
+                                              work->z + 2 * dir->n_event);
 }
 
 static void sort_events(direction *dir) {
     bd_event_work *work = dir->work;
-    for (int i = 0; i < dir->n_event; ++i) {
-        int j = i;
+    for (int i = dir->first; i < dir->n_event; ++i) {
+        int j = i - dir->first;
         for (; j > 0 && work->theta[work->order[j - 1]] > work->theta[i]; --j) work->order[j] = work->order[j - 1];
         work->order[j] = i;
     }
@@ -233,39 +341,46 @@ static void sort_events(direction *dir) {
 
 static double piece_end(const direction *dir, int i) {
     const bd_event_work *work = dir->work;
-    return i + 1 < dir->n_event ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
+    const int n = dir->n_event - dir->first;
+    return i + 1 < n ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
 }
 
 /* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
  * each event, since every event is a change of sign of its own polynomial. */
 static void flag_pieces(direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    int longest = 0;
+    const int n = dir->n_event - dir->first;
+    int longest = 0, flags = 0;
     double length = -1.0;
     for (int i = 0; i < n; ++i) {
         const double l = piece_end(dir, i) - work->theta[work->order[i]];
         if (l > length) length = l, longest = i;
     }
     const double start = work->theta[work->order[longest]];
-    double *power = work->onset_power, *level = work->poly; /* n0 + kn v */
-    bd_trig_powers(dir->n_harm, start + 0.5 * length, power);
-    for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
-    level[0] += element->n0;
-    int flags = 0;
-    if (clear_value(dir->n_harm, level, power + 1, start, length) > 0.0) flags |= CONTACT;
-    if (clear_value(dir->n_harm, dir->dlo, power + 1, start, length) > 0.0) flags |= LO_RISES;
-    if (clear_value(dir->n_harm, dir->dhi, power + 1, start, length) < 0.0) flags |= HI_FALLS;
+    if (dir->n_lift == 0 || dir->first > 0) {
+        flags |= CONTACT; /* always in contact, or contact does not matter */
+    } else {
+        double *level = work->poly; /* n0 + kn v */
+        for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
+        level[0] += element->n0;
+        if (clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
+    }
+    if (clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
+    if (clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
     work->piece[longest] = flags;
     for (int k = 1; k < n; ++k) {
         const int i = (longest + k) % n, event = work->order[i];
         if (event < dir->n_lift)
             flags ^= CONTACT;
+        else if (dir->common)
+            flags ^= LO_RISES | HI_FALLS;
         else
             flags ^= event < dir->n_lift + dir->n_lo ? LO_RISES : HI_FALLS;
         work->piece[i] = flags;
     }
 }
+
+/* ---- marching ---- */
 
 static slider clip_at_end(const direction *dir, slider s, int flags, int event) {
     const bd_event_work *work = dir->work;
@@ -279,79 +394,120 @@ static slider clip_at_end(const direction *dir, slider s, int flags, int event) 
 /* The slider at the first event once the cycle has settled. */
 static slider settle(const direction *dir, double w) {
     const bd_event_work *work = dir->work;
+    const int n = dir->n_event - dir->first;
     slider s = {GIVEN, -1, w};
-    for (int i = 0; i < dir->n_event; ++i)
-        s = clip_at_end(dir, s, work->piece[i], work->order[(i + 1) % dir->n_event]);
+    for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
     return s;
 }
 
-/* Ends a stretch of sticking: its sums go to the cycle together with the slider that held. */
-static void end_stick(const direction *dir, slider s) {
+/* dw of a slider that was set at the beginning of the present part of the cycle. */
+static void hold(const direction *dir, const run *part) {
     bd_event_work *work = dir->work;
-    double *part = work->part;
-    if (part[0] == 0.0) return;
-    for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += part[n];
-    if (s.kind == GIVEN || !work->cycle.held_u) {
-        bd_cycle_hold(&work->cycle, part + 1, s.w, NULL, NULL);
-    } else {
-        const double *b = basis_at(work, s.event);
-        double factor = s.kind == SET_BY_LO ? -dir->r : dir->r;
-        if (s.kind == SET_BY_CLOSING) {
-            /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
-            const double dlo = dot(dir->n_coef, b, dir->dlo), dhi = dot(dir->n_coef, b, dir->dhi);
-            factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
-        }
-        for (int i = 0; i < dir->n_coef; ++i) {
-            work->origin_u[i] = b[i];
-            work->origin_v[i] = factor * b[i];
-        }
-        bd_cycle_hold(&work->cycle, part + 1, s.w, work->origin_u, work->origin_v);
+    const double *b = work->power[part->at] + 1;
+    if (!work->cycle.held_u) {
+        bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, NULL, NULL);
+        return;
     }
-    memset(part, 0, sizeof(double) * (size_t)dir->n_power);
+    double factor = part->held.kind == SET_BY_LO ? -dir->r : dir->r;
+    if (part->held.kind == SET_BY_CLOSING) {
+        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
+        double dlo, dhi;
+        pair_at(dir->n_harm, dir->dlo, dir->dhi, work->z + 2 * part->held.event, &dlo, &dhi);
+        factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
+    }
+    for (int i = 0; i < dir->n_coef; ++i) work->origin_v[i] = factor * b[i];
+    bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, b, work->origin_v);
 }
 
-/* Adds one piece to the sums and returns the slider at its end. */
-static slider march_piece(const direction *dir, int d, int i, slider s, bd_status_share *share) {
+/* The state changes at theta (exp(i theta) = z): sums of the part that ends, beginning of the next. */
+static void change(const direction *dir, int d, run *part, int state, double theta, const double *z, slider s,
+                   bd_status_share *share) {
     bd_event_work *work = dir->work;
-    const int start = work->order[i], end = work->order[(i + 1) % dir->n_event], flags = work->piece[i];
-    const double theta_start = work->theta[start], theta_end = piece_end(dir, i), length = theta_end - theta_start;
-    const double *from = power_at(work, start), *to = power_at(work, end);
+    double *from = work->power[part->at], *to = work->power[!part->at];
+    if (part->state == state) return;
+    bd_trig_powers_of(2 * dir->n_harm, z, to);
+    if (part->state != NOTHING) {
+        const double length = theta - part->start;
+        push_segment(work, d, part->start, theta, part->state);
+        if (part->state == BD_STICK) {
+            memset(work->part, 0, sizeof(double) * (size_t)dir->n_power);
+            bd_cycle_integrate(dir->n_harm, work->part, length, from, to, 1.0);
+            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part[n];
+            hold(dir, part);
+        } else if (part->state != BD_OPEN) {
+            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
+            share->slip[d] += length;
+        }
+    }
+    part->at = !part->at;
+    part->state = state;
+    part->start = theta;
+    part->held = s;
+}
 
+/* Where lo (hi) first meets w in a piece over which it rises (falls). */
+static double find_onset(const direction *dir, int plus, double w, double start, double end, double *z) {
+    double *bound = dir->work->poly; /* lo - w or hi - w */
+    memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
+    bound[0] -= w;
+    if (dir->n_harm > 1) {
+        const double onset = bd_trig_bracketed_root(dir->n_harm, bound, start, end);
+        z[0] = cos(onset);
+        z[1] = sin(onset);
+        return onset;
+    }
+    /* cos(theta - phi) = k on the rising (falling) side */
+    const double size = hypot(bound[1], bound[2]), c = bound[1] / size, s = bound[2] / size;
+    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)), m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
+    z[0] = c * k - s * m;
+    z[1] = s * k + c * m;
+    double onset = atan2(z[1], z[0]);
+    while (onset < start - 1e-9) onset += BD_TWO_PI;
+    while (onset > end + 1e-9) onset -= BD_TWO_PI;
+    return fmax(start, fmin(end, onset));
+}
+
+/* Walks through one piece and returns the slider at its end. */
+static slider march_piece(const direction *dir, int d, int i, double turn, slider s, run *part, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    const int n = dir->n_event - dir->first;
+    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
+    const double *z = work->z + 2 * start, theta = work->theta[start] + turn;
     if (!(flags & CONTACT)) {
-        end_stick(dir, s);
-        push_segment(work, d, theta_start, theta_end, BD_OPEN);
+        change(dir, d, part, BD_OPEN, theta, z, s, share);
         return clip_at_end(dir, s, flags, end);
     }
     const int set_now = s.event == start && s.kind != GIVEN;
-    const int sliding = set_now && ((s.kind != SET_BY_HI && (flags & LO_RISES)) || (s.kind != SET_BY_LO && (flags & HI_FALLS)));
+    const int plus_now = set_now && s.kind != SET_BY_HI && (flags & LO_RISES);
+    const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
+    if (plus_now || minus_now) {
+        change(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
+        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->lo[end] : work->hi[end]};
+    }
     const slider after = clip_at_end(dir, s, flags, end);
-    if (sliding) {
-        const int plus = s.kind != SET_BY_HI && (flags & LO_RISES);
-        end_stick(dir, s);
-        bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, plus ? 1.0 : -1.0);
-        push_segment(work, d, theta_start, theta_end, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS);
-        share->slip[d] += length;
-        return (slider){plus ? SET_BY_LO : SET_BY_HI, end, plus ? work->lo[end] : work->hi[end]};
-    }
-    if (after.kind == s.kind && after.event == s.event) { /* nothing pushed it */
-        bd_cycle_integrate(dir->n_harm, work->part, length, from, to, 1.0);
-        push_segment(work, d, theta_start, theta_end, BD_STICK);
-        return s;
-    }
-    /* one onset of slip inside */
+    change(dir, d, part, BD_STICK, theta, z, s, share);
+    if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
     const int plus = after.kind == SET_BY_LO;
-    double *bound = work->poly; /* lo - w or hi - w */
-    memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
-    bound[0] -= s.w;
-    const double onset = bd_trig_bracketed_root(dir->n_harm, bound, theta_start, theta_end);
-    bd_trig_powers(2 * dir->n_harm, onset, work->onset_power);
-    bd_cycle_integrate(dir->n_harm, work->part, onset - theta_start, from, work->onset_power, 1.0);
-    push_segment(work, d, theta_start, onset, BD_STICK);
-    end_stick(dir, s);
-    bd_cycle_integrate(dir->n_harm, work->cycle.slip, theta_end - onset, work->onset_power, to, plus ? 1.0 : -1.0);
-    push_segment(work, d, onset, theta_end, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS);
-    share->slip[d] += theta_end - onset;
+    double at[2];
+    const double onset = find_onset(dir, plus, s.w, work->theta[start], piece_end(dir, i), at) + turn;
+    change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
     return after;
+}
+
+/* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
+static void march_cycle(const direction *dir, int d, slider s, bd_status_share *share) {
+    bd_event_work *work = dir->work;
+    const int n = dir->n_event - dir->first;
+    run part = {.state = NOTHING};
+    int first = 0;
+    while (work->order[first] != s.event) ++first;
+    for (int k = 0; k < n; ++k) {
+        const int i = first + k < n ? first + k : first + k - n;
+        s = march_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
+    }
+    const int event = work->order[first];
+    change(dir, d, &part, NOTHING, work->theta[event] + BD_TWO_PI, work->z + 2 * event, s, share);
+    arrange_segments(work, d);
 }
 
 /* Without any event the motion is a constant: the slider is the given one clipped to [lo, hi]. */
@@ -362,117 +518,101 @@ static void hold_constant(const direction *dir, int d, const bd_element *element
     if (s.w < dir->lo[0]) s.w = dir->lo[0], s.kind = SET_BY_LO, factor = -dir->r;
     else if (s.w > dir->hi[0]) s.w = dir->hi[0], s.kind = SET_BY_HI, factor = dir->r;
     work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
-    memset(work->origin_u, 0, sizeof(double) * (size_t)dir->n_coef);
+    double *one = work->power[0];
+    memset(one, 0, sizeof(double) * (size_t)dir->n_coef);
     memset(work->origin_v, 0, sizeof(double) * (size_t)dir->n_coef);
-    work->origin_u[0] = 1.0;
+    one[0] = 1.0;
     work->origin_v[0] = factor;
-    bd_cycle_hold(&work->cycle, work->cycle.stick + 1, s.w, s.kind == GIVEN ? NULL : work->origin_u, work->origin_v);
-    push_segment(work, d, 0.0, BD_TWO_PI, BD_STICK);
+    bd_cycle_hold(&work->cycle, work->cycle.stick + 1, s.w, s.kind == GIVEN ? NULL : one, work->origin_v);
+    whole_cycle(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }
 
-/* lo, hi and their derivatives; returns whether the bounds on their swing already prove that w stays inside. */
-static int make_bounds(const bd_element *element, int d, const double *u, const double *v, direction *dir) {
-    const int n_coef = dir->n_coef;
-    double *lo = dir->work->poly + n_coef, *hi = lo + n_coef, *dlo = hi + n_coef, *dhi = dlo + n_coef;
-    const double shift = element->mu * element->n0 / element->kt[d];
-    dir->r = element->mu * element->kn / element->kt[d];
-    for (int i = 0; i < n_coef; ++i) {
-        lo[i] = u[i] - dir->r * v[i];
-        hi[i] = u[i] + dir->r * v[i];
-    }
-    lo[0] -= shift;
-    hi[0] += shift;
-    dir->lo = lo, dir->hi = hi, dir->dlo = dlo, dir->dhi = dhi;
-    if (lo[0] + bd_trig_amplitude(dir->n_harm, lo) <= element->w[d] &&
-        hi[0] - bd_trig_amplitude(dir->n_harm, hi) >= element->w[d] && dir->n_lift == 0)
-        return 1;
-    bd_trig_derivative(dir->n_harm, lo, dlo);
-    bd_trig_derivative(dir->n_harm, hi, dhi);
-    return 0;
+static void stay_stuck(const bd_element *element, int d, const double *u, bd_response *out, bd_status_share *share,
+                       bd_event_work *work) {
+    bd_element_stuck(element, work->n_harm, d, u, out);
+    whole_cycle(work, d, BD_STICK);
+    share->stick[d] = 1.0;
 }
 
-static void evaluate_direction(const bd_element *element, int d, int n_lift, const double *u, const double *v,
-                               bd_response *out, bd_status_share *share, bd_event_work *work) {
-    direction dir = {.n_harm = work->n_harm, .n_coef = bd_n_coef(work->n_harm), .n_power = bd_n_power(work->n_harm),
-                     .n_lift = n_lift, .work = work};
+static void evaluate_direction(const bd_element *element, int d, int n_lift, const double *x, bd_response *out,
+                               bd_status_share *share, bd_event_work *work) {
+    const int n_coef = bd_n_coef(work->n_harm), constant = bd_law_is_constant(element->law);
+    const double *u = x + d * n_coef, *v = x + 2 * n_coef;
+    direction dir = {.n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm),
+                     .first = constant ? n_lift : 0, .n_lift = n_lift, .work = work};
     if (make_bounds(element, d, u, v, &dir)) {
-        bd_element_stuck(element, work->n_harm, d, u, out);
-        push_segment(work, d, 0.0, BD_TWO_PI, BD_STICK);
-        share->stick[d] = 1.0;
+        stay_stuck(element, d, u, out, share, work);
         return;
     }
-    if (dir.n_harm > 1) {
-        bd_trig_derivative(dir.n_harm, u, work->poly);
-        bd_trig_grid_values(&work->grid, work->poly, work->du);
-        bd_trig_derivative(dir.n_harm, work->poly, work->origin_u);
-        bd_trig_grid_values(&work->grid, work->origin_u, work->ddu);
-    }
-    find_extrema(&dir);
+    need_derivatives(work, x);
+    find_extrema(&dir, d);
     bd_cycle_clear(&work->cycle);
-    if (dir.n_event == 0) {
+    if (dir.n_event == dir.first) {
         hold_constant(&dir, d, element, share);
         bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
         return;
     }
     sort_events(&dir);
     flag_pieces(&dir, element, v);
-    for (int e = 0; e < dir.n_event; ++e) {
-        work->lo[e] = dot(dir.n_coef, basis_at(work, e), dir.lo);
-        work->hi[e] = dot(dir.n_coef, basis_at(work, e), dir.hi);
-    }
-    slider s = settle(&dir, element->w[d]);
+    for (int e = dir.first; e < dir.n_event; ++e)
+        pair_at(dir.n_harm, dir.lo, dir.hi, work->z + 2 * e, work->lo + e, work->hi + e);
+    const slider s = settle(&dir, element->w[d]);
     if (s.kind == GIVEN) {
-        bd_element_stuck(element, work->n_harm, d, u, out);
-        push_segment(work, d, 0.0, BD_TWO_PI, BD_STICK);
-        share->stick[d] = 1.0;
+        stay_stuck(element, d, u, out, share, work);
         return;
     }
-    memset(work->part, 0, sizeof(double) * (size_t)dir.n_power);
-    for (int i = 0; i < dir.n_event; ++i) s = march_piece(&dir, d, i, s, share);
-    end_stick(&dir, s);
+    march_cycle(&dir, d, s, share);
     share->slip[d] /= BD_TWO_PI;
     share->stick[d] = work->cycle.stick[0] / BD_TWO_PI;
     bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
 }
 
+/* Linear in all directions. */
+static void evaluate_bonded(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                            bd_event_work *work) {
+    const int n_coef = bd_n_coef(work->n_harm);
+    bd_element_closed(element, work->n_harm, x + 2 * n_coef, out);
+    for (int d = 0; d < 2; ++d) stay_stuck(element, d, x + d * n_coef, out, share, work);
+}
+
+/* Normal force; returns the number of lifts, which are events 0, 1, ... */
+static int evaluate_normal(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                           bd_event_work *work) {
+    const double *v = x + 2 * bd_n_coef(work->n_harm);
+    const int bound = bound_contact(element, v, work), n_lift = bound == CHANGES ? find_lifts(element, x, work) : 0;
+    if (n_lift > 0) {
+        integrate_contact(work, n_lift, contact_follows_first(work, n_lift), share);
+        bd_cycle_normal(element, work->n_harm, work->contact, v, out, work->scratch);
+        return n_lift;
+    }
+    if (bound == OPEN_ALWAYS || (bound == CHANGES && clear_value(work->n_harm, work->poly, 0.0, BD_TWO_PI) <= 0.0))
+        share->open = 1.0;
+    else
+        bd_element_closed(element, work->n_harm, v, out);
+    return 0;
+}
+
 void bd_event_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                        bd_event_work *work) {
     const int n_harm = work->n_harm, n_coef = bd_n_coef(n_harm);
-    const double *v = x + 2 * n_coef;
-    const double level = element->n0 + element->kn * v[0], swing = element->kn * bd_trig_amplitude(n_harm, v);
     bd_status_share unused;
     if (!share) share = &unused;
     *share = (bd_status_share){{0.0, 0.0}, {0.0, 0.0}, 0.0};
     work->n_segment[0] = work->n_segment[1] = 0;
+    work->derivatives_known = 0;
     work->cycle.held_u = out->dN ? work->held_u : NULL;
     work->cycle.held_v = out->dN ? work->held_v : NULL;
     bd_element_open(element, n_harm, out);
-
-    if (level <= -swing) { /* n0 = 0 without motion counts as open too: force and tangent are zero */
-        share->open = 1.0;
-        for (int d = 0; d < 2; ++d) push_segment(work, d, 0.0, BD_TWO_PI, BD_OPEN);
+    if (element->law == BD_LAW_BONDED) {
+        evaluate_bonded(element, x, out, share, work);
         return;
     }
-    if (n_harm > 1) {
-        bd_trig_derivative(n_harm, v, work->poly);
-        bd_trig_grid_values(&work->grid, work->poly, work->dv);
-        bd_trig_derivative(n_harm, work->poly, work->origin_u);
-        bd_trig_grid_values(&work->grid, work->origin_u, work->ddv);
+    if (n_harm > 1) work->kernel->grid_values(n_coef, work->grid.n_time, work->grid.basis, 3, x, work->motion);
+    const int n_lift = evaluate_normal(element, x, out, share, work);
+    for (int d = 0; d < 2; ++d) {
+        if (share->open == 1.0) whole_cycle(work, d, BD_OPEN);
+        if (bd_element_rubs(element, d) && (share->open < 1.0 || bd_law_is_constant(element->law)))
+            evaluate_direction(element, d, n_lift, x, out, share, work);
     }
-    int n_lift = level >= swing ? 0 : find_lifts(element, v, work);
-    if (n_lift == 0) {
-        if (level < swing && contact_sign(work) <= 0.0) {
-            share->open = 1.0; /* the swing was only a bound: open all the time */
-            for (int d = 0; d < 2; ++d) push_segment(work, d, 0.0, BD_TWO_PI, BD_OPEN);
-            return;
-        }
-        bd_element_closed(element, n_harm, v, out);
-    } else {
-        integrate_contact(work, n_lift, contact_follows_first(work, n_lift), share);
-        bd_cycle_normal(element, n_harm, work->contact, v, out, work->scratch);
-    }
-    for (int d = 0; d < 2; ++d)
-        if (element->law == BD_LAW_SEPARABLE && element->mu > 0.0 && element->kt[d] > 0.0)
-            evaluate_direction(element, d, n_lift, x + d * n_coef, v, out, share, work);
 }

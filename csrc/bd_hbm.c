@@ -11,13 +11,15 @@
  *     Gr_l = [  Re G   Im G ]        acts on [c; s] and gives (cosine, sine);
  *            [ -Im G   Re G ]        its transpose takes forces back, since G^H F = (Re G^T Fc - Im G^T Fs, ...).
  *
- * The contact law couples harmonics at a point by a tangent B = dF/dX of 3 x 3 blocks, of which five are not zero
- * (T_d with u_d and v, N with v).  Hence J_lm = Gr_l^T B_lm Gr_m + linear part: first Z = B Gr for a chunk of points that
- * fits the cache, then one matrix product for each harmonic.  Zero entries of B are skipped, so a point that sticks
- * (diagonal blocks) or stays open (none) costs little. */
+ * The contact law couples harmonics at a point by a tangent B = dF/dX, hence J_lm = Gr_l^T B_lm Gr_m + linear part: first
+ * Z = B Gr for a chunk of components that fits the cache, then one matrix product for each harmonic.
+ *
+ * Only components of which B is full take that way.  One that sticks (or stays in contact) through the cycle has
+ * B = k I, which couples no harmonics; the sum K = Gr^T k Gr over all points is made once, for each of the three components
+ * of motion.  An evaluation starts from K and takes off those components that are not linear, or starts from zero and adds
+ * those that are, whichever are fewer.  Components that stay open cost nothing then, and where nothing sticks no rounding
+ * error of K - K is left in J. */
 #include "bd_hbm.h"
-
-#include "bd_product.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -61,12 +63,49 @@ static void set_elements(bd_hbm *hbm, const bd_hbm_input *in) {
                                        .kn = in->kn[p],
                                        .mu = in->mu[p],
                                        .n0 = in->n0[p],
-                                       .w = {in->w[2 * p], in->w[2 * p + 1]}};
+                                       .w = {in->w[2 * p], in->w[2 * p + 1]},
+                                       .load = in->load ? in->load[p] : in->n0[p]};
+}
+
+/* Stiffness of the spring of component a of a point, 0 if it has none. */
+static double spring(const bd_element *element, int a) {
+    if (a == 2) return element->kn;
+    return element->law == BD_LAW_BONDED || bd_element_rubs(element, a) ? element->kt[a] : 0.0;
+}
+
+static size_t columns_of(const bd_hbm *hbm, int l) { return (size_t)(n_row(l) * hbm->n_mode[l]); }
+
+static const double *rows_of(const bd_hbm *hbm, int l, size_t component) {
+    return hbm->G[l] + component * (size_t)n_row(l) * columns_of(hbm, l);
+}
+
+static int make_linear(bd_hbm *hbm) {
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
+        hbm->linear[l] = calloc(3 * n * n + 1, sizeof(double));
+        double *scaled = calloc(rows * stride + BD_KERNEL_PAD, sizeof(double));
+        if (!hbm->linear[l] || !scaled) {
+            free(scaled);
+            return 0;
+        }
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p)
+            for (int a = 0; a < 3; ++a) {
+                const double k = spring(hbm->element + p, a), *g = rows_of(hbm, l, 3 * p + (size_t)a);
+                for (size_t i = 0; i < rows; ++i)
+                    for (size_t j = 0; j < n; ++j) scaled[i * stride + j] = k * g[i * n + j];
+                hbm->kernel->product(n, n, rows, g, scaled, stride, hbm->linear[l] + (size_t)a * n * n, n);
+            }
+        free(scaled);
+    }
+    return 1;
 }
 
 bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     memset(hbm, 0, sizeof *hbm);
     if (in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
+    for (int p = 0; p < in->n_point; ++p)
+        if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_serves(in->evaluation, (bd_law)in->law[p]))
+            return BD_BAD_ARGUMENT;
     bd_status status = bd_evaluator_create(&hbm->evaluator, in->evaluation, in->n_harm, in->n_time);
     if (status != BD_OK) return status;
     const size_t n_coef = (size_t)bd_n_coef(in->n_harm), n_component = 3 * (size_t)in->n_point;
@@ -87,10 +126,12 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     }
     const size_t n_unknown = (size_t)hbm->first[n_group];
     hbm->n_unknown = (int)n_unknown;
-    /* some 512 kB of Z at a time */
-    const size_t per_point = 3 * n_coef * bd_product_stride(n_unknown);
-    hbm->chunk = (int)(65536 / per_point) + 1;
-    if (hbm->chunk > in->n_point) hbm->chunk = in->n_point > 0 ? in->n_point : 1;
+    size_t n_column = 1; /* of G over all harmonics */
+    for (int l = 0; l <= in->n_harm; ++l) n_column += (size_t)(n_row(l) * n_row(l) * in->n_mode[l]);
+    /* some 256 kB of Z at a time */
+    const size_t per_component = n_coef * bd_kernel_stride(n_unknown);
+    hbm->chunk = (int)(32768 / per_component) + 4;
+    const size_t chunk = (size_t)hbm->chunk;
 
     hbm->stiffness = malloc(sizeof(double) * (n_modes + 1));
     hbm->mass = malloc(sizeof(double) * (n_modes + 1));
@@ -102,10 +143,16 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->X = calloc(n_component * n_coef + 1, sizeof(double));
     hbm->F = calloc(n_component * n_coef + 1, sizeof(double));
     hbm->gather = malloc(sizeof(double) * (2 * n_component + 1));
-    hbm->block = malloc(sizeof(double) * 5 * n_coef * n_coef);
-    hbm->Z = malloc(sizeof(double) * (size_t)hbm->chunk * per_point);
+    hbm->turned = malloc(sizeof(double) * (n_unknown + 1));
+    hbm->tangent = calloc(n_component + 1, 1);
+    hbm->linear = calloc(n_group, sizeof(double *));
+    hbm->kernel = bd_kernel_get();
+    hbm->block = malloc(sizeof(double) * BD_LANES * 7 * n_coef * n_coef);
+    hbm->Z = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
+    hbm->A = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
     if (!hbm->stiffness || !hbm->mass || !hbm->damping || !hbm->force || !hbm->element || !hbm->share || !hbm->shift ||
-        !hbm->X || !hbm->F || !hbm->gather || !hbm->block || !hbm->Z)
+        !hbm->X || !hbm->F || !hbm->gather || !hbm->turned || !hbm->tangent || !hbm->linear || !hbm->block || !hbm->Z ||
+        !hbm->A)
         goto no_memory;
     copy(hbm->stiffness, in->stiffness, n_modes);
     copy(hbm->mass, in->mass, n_modes);
@@ -116,11 +163,12 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     const double *G = in->G;
     for (int l = 0; l <= in->n_harm; ++l) {
         const size_t n = (size_t)in->n_mode[l], rows = (size_t)n_row(l);
-        hbm->G[l] = malloc(sizeof(double) * (n_component * rows * rows * n + 1));
+        hbm->G[l] = calloc(n_component * rows * rows * n + BD_KERNEL_PAD, sizeof(double));
         if (!hbm->G[l]) goto no_memory;
         expand_modes(hbm->G[l], G, n_component, in->n_mode[l], l);
         G += 2 * n_component * n;
     }
+    if (!make_linear(hbm)) goto no_memory;
     return BD_OK;
 no_memory:
     bd_hbm_destroy(hbm);
@@ -131,6 +179,12 @@ void bd_hbm_destroy(bd_hbm *hbm) {
     if (!hbm) return;
     if (hbm->G)
         for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->G[l]);
+    if (hbm->linear)
+        for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->linear[l]);
+    free(hbm->linear);
+    free(hbm->turned);
+    free(hbm->tangent);
+    free(hbm->A);
     free(hbm->G);
     free(hbm->n_mode);
     free(hbm->first);
@@ -152,19 +206,20 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 
 /* ---- motion and force ---- */
 
-/* y = Gr_l x, or y += Gr_l^T x. */
-static void multiply_modes(bd_hbm *hbm, int l, int transposed, const double *x, double *y) {
-    const size_t columns = (size_t)(n_row(l) * hbm->n_mode[l]), rows = 3 * (size_t)hbm->n_point * (size_t)n_row(l);
-    if (transposed)
-        bd_product_vector_transposed(rows, columns, hbm->G[l], x, y);
-    else
-        bd_product_vector(rows, columns, hbm->G[l], x, y);
-}
-
 static void find_motion(bd_hbm *hbm, const double *u) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        multiply_modes(hbm, l, 0, u + hbm->first[l], hbm->gather);
+        const double *q = u + hbm->first[l];
+        const size_t n_mode = (size_t)hbm->n_mode[l];
+        if (l == 0) {
+            hbm->kernel->multiply(n_component, n_mode, hbm->G[0], q, hbm->gather);
+        } else { /* the sine row of Gr on [c; s] is the cosine row on [s; -c] */
+            for (size_t j = 0; j < n_mode; ++j) {
+                hbm->turned[j] = q[n_mode + j];
+                hbm->turned[n_mode + j] = -q[j];
+            }
+            hbm->kernel->multiply_pairs(n_component, 2 * n_mode, hbm->G[l], q, hbm->turned, hbm->gather);
+        }
         for (size_t i = 0; i < n_component; ++i) {
             double *X = hbm->X + i * n_coef;
             if (l == 0) {
@@ -189,7 +244,8 @@ static void add_contact_force(bd_hbm *hbm, double *r) {
                 hbm->gather[2 * i + 1] = F[2 * l];
             }
         }
-        multiply_modes(hbm, l, 1, hbm->gather, r + hbm->first[l]);
+        hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l], hbm->gather,
+                                         r + hbm->first[l]);
     }
 }
 
@@ -227,96 +283,143 @@ static void linear_part(const bd_hbm *hbm, const double *u, double omega, double
 
 /* ---- Jacobian ---- */
 
-/* z (n_unknown) += row i of a tangent block times the rows of Gr that belong to component `component`. */
-static void add_block_row(const bd_hbm *hbm, const double *block, int i, size_t component, double *restrict z) {
-    const double *row = block + (size_t)i * (size_t)hbm->n_coef;
-    for (int m = 0; m <= hbm->n_harm; ++m) {
-        const size_t columns = (size_t)(n_row(m) * hbm->n_mode[m]);
-        double *restrict to = z + hbm->first[m];
-        if (m == 0) {
-            const double *restrict g = hbm->G[0] + component * columns;
-            if (row[0] != 0.0)
-                for (size_t j = 0; j < columns; ++j) to[j] += row[0] * g[j];
-            continue;
-        }
-        const double bc = row[2 * m - 1], bs = row[2 * m];
-        const double *restrict gc = hbm->G[m] + component * 2 * columns, *restrict gs = gc + columns;
-        if (bc != 0.0 && bs != 0.0)
-            for (size_t j = 0; j < columns; ++j) to[j] += bc * gc[j] + bs * gs[j];
-        else if (bc != 0.0)
-            for (size_t j = 0; j < columns; ++j) to[j] += bc * gc[j];
-        else if (bs != 0.0)
-            for (size_t j = 0; j < columns; ++j) to[j] += bs * gs[j];
-    }
-}
-
-/* Z holds, harmonic after harmonic, the rows (point of the chunk, component, cosine/sine). */
-static double *z_row(const bd_hbm *hbm, int l, int n_in_chunk, size_t component, int part) {
+/* Z and A hold, harmonic after harmonic, the rows (component of the chunk, cosine/sine). */
+static double *z_row(const bd_hbm *hbm, int l, size_t place, int part) {
     const size_t before = l == 0 ? 0 : (size_t)(2 * l - 1); /* rows for each component in lower harmonics */
-    const size_t index = before * 3 * (size_t)n_in_chunk + component * (size_t)n_row(l) + (size_t)part;
-    return hbm->Z + index * bd_product_stride((size_t)hbm->n_unknown);
+    const size_t index = before * (size_t)hbm->chunk + place * (size_t)n_row(l) + (size_t)part;
+    return hbm->Z + index * bd_kernel_stride((size_t)hbm->n_unknown);
 }
 
-static void fill_z(bd_hbm *hbm, int p, int place, int n_in_chunk, const bd_response *response) {
+static double *a_rows(const bd_hbm *hbm, int l) {
+    size_t before = 0;
+    for (int m = 0; m < l; ++m) before += (size_t)n_row(m) * columns_of(hbm, m);
+    return hbm->A + before * (size_t)hbm->chunk;
+}
+
+/* J += Gr^T Z for the components of the chunk, which is empty then. */
+static void flush_chunk(bd_hbm *hbm, double *J) {
+    const size_t n = (size_t)hbm->n_unknown, stride = bd_kernel_stride(n);
+    if (hbm->n_chunk == 0) return;
     for (int l = 0; l <= hbm->n_harm; ++l)
-        for (int a = 0; a < 3; ++a)
-            for (int part = 0; part < n_row(l); ++part) {
-                double *z = z_row(hbm, l, n_in_chunk, 3 * (size_t)place + (size_t)a, part);
-                const int i = l == 0 ? 0 : 2 * l - 1 + part;
-                memset(z, 0, sizeof(double) * bd_product_stride((size_t)hbm->n_unknown));
-                if (a < 2 && response->tangential[a]) {
-                    add_block_row(hbm, response->dT[a], i, 3 * (size_t)p + (size_t)a, z);
-                    add_block_row(hbm, response->dTv[a], i, 3 * (size_t)p + 2, z);
-                } else if (a == 2 && response->normal) {
-                    add_block_row(hbm, response->dN, i, 3 * (size_t)p + 2, z);
-                }
-            }
+        hbm->kernel->product(columns_of(hbm, l), n, (size_t)(hbm->n_chunk * n_row(l)), a_rows(hbm, l), z_row(hbm, l, 0, 0),
+                             stride, J + (size_t)hbm->first[l] * n, n);
+    hbm->n_chunk = 0;
 }
 
-/* J += Gr^T Z for the points of the chunk that starts at first_point. */
-static void add_products(bd_hbm *hbm, int first_point, int n_in_chunk, double *J) {
+/* One more component (a of point p) whose tangent is full. */
+static void add_component(bd_hbm *hbm, size_t p, int a, const bd_response *response, double *J) {
+    const double *g[(BD_MAX_HARM + 1) * 3];
+    double *z[BD_MAX_COEF];
+    bd_fill fill = {.n_harm = hbm->n_harm, .n_mode = hbm->n_mode, .first = hbm->first, .g = g, .z = z};
+    size_t source[3];
+    if (a == 2) {
+        fill.block[0] = response->dN, source[0] = 2, fill.n_source = 1;
+    } else {
+        fill.block[0] = response->dT[a], source[0] = (size_t)a, fill.n_source = 1;
+        if (response->with_normal[a]) fill.block[fill.n_source] = response->dTv[a], source[fill.n_source++] = 2;
+        if (response->coupled) fill.block[fill.n_source] = response->dTc[a], source[fill.n_source++] = (size_t)(1 - a);
+    }
+    const size_t place = (size_t)hbm->n_chunk++;
+    for (int l = 0; l <= hbm->n_harm; ++l) {
+        const size_t size = (size_t)n_row(l) * columns_of(hbm, l);
+        for (int s = 0; s < fill.n_source; ++s) g[l * fill.n_source + s] = rows_of(hbm, l, 3 * p + source[s]);
+        for (int part = 0; part < n_row(l); ++part) z[l == 0 ? 0 : 2 * l - 1 + part] = z_row(hbm, l, place, part);
+        copy(a_rows(hbm, l) + place * size, rows_of(hbm, l, 3 * p + (size_t)a), size);
+    }
+    hbm->kernel->fill_rows(&fill);
+    if (hbm->n_chunk == hbm->chunk) flush_chunk(hbm, J);
+}
+
+/* J += sign * k g g^T for the components a whose tangent is linear (or, with sign -1, is not), harmonic by harmonic. */
+static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int l = 0; l <= hbm->n_harm; ++l) {
-        const size_t columns = (size_t)(n_row(l) * hbm->n_mode[l]), rows = 3 * (size_t)(n_in_chunk * n_row(l));
-        const double *G = hbm->G[l] + 3 * (size_t)first_point * (size_t)n_row(l) * columns;
-        bd_product_add(columns, n, rows, G, z_row(hbm, l, n_in_chunk, 0, 0), J + (size_t)hbm->first[l] * n);
+        const size_t columns = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(columns);
+        double *to = J + (size_t)hbm->first[l] * n + (size_t)hbm->first[l];
+        size_t place = 0;
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
+            const double k = sign * spring(hbm->element + p, a);
+            if (k != 0.0 && (hbm->tangent[3 * p + (size_t)a] == BD_BLOCK_LINEAR) == linear) {
+                const double *g = rows_of(hbm, l, 3 * p + (size_t)a);
+                copy(hbm->A + place * rows * columns, g, rows * columns);
+                for (size_t i = 0; i < rows; ++i)
+                    for (size_t j = 0; j < columns; ++j) hbm->Z[(place * rows + i) * stride + j] = k * g[i * columns + j];
+                ++place;
+            }
+            if (place == (size_t)hbm->chunk || p + 1 == (size_t)hbm->n_point) {
+                hbm->kernel->product(columns, columns, place * rows, hbm->A, hbm->Z, stride, to, n);
+                place = 0;
+            }
+        }
     }
 }
 
-static bd_response response_of(bd_hbm *hbm, int p, int tangent) {
+/* Share of the components that are linear through the cycle. */
+static void add_linear_components(bd_hbm *hbm, double *J) {
+    const size_t n = (size_t)hbm->n_unknown;
+    for (int a = 0; a < 3; ++a) {
+        int n_linear = 0, n_spring = 0;
+        for (size_t p = 0; p < (size_t)hbm->n_point; ++p) {
+            const int has = spring(hbm->element + p, a) != 0.0;
+            n_spring += has;
+            n_linear += has && hbm->tangent[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
+        }
+        if (2 * n_linear <= n_spring) {
+            if (n_linear > 0) add_springs(hbm, a, 1, 1.0, J);
+            continue;
+        }
+        for (int l = 0; l <= hbm->n_harm; ++l) {
+            const size_t columns = columns_of(hbm, l), first = (size_t)hbm->first[l];
+            const double *K = hbm->linear[l] + (size_t)a * columns * columns;
+            for (size_t i = 0; i < columns; ++i)
+                for (size_t j = 0; j < columns; ++j) J[(first + i) * n + first + j] += K[i * columns + j];
+        }
+        if (n_linear < n_spring) add_springs(hbm, a, 0, -1.0, J);
+    }
+}
+
+static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) {
     const size_t nn = (size_t)hbm->n_coef * (size_t)hbm->n_coef;
-    bd_response out = {.F = hbm->F + 3 * (size_t)p * (size_t)hbm->n_coef};
+    double *block = hbm->block + lane * 7 * nn;
+    bd_response out = {.F = hbm->F + 3 * p * (size_t)hbm->n_coef};
     if (tangent) {
-        out.dT[0] = hbm->block;
-        out.dT[1] = hbm->block + nn;
-        out.dTv[0] = hbm->block + 2 * nn;
-        out.dTv[1] = hbm->block + 3 * nn;
-        out.dN = hbm->block + 4 * nn;
+        for (int d = 0; d < 2; ++d) {
+            out.dT[d] = block + (size_t)d * nn;
+            out.dTv[d] = block + (size_t)(2 + d) * nn;
+            out.dTc[d] = block + (size_t)(4 + d) * nn;
+        }
+        out.dN = block + 6 * nn;
     }
     return out;
 }
 
-/* Contact forces of all points and, chunk by chunk, their share of J. */
+/* Contact forces of all points and, as they come, their share of J. */
 static void contact_part(bd_hbm *hbm, double *J) {
-    double started = bd_seconds();
-    for (int first = 0; first < hbm->n_point; first += hbm->chunk) {
-        const int n = first + hbm->chunk < hbm->n_point ? hbm->chunk : hbm->n_point - first;
-        for (int place = 0; place < n; ++place) {
-            const int p = first + place;
-            bd_response response = response_of(hbm, p, J != NULL);
-            bd_contact_evaluate(hbm->element + p, hbm->X + 3 * (size_t)p * (size_t)hbm->n_coef, &response,
-                                hbm->share + p, &hbm->evaluator);
-            if (J) fill_z(hbm, p, place, n, &response);
-        }
+    bd_response response[BD_LANES];
+    double assembly = 0.0;
+    const double started = bd_seconds();
+    for (size_t first = 0; first < (size_t)hbm->n_point; first += BD_LANES) {
+        const size_t left = (size_t)hbm->n_point - first, n = left < BD_LANES ? left : BD_LANES;
+        for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, J != NULL);
+        bd_contact_evaluate_many((int)n, hbm->element + first, hbm->X + 3 * first * (size_t)hbm->n_coef, response,
+                                 hbm->share + first, &hbm->evaluator);
+        if (!J) continue;
         const double evaluated = bd_seconds();
-        hbm->cost.contact += evaluated - started;
-        started = evaluated;
-        if (J) {
-            add_products(hbm, first, n, J);
-            started = bd_seconds();
-            hbm->cost.assembly += started - evaluated;
-        }
+        for (size_t i = 0; i < n; ++i)
+            for (int a = 0; a < 3; ++a) {
+                const bd_block kind = a < 2 ? response[i].tangential[a] : response[i].normal;
+                hbm->tangent[3 * (first + i) + (size_t)a] = (unsigned char)kind;
+                if (kind == BD_BLOCK_FULL) add_component(hbm, first + i, a, response + i, J);
+            }
+        assembly += bd_seconds() - evaluated;
     }
+    const double evaluated = bd_seconds();
+    hbm->cost.contact += evaluated - started - assembly;
+    if (J) {
+        flush_chunk(hbm, J);
+        add_linear_components(hbm, J);
+    }
+    hbm->cost.assembly += assembly + bd_seconds() - evaluated;
 }
 
 static int all_finite(const double *x, size_t n) {

@@ -18,6 +18,7 @@ typedef struct {
     const double *n0;         /* (n_point) */
     const double *w;          /* (n_point, 2) */
     const int *law;           /* (n_point) bd_law */
+    const double *load;       /* (n_point) normal load that limits friction under the laws of constant load; NULL: n0 */
     const double *shift;      /* (n_point, 3) constant part of (u1, u2, v) besides the modes */
     const double *force;      /* (n_unknown) modal excitation, in the layout of the unknowns */
     bd_evaluation evaluation;
@@ -43,9 +44,16 @@ typedef struct {
     double *X;      /* (n_point, 3, n_coef) relative motion of the latest evaluation */
     double *F;      /* (n_point, 3, n_coef) contact force of the latest evaluation */
     double *gather; /* (n_point, 3, 2) one harmonic of X or F */
-    double *block;  /* (5, n_coef, n_coef) tangent of one point */
-    double *Z;      /* (chunk, 3, n_coef, padded n_unknown) tangent times G */
-    int chunk;      /* contact points taken together in the assembly */
+    double *turned; /* (2 most modes) a vector of modal amplitudes, a quarter of a period later */
+    const bd_kernel *kernel;
+    double **linear; /* (n_harm + 1) of (3, columns, columns): modal stiffness of the springs of all points, for each */
+                     /* component of motion */
+    double *block;  /* (BD_LANES, 7, n_coef, n_coef) tangents of a group of points */
+    double *Z;      /* tangent times G: for each harmonic (rows of the chunk, padded n_unknown) */
+    double *A;      /* rows of G that belong to the rows of Z: for each harmonic (rows of the chunk, columns) */
+    int chunk;      /* components of contact points taken together in the assembly */
+    int n_chunk;    /* how many are there now */
+    unsigned char *tangent; /* (n_point, 3) bd_block of each component */
     bd_cost cost;
 } bd_hbm;
 

@@ -1,23 +1,25 @@
-/* Sampled evaluation (alternating frequency/time) of the separable law. */
+/* Sampled evaluation (alternating frequency/time) of laws with two independent directions, several points at a time. */
 #ifndef BD_SAMPLED_H
 #define BD_SAMPLED_H
 
 #include "bd_element.h"
+#include "bd_kernel.h"
 #include "bd_trig.h"
 
 typedef struct {
     int n_harm, n_time;
-    int interpolate;    /* 1: the instant of closing is interpolated between samples; 0: plain */
-    bd_trig_grid grid;
+    const bd_kernel *kernel;
     double *power;      /* (n_time, n_power) powers of exp(i theta_k) */
-    double *u, *v;      /* (n_time) */
-    double *contact;    /* (n_power) */
-    double *part;       /* (n_power) */
-    double *origin_u, *origin_v; /* (n_coef) */
+    double *x;          /* (3, n_coef, BD_LANES) u1, u2, n0 + kn v */
+    double *u, *g;      /* (n_time, BD_LANES) */
+    double *limit;      /* (n_time, BD_LANES) g, or the constant load in the lanes of such laws */
+    double *contact;    /* (n_power, BD_LANES) */
+    double *stick, *slip, *one; /* (n_power) of one lane */
     double *scratch;    /* (n_coef, n_coef) */
-    bd_cycle cycle;
-    double *held_u, *held_v;
-    bd_segment *segment[2]; /* (n_time) */
+    bd_lanes lanes;
+    double *held_u, *held_g;
+    unsigned char *state;   /* (n_time, BD_LANES) */
+    bd_segment *segment[2]; /* (n_time) of the latest point that was evaluated alone */
     int n_segment[2];
     double *memory;
 } bd_sampled_work;
@@ -25,8 +27,8 @@ typedef struct {
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate);
 void bd_sampled_destroy(bd_sampled_work *work);
 
-/* As bd_event_evaluate. */
-void bd_sampled_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+/* As bd_event_evaluate, for n <= BD_LANES points: element (n), x (n, 3, n_coef), out (n), share (n) or NULL. */
+void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                          bd_sampled_work *work);
 
 #endif

@@ -21,6 +21,9 @@ void bd_trig_grid_values(const bd_trig_grid *grid, const double *x, double *valu
  * one instead of sin 0, so that power + 1 is the basis [1, cos, sin, ...] as well. */
 void bd_trig_powers(int n_max, double theta, double *power);
 
+/* The same from z = exp(i theta). */
+void bd_trig_powers_of(int n_max, const double *z, double *power);
+
 double bd_trig_value(int n_harm, const double *x, double theta);
 void bd_trig_derivative(int n_harm, const double *x, double *dx);
 
@@ -34,6 +37,10 @@ double bd_trig_amplitude(int n_harm, const double *x);
  * pair of roots inside one cell is found from the sign of the samples of the derivative, `slope` (the double-root
  * check).  value and slope are not read when n_harm = 1. */
 int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value, const double *slope, double *root);
+
+/* The same, with z (2 n_harm, 2) the cosine and sine of each root. */
+int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value, const double *slope,
+                              double *root, double *z);
 
 /* The root of f between a and b, where f(a) and f(b) differ in sign (or one of them vanishes). */
 double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b);

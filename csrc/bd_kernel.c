@@ -1,0 +1,216 @@
+/* Dense inner loops; this file is compiled once for each instruction set, BD_VARIANT naming the build.
+ *
+ * Why not BLAS: a threaded BLAS hands products of this size to its pool, and waking the pool costs many times the product
+ * (measured: 20 times, with two threads).  Curves are computed in parallel instead, so one thread is what is wanted, and
+ * a process-wide setting of somebody else's library is not ours to change.
+ *
+ * The product keeps a tile of C in registers while k runs; both operands are read along their rows. */
+#include "bd_kernel.h"
+#include "bd_vector.h"
+
+enum { MOST_ROWS = BD_WIDTH == 8 ? 8 : 4, MOST_VECTORS = 3 };
+
+BD_INLINE void tile(const int n_rows, const int n_vec, size_t m, size_t k, const double *A, const double *B,
+                    size_t stride_b, double *C, size_t stride_c, size_t n_columns) {
+    bd_vec sum[MOST_ROWS][MOST_VECTORS];
+    for (int i = 0; i < n_rows; ++i)
+        for (int v = 0; v < n_vec; ++v) sum[i][v] = bd_all(0.0);
+    for (size_t p = 0; p < k; ++p) {
+        const double *a = A + p * m, *b = B + p * stride_b;
+        bd_vec row[MOST_VECTORS];
+        for (int v = 0; v < n_vec; ++v) row[v] = bd_load(b + v * BD_WIDTH);
+        for (int i = 0; i < n_rows; ++i) {
+            const bd_vec ai = bd_all(a[i]);
+            for (int v = 0; v < n_vec; ++v) sum[i][v] += ai * row[v];
+        }
+    }
+    for (int i = 0; i < n_rows; ++i) {
+        double *c = C + (size_t)i * stride_c;
+        for (int v = 0; v < n_vec; ++v) {
+            const size_t from = (size_t)(v * BD_WIDTH);
+            if (from + BD_WIDTH <= n_columns)
+                bd_store(c + from, bd_load(c + from) + sum[i][v]);
+            else
+                for (size_t j = from; j < n_columns; ++j) c[j] += sum[i][v][j - from];
+        }
+    }
+}
+
+BD_INLINE void strip(const int n_vec, size_t m, size_t k, const double *A, const double *B, size_t stride_b, double *C,
+                     size_t stride_c, size_t n_columns) {
+    size_t i = 0;
+    for (; i + MOST_ROWS <= m; i += MOST_ROWS)
+        tile(MOST_ROWS, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+    if (m - i >= 4) {
+        tile(4, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+        i += 4;
+    }
+    if (m - i >= 2) {
+        tile(2, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+        i += 2;
+    }
+    if (m - i == 1) tile(1, n_vec, m, k, A + i, B, stride_b, C + i * stride_c, stride_c, n_columns);
+}
+
+static void product(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
+                    size_t stride_c) {
+    if (k == 0) return;
+    for (size_t j = 0; j < n;) {
+        const size_t left = n - j;
+        if (left > 2 * BD_WIDTH) {
+            const size_t taken = left < 3 * BD_WIDTH ? left : 3 * BD_WIDTH;
+            strip(3, m, k, A, B + j, stride_b, C + j, stride_c, taken);
+            j += taken;
+        } else if (left > BD_WIDTH) {
+            strip(2, m, k, A, B + j, stride_b, C + j, stride_c, left);
+            j += left;
+        } else {
+            strip(1, m, k, A, B + j, stride_b, C + j, stride_c, left);
+            j += left;
+        }
+    }
+}
+
+/* ---- tangent times modes ---- */
+
+/* Columns j .. j + n_vec*BD_WIDTH of harmonic m for all rows. */
+BD_INLINE void fill_columns(const bd_fill *f, int m, const int n_row, const int n_source, const int n_vec, size_t columns,
+                            size_t j) {
+    const size_t n_coef = (size_t)bd_n_coef(f->n_harm), first = (size_t)f->first[m] + j;
+    const size_t place = m == 0 ? 0 : 2 * (size_t)m - 1;
+    bd_vec g[6][2];
+    for (int s = 0; s < n_source; ++s)
+        for (int t = 0; t < n_row; ++t)
+            for (int v = 0; v < n_vec; ++v)
+                g[s * n_row + t][v] = bd_load(f->g[m * n_source + s] + (size_t)t * columns + j + (size_t)(v * BD_WIDTH));
+    for (size_t i = 0; i < n_coef; ++i) {
+        bd_vec sum[2] = {bd_all(0.0), bd_all(0.0)};
+        for (int s = 0; s < n_source; ++s)
+            for (int t = 0; t < n_row; ++t) {
+                const bd_vec c = bd_all(f->block[s][i * n_coef + place + (size_t)t]);
+                for (int v = 0; v < n_vec; ++v) sum[v] += c * g[s * n_row + t][v];
+            }
+        for (int v = 0; v < n_vec; ++v) bd_store(f->z[i] + first + (size_t)(v * BD_WIDTH), sum[v]);
+    }
+}
+
+BD_INLINE void fill_harmonic(const bd_fill *f, int m, const int n_row, const int n_source) {
+    const size_t columns = (size_t)(n_row * f->n_mode[m]);
+    size_t j = 0;
+    for (; j + 2 * BD_WIDTH <= columns; j += 2 * BD_WIDTH) fill_columns(f, m, n_row, n_source, 2, columns, j);
+    for (; j < columns; j += BD_WIDTH) fill_columns(f, m, n_row, n_source, 1, columns, j);
+}
+
+static void fill_rows(const bd_fill *f) {
+    for (int m = 0; m <= f->n_harm; ++m) {
+        if (m == 0) {
+            if (f->n_source == 1) fill_harmonic(f, m, 1, 1);
+            if (f->n_source == 2) fill_harmonic(f, m, 1, 2);
+            if (f->n_source == 3) fill_harmonic(f, m, 1, 3);
+        } else {
+            if (f->n_source == 1) fill_harmonic(f, m, 2, 1);
+            if (f->n_source == 2) fill_harmonic(f, m, 2, 2);
+            if (f->n_source == 3) fill_harmonic(f, m, 2, 3);
+        }
+    }
+}
+
+/* ---- matrix times vector ---- */
+
+BD_INLINE double dot(size_t n, const double *a, const double *x) {
+    bd_vec s0 = bd_all(0.0), s1 = bd_all(0.0);
+    size_t j = 0;
+    for (; j + 2 * BD_WIDTH <= n; j += 2 * BD_WIDTH) {
+        s0 += bd_load(a + j) * bd_load(x + j);
+        s1 += bd_load(a + j + BD_WIDTH) * bd_load(x + j + BD_WIDTH);
+    }
+    double sum = bd_sum(s0 + s1);
+    for (; j < n; ++j) sum += a[j] * x[j];
+    return sum;
+}
+
+static void multiply(size_t rows, size_t columns, const double *A, const double *x, double *y) {
+    for (size_t i = 0; i < rows; ++i) y[i] = dot(columns, A + i * columns, x);
+}
+
+static void multiply_pairs(size_t pairs, size_t columns, const double *A, const double *x, const double *x_turned,
+                           double *y) {
+    for (size_t i = 0; i < pairs; ++i) {
+        y[2 * i] = dot(columns, A + 2 * i * columns, x);
+        y[2 * i + 1] = dot(columns, A + 2 * i * columns, x_turned);
+    }
+}
+
+BD_INLINE void add_columns(const int n_vec, size_t rows, size_t columns, const double *A, const double *x, double *y) {
+    bd_vec sum[4];
+    for (int v = 0; v < n_vec; ++v) sum[v] = bd_load(y + v * BD_WIDTH);
+    for (size_t i = 0; i < rows; ++i) {
+        const bd_vec xi = bd_all(x[i]);
+        for (int v = 0; v < n_vec; ++v) sum[v] += xi * bd_load(A + i * columns + (size_t)(v * BD_WIDTH));
+    }
+    for (int v = 0; v < n_vec; ++v) bd_store(y + v * BD_WIDTH, sum[v]);
+}
+
+static void multiply_transposed(size_t rows, size_t columns, const double *A, const double *x, double *y) {
+    size_t j = 0;
+    for (; j + 4 * BD_WIDTH <= columns; j += 4 * BD_WIDTH) add_columns(4, rows, columns, A + j, x, y + j);
+    for (; j + BD_WIDTH <= columns; j += BD_WIDTH) add_columns(1, rows, columns, A + j, x, y + j);
+    if (j < columns)
+        for (size_t i = 0; i < rows; ++i)
+            for (size_t c = j; c < columns; ++c) y[c] += x[i] * A[i * columns + c];
+}
+
+/* ---- values on the grid of the root finder ---- */
+
+enum { GRID_VECTORS = 16 / BD_WIDTH };
+
+static void grid_values(int n_coef, int n_time, const double *basis, int n_poly, const double *x, double *value) {
+    for (int q = 0; q < n_poly; ++q)
+        for (int k = 0; k < n_time; k += 16) {
+            const double *xq = x + (size_t)q * (size_t)n_coef;
+            bd_vec sum[GRID_VECTORS];
+            for (int v = 0; v < GRID_VECTORS; ++v) sum[v] = bd_all(xq[0]);
+            for (int i = 1; i < n_coef; ++i) {
+                const double *b = basis + (size_t)i * (size_t)n_time + k;
+                const bd_vec xi = bd_all(xq[i]);
+                for (int v = 0; v < GRID_VECTORS; ++v) sum[v] += xi * bd_load(b + v * BD_WIDTH);
+            }
+            double *to = value + (size_t)q * (size_t)n_time + k;
+            for (int v = 0; v < GRID_VECTORS; ++v) bd_store(to + v * BD_WIDTH, sum[v]);
+        }
+}
+
+static void bounds(int n, double r, const double *a, const double *b, double *largest, double *smallest) {
+    bd_vec most = bd_load(a) - r * bd_load(b), least = bd_load(a) + r * bd_load(b);
+    for (int k = BD_WIDTH; k < n; k += BD_WIDTH) {
+        const bd_vec lo = bd_load(a + k) - r * bd_load(b + k), hi = bd_load(a + k) + r * bd_load(b + k);
+        most = bd_select((bd_mask)(lo > most), lo, most);
+        least = bd_select((bd_mask)(hi < least), hi, least);
+    }
+    *largest = most[0];
+    *smallest = least[0];
+    for (int i = 1; i < BD_WIDTH; ++i) {
+        if (most[i] > *largest) *largest = most[i];
+        if (least[i] < *smallest) *smallest = least[i];
+    }
+}
+
+void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *lanes, int settle);
+void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
+                                           double *value);
+void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
+
+extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);
+const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
+    .name = BD_VARIANT_NAME,
+    .product = product,
+    .fill_rows = fill_rows,
+    .multiply = multiply,
+    .multiply_transposed = multiply_transposed,
+    .multiply_pairs = multiply_pairs,
+    .grid_values = grid_values,
+    .bounds = bounds,
+    .march = BD_JOIN(bd_lanes_march_, BD_VARIANT),
+    .lane_values = BD_JOIN(bd_lanes_values_, BD_VARIANT),
+    .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),
+};

@@ -1,0 +1,72 @@
+/* Dense inner loops in vector registers, built for several instruction sets and chosen at run time. */
+#ifndef BD_KERNEL_H
+#define BD_KERNEL_H
+
+#include "bd_types.h"
+
+enum { BD_LANES = 8 };      /* contact points that the sampled evaluation takes together */
+enum { BD_KERNEL_PAD = 16 }; /* numbers that may be read behind the end of a matrix */
+
+/* Rows of a tangent times the modes: see fill_rows below. */
+typedef struct {
+    int n_harm, n_source;
+    const int *n_mode, *first;   /* (n_harm + 1) modes and first column of each harmonic */
+    const double *block[3];      /* (n_coef, n_coef) of each source */
+    const double *const *g;      /* (n_harm + 1, n_source) first row of G for that harmonic and source; rows follow */
+    double *const *z;            /* (n_coef) rows to write */
+} bd_fill;
+
+/* One tangential direction of BD_LANES contact points, sampled: see bd_lanes.c. */
+typedef struct {
+    int n_harm, n_time, interpolate;
+    const double *power;   /* (n_time, n_power) powers of exp(i theta_k) */
+    const double *u, *g;   /* (n_time, BD_LANES) displacement; n0 + kn v, or the constant load */
+    double slope[BD_LANES];     /* mu/kt: half width of the sticking range for each newton */
+    double w[BD_LANES];         /* slider at the start, and at the end */
+    int origin[BD_LANES];       /* sample that set the slider, -1 if none did */
+    double part[4][BD_LANES];   /* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg, b at that sample, */
+                                /* b' at the one before */
+    double *stick, *slip;  /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
+    double *held;          /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
+    double *held_u, *held_g; /* (BD_LANES, n_coef, n_coef) its derivatives, or NULL */
+    double *saved;         /* (n_power, BD_LANES) work */
+    unsigned char *state;  /* (n_time, BD_LANES) bd_state of each sample, or NULL */
+} bd_lanes;
+
+typedef struct {
+    const char *name;
+    /* C (m, n) += A^T B with A (k, m), B (k, n); row strides m, stride_b, stride_c. */
+    void (*product)(size_t m, size_t n, size_t k, const double *A, const double *B, size_t stride_b, double *C,
+                    size_t stride_c);
+    /* z_i = sum over sources and rows of block_i times the rows of G that belong to them, for all coefficients i.
+     * Up to 7 numbers behind the end of a row of z are overwritten. */
+    void (*fill_rows)(const bd_fill *fill);
+    /* y (rows) = A x, and y (columns) += A^T x. */
+    void (*multiply)(size_t rows, size_t columns, const double *A, const double *x, double *y);
+    void (*multiply_transposed)(size_t rows, size_t columns, const double *A, const double *x, double *y);
+    /* Motion of one harmonic above 0: of every row pair of A (2 pairs, columns) only the first is read, with
+     * y_2i = a.x, y_2i+1 = a.x_turned. */
+    void (*multiply_pairs)(size_t pairs, size_t columns, const double *A, const double *x, const double *x_turned,
+                           double *y);
+    /* Values of n_poly polynomials (n_poly, n_coef) on a grid whose n_time is a multiple of 16. */
+    void (*grid_values)(int n_coef, int n_time, const double *basis, int n_poly, const double *x, double *value);
+    /* Largest of a - r b and smallest of a + r b over n samples, n a multiple of 8. */
+    void (*bounds)(int n, double r, const double *a, const double *b, double *largest, double *smallest);
+    /* Marches one period; sums nothing on the first pass (settle = 1). */
+    void (*march)(bd_lanes *lanes, int settle);
+    /* values (n_time, BD_LANES) of polynomials (n_coef, BD_LANES). */
+    void (*lane_values)(int n_coef, int n_time, const double *power, int n_power, const double *x, double *value);
+    /* E (n_power, BD_LANES) = sum of powers over the samples at which g > 0. */
+    void (*lane_contact)(int n_power, int n_time, const double *power, const double *g, double *E);
+} bd_kernel;
+
+/* Row stride of the matrices that fill_rows writes and product reads: whole vectors can run over the end of a row. */
+static inline size_t bd_kernel_stride(size_t n) { return (n + 14) / 8 * 8; }
+
+/* The best that this machine runs. */
+const bd_kernel *bd_kernel_get(void);
+
+/* All that this machine runs, best first; returns their number (at most 3). */
+int bd_kernel_all(const bd_kernel **kernel);
+
+#endif
