@@ -203,7 +203,13 @@ static void reverse(bd_segment *s, int n) {
 /* Brings starts into [0, 2 pi), ascending: a march may begin anywhere. */
 static void arrange_segments(bd_event_work *work, int d) {
     bd_segment *segment = work->segment[d];
-    const int n = work->n_segment[d];
+    int n = work->n_segment[d];
+    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the march began inside a part */
+        segment[n - 1].end = segment[0].end + BD_TWO_PI;
+        --n;
+        memmove(segment, segment + 1, sizeof *segment * (size_t)n);
+        work->n_segment[d] = n;
+    }
     int turned = 0; /* how many at the end lie in the next period */
     for (int i = 0; i < n; ++i)
         if (segment[i].start >= BD_TWO_PI) {
@@ -214,6 +220,7 @@ static void arrange_segments(bd_event_work *work, int d) {
     reverse(segment, n - turned);
     reverse(segment + n - turned, turned);
     reverse(segment, n);
+    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start; /* the same instant but for rounding */
 }
 
 /* ---- normal direction ---- */
@@ -488,6 +495,10 @@ static slider march_piece(const direction *dir, int d, int i, double turn, slide
     change(dir, d, part, BD_STICK, theta, z, s, share);
     if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
     const int plus = after.kind == SET_BY_LO;
+    if (plus ? work->lo[start] >= s.w : work->hi[start] <= s.w) { /* at once: the slip had only paused */
+        change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
+        return after;
+    }
     double at[2];
     const double onset = find_onset(dir, plus, s.w, work->theta[start], piece_end(dir, i), at) + turn;
     change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);

@@ -79,7 +79,7 @@ static const double *rows_of(const bd_hbm *hbm, int l, size_t component) {
     return hbm->G[l] + component * (size_t)n_row(l) * columns_of(hbm, l);
 }
 
-static int make_linear(bd_hbm *hbm) {
+static int linear_create(bd_hbm *hbm) {
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const size_t n = columns_of(hbm, l), rows = (size_t)n_row(l), stride = bd_kernel_stride(n);
         hbm->linear[l] = calloc(3 * n * n + 1, sizeof(double));
@@ -168,7 +168,7 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
         expand_modes(hbm->G[l], G, n_component, in->n_mode[l], l);
         G += 2 * n_component * n;
     }
-    if (!make_linear(hbm)) goto no_memory;
+    if (!linear_create(hbm)) goto no_memory;
     return BD_OK;
 no_memory:
     bd_hbm_destroy(hbm);

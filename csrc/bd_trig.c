@@ -255,7 +255,7 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
         if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
     }
-    if (n > 0 && root[n - 1] >= BD_TWO_PI) { /* a root found at the very end of the period is one at its beginning */
+    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root found at the very end of the period is one at its beginning */
         const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
         for (int i = n - 1; i > 0; --i) {
             root[i] = root[i - 1];

@@ -91,7 +91,8 @@ static void test_linear_limits(void) {
     for (int i = 0; i < COEF; ++i) x[i] = 0.3 - 0.1 * i;
     bd_element_closed(&element, HARM, x, &out);
     for (int d = 0; d < 2; ++d) bd_element_stuck(&element, HARM, d, x, &out);
-    CHECK(out.normal == 1 && out.tangential[0] == 1 && out.tangential[1] == 1);
+    CHECK(out.normal == BD_BLOCK_LINEAR && out.tangential[0] == BD_BLOCK_LINEAR && out.tangential[1] == BD_BLOCK_LINEAR);
+    bd_element_write_blocks(&element, HARM, &out);
     for (int i = 0; i < COEF; ++i) {
         CHECK_NEAR(F[i], 2.0 * (x[i] - (i == 0 ? 0.25 : 0.0)), 1e-15);
         CHECK_NEAR(F[COEF + i], 3.0 * (x[i] + (i == 0 ? 0.5 : 0.0)), 1e-15);
@@ -104,8 +105,10 @@ static void test_linear_limits(void) {
         }
     }
     bd_element_open(&element, HARM, &out);
-    CHECK(out.normal == 0 && out.tangential[0] == 0 && out.tangential[1] == 0);
+    CHECK(out.normal == BD_BLOCK_ZERO && out.tangential[0] == BD_BLOCK_ZERO && out.tangential[1] == BD_BLOCK_ZERO);
     for (int i = 0; i < 3 * COEF; ++i) CHECK(F[i] == 0.0);
+    bd_element_write_blocks(&element, HARM, &out);
+    for (size_t i = 0; i < 5 * nn; ++i) CHECK(block[i] == 0.0);
     free(F);
     free(block);
 }

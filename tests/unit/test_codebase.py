@@ -12,10 +12,12 @@ PACKAGE = ROOT / "bdamper"
 
 # every C file may include its own header and those on lower levels
 C_LEVELS = [
-    {"bd_types", "bd_lapack", "bd_product"},
+    {"bd_types", "bd_lapack", "bd_vector"},
+    {"bd_kernel"},
     {"bd_trig"},
     {"bd_element"},
-    {"bd_event", "bd_sampled", "bd_coulomb"},
+    {"bd_lanes", "bd_dispatch", "bd_event", "bd_sampled"},
+    {"bd_coulomb"},
     {"bd_contact"},
     {"bd_hbm"},
     {"bd_newton"},

@@ -1,0 +1,145 @@
+/* Coupled friction: steady circular motion, straight lines, the settled cycle of an ellipse, finite differences. */
+#include "bd_contact.h"
+#include "check.h"
+
+#include <string.h>
+
+enum { TIME = 256 };
+
+typedef struct {
+    double F[15], block[7 * 25];
+    bd_response out;
+    bd_status_share share;
+} result;
+
+static void evaluate(bd_evaluator *e, const bd_element *element, const double *x, result *r) {
+    const int nn = bd_n_coef(e->n_harm) * bd_n_coef(e->n_harm);
+    double *b = r->block;
+    r->out = (bd_response){.F = r->F, .dT = {b, b + nn}, .dTv = {b + 2 * nn, b + 3 * nn}, .dTc = {b + 4 * nn, b + 5 * nn},
+                           .dN = b + 6 * nn};
+    bd_contact_evaluate(element, x, &r->out, &r->share, e);
+    bd_element_write_blocks(element, e->n_harm, &r->out);
+}
+
+/* Radius R, limit b = mu N/kt < R: the slider moves on the circle of radius sqrt(R^2 - b^2), a quarter turn of force
+ * behind it, and the work is 2 pi mu N sqrt(R^2 - b^2) a cycle.  The circle is sampled as a polygon. */
+static void test_circle(bd_law law) {
+    const double kt = 1.3, R = 0.8, mu = 0.4, N = 2.0, b = mu * N / kt;
+    const bd_element element = {.law = law, .kt = {kt, kt}, .kn = 5.0, .mu = mu, .n0 = N, .load = N};
+    const double x[9] = {0.1, R, 0.0, -0.2, 0.0, R, 0.0, 0.0, 0.0};
+    bd_evaluator e;
+    result r;
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 1, TIME) == BD_OK);
+    evaluate(&e, &element, x, &r);
+    const double radius = sqrt(R * R - b * b), work = BD_PI * (x[1] * r.F[2] * -1.0 + x[5] * r.F[4]);
+    CHECK_NEAR(work, BD_TWO_PI * mu * N * radius, 5e-4);
+    CHECK_NEAR(hypot(r.F[1], r.F[2]), mu * N, 1e-4);
+    CHECK_NEAR(r.F[1], r.F[5], 1e-10);
+    CHECK_NEAR(r.F[0], 0.0, 1e-10);
+    CHECK_NEAR(r.share.slip[0], 1.0, 1e-12);
+    CHECK(r.out.coupled == 1 && r.out.with_normal[0] == (law == BD_LAW_COUPLED));
+    bd_evaluator_destroy(&e);
+}
+
+/* Along a straight line the coupled law is the 1-D law along that line. */
+static void test_line(void) {
+    const double c = cos(0.6), s = sin(0.6);
+    const double u[5] = {0.1, 1.4, 0.3, 0.2, -0.4}, v[5] = {0.2, 0.5, -0.7, 0.3, 0.1};
+    const bd_element coupled = {.law = BD_LAW_COUPLED, .kt = {1.3, 1.3}, .kn = 2.0, .mu = 0.5, .n0 = 0.3};
+    bd_element line = coupled;
+    line.law = BD_LAW_SEPARABLE;
+    double x[15], y[15];
+    memset(y, 0, sizeof y);
+    for (int i = 0; i < 5; ++i) {
+        x[i] = c * u[i], x[5 + i] = s * u[i], x[10 + i] = v[i];
+        y[i] = u[i], y[10 + i] = v[i];
+    }
+    bd_evaluator e, exact;
+    result r, q;
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 2, 2048) == BD_OK && bd_evaluator_create(&exact, BD_EXACT, 2, 0) == BD_OK);
+    evaluate(&e, &coupled, x, &r);
+    evaluate(&exact, &line, y, &q);
+    CHECK(q.share.open > 0.0 && q.share.slip[0] > 0.0 && q.share.stick[0] > 0.0);
+    for (int i = 0; i < 5; ++i) {
+        CHECK_NEAR(r.F[i], c * q.F[i], 1e-5);
+        CHECK_NEAR(r.F[5 + i], s * q.F[i], 1e-5);
+        CHECK_NEAR(r.F[10 + i], q.F[10 + i], 1e-5);
+    }
+    bd_evaluator_destroy(&e);
+    bd_evaluator_destroy(&exact);
+}
+
+/* The ellipse 1 x 0.5 takes thousands of periods to settle at b = 0.999; Newton takes a handful. */
+static void test_ellipse(void) {
+    const double limit[4] = {0.5, 0.9, 0.99, 0.999};
+    bd_evaluator e;
+    result r, again;
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 1, TIME) == BD_OK);
+    for (int i = 0; i < 4; ++i) {
+        bd_element element = {.law = BD_LAW_COUPLED, .kt = {1.0, 1.0}, .kn = 0.0, .mu = 1.0, .n0 = limit[i]};
+        const double x[9] = {0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0};
+        evaluate(&e, &element, x, &r);
+        CHECK(e.coulomb.n_period <= 25);
+        CHECK(r.share.slip[0] > 0.0);
+        CHECK_NEAR(r.F[0], 0.0, 1e-10); /* symmetric under half a turn once it has settled */
+        CHECK_NEAR(r.F[3], 0.0, 1e-10);
+        element.w[0] = 0.3, element.w[1] = -0.2; /* wherever it starts */
+        evaluate(&e, &element, x, &again);
+        for (int k = 0; k < 6; ++k) CHECK_NEAR(again.F[k], r.F[k], 1e-10);
+    }
+    bd_evaluator_destroy(&e);
+}
+
+static void test_tangent(bd_law law, bd_evaluation evaluation) {
+    unsigned long long seed = 77;
+    bd_evaluator e;
+    CHECK(bd_evaluator_create(&e, evaluation, 2, 64) == BD_OK);
+    int wrong = 0, slipping = 0, opening = 0;
+    for (int trial = 0; trial < 200; ++trial) {
+        const bd_element element = {.law = law, .kt = {1.5 + uniform(&seed), 1.5 + uniform(&seed)}, .kn = 1.5 + uniform(&seed),
+                                    .mu = 0.6 + 0.4 * uniform(&seed), .n0 = 0.8 + uniform(&seed), .load = 1.0};
+        double x[15], d[15], plus[15], minus[15];
+        for (int i = 0; i < 15; ++i) x[i] = uniform(&seed), d[i] = uniform(&seed);
+        const double h = 1e-6;
+        result r, p, m;
+        for (int i = 0; i < 15; ++i) plus[i] = x[i] + h * d[i], minus[i] = x[i] - h * d[i];
+        evaluate(&e, &element, x, &r);
+        evaluate(&e, &element, plus, &p);
+        evaluate(&e, &element, minus, &m);
+        CHECK(e.coulomb.n_period <= 60);
+        slipping += r.share.slip[0] > 0.0;
+        opening += r.share.open > 0.0;
+        double error = 0.0, size = 1.0;
+        for (int a = 0; a < 2; ++a)
+            for (int i = 0; i < 5; ++i) {
+                double exact = 0.0;
+                for (int j = 0; j < 5; ++j)
+                    exact += r.out.dT[a][i * 5 + j] * d[5 * a + j] + r.out.dTc[a][i * 5 + j] * d[5 * (1 - a) + j] +
+                             r.out.dTv[a][i * 5 + j] * d[10 + j];
+                error = fmax(error, fabs((p.F[5 * a + i] - m.F[5 * a + i]) / (2.0 * h) - exact));
+                size = fmax(size, fabs(exact));
+            }
+        wrong += error > 1e-6 * size;
+    }
+    CHECK(slipping > 100 && opening > 20);
+    CHECK(wrong <= 3); /* states with an event within the step of the difference */
+    bd_evaluator_destroy(&e);
+}
+
+static void test_refusal(void) {
+    CHECK(!bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
+    CHECK(bd_evaluation_serves(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_serves(BD_SAMPLED, BD_LAW_COUPLED));
+    bd_coulomb_destroy(NULL);
+}
+
+int main(void) {
+    test_circle(BD_LAW_COUPLED);
+    test_circle(BD_LAW_COUPLED_CONSTANT);
+    test_line();
+    test_ellipse();
+    test_tangent(BD_LAW_COUPLED, BD_SAMPLED);
+    test_tangent(BD_LAW_COUPLED_CONSTANT, BD_SAMPLED);
+    test_tangent(BD_LAW_COUPLED, BD_SAMPLED_PLAIN);
+    test_refusal();
+    return check_result();
+}

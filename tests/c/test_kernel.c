@@ -1,0 +1,134 @@
+/* Inner loops of every build that this machine runs against plain loops, for every remainder of the tiles. */
+#include "bd_kernel.h"
+#include "check.h"
+
+#include <string.h>
+
+static double *random_numbers(size_t n, unsigned long long *seed) {
+    double *x = not_numbers(n + BD_KERNEL_PAD);
+    for (size_t i = 0; i < n + BD_KERNEL_PAD; ++i) x[i] = uniform(seed);
+    return x;
+}
+
+static void test_product(const bd_kernel *kernel, size_t m, size_t n, size_t k, unsigned long long *seed) {
+    const size_t stride = bd_kernel_stride(n), stride_c = n + 3;
+    CHECK(stride >= n + 7 && stride < n + 15 && stride % 8 == 0);
+    double *A = random_numbers(k * m, seed), *B = random_numbers(k * stride, seed), *C = random_numbers(m * stride_c, seed);
+    double *expected = not_numbers(m * stride_c);
+    memcpy(expected, C, sizeof(double) * m * stride_c); /* what lies between the rows must stay as it is */
+    for (size_t i = 0; i < m; ++i)
+        for (size_t j = 0; j < n; ++j)
+            for (size_t p = 0; p < k; ++p) expected[i * stride_c + j] += A[p * m + i] * B[p * stride + j];
+    kernel->product(m, n, k, A, B, stride, C, stride_c);
+    for (size_t i = 0; i < m * stride_c; ++i) CHECK_NEAR(C[i], expected[i], 1e-13);
+    free(A);
+    free(B);
+    free(C);
+    free(expected);
+}
+
+static void test_vectors(const bd_kernel *kernel, size_t pairs, size_t columns, unsigned long long *seed) {
+    const size_t rows = 2 * pairs;
+    double *A = random_numbers(rows * columns, seed), *x = random_numbers(columns, seed), *y = not_numbers(rows);
+    double *z = random_numbers(rows, seed), *t = random_numbers(columns, seed), *expected = not_numbers(columns + 1);
+    double *turned = random_numbers(columns, seed), *both = not_numbers(rows);
+    for (size_t j = 0; j < columns; ++j) {
+        expected[j] = t[j];
+        for (size_t i = 0; i < rows; ++i) expected[j] += A[i * columns + j] * z[i];
+    }
+    kernel->multiply(rows, columns, A, x, y);
+    kernel->multiply_transposed(rows, columns, A, z, t);
+    kernel->multiply_pairs(pairs, columns, A, x, turned, both);
+    for (size_t i = 0; i < rows; ++i) {
+        double sum = 0.0, sum_turned = 0.0;
+        for (size_t j = 0; j < columns; ++j) sum += A[i * columns + j] * x[j];
+        for (size_t j = 0; j < columns; ++j) sum_turned += A[i / 2 * 2 * columns + j] * turned[j];
+        CHECK_NEAR(y[i], sum, 1e-13);
+        CHECK_NEAR(both[i], i % 2 ? sum_turned : y[i], 1e-13);
+    }
+    for (size_t j = 0; j < columns; ++j) CHECK_NEAR(t[j], expected[j], 1e-13);
+    free(A);
+    free(x);
+    free(y);
+    free(z);
+    free(t);
+    free(expected);
+    free(turned);
+    free(both);
+}
+
+/* Modes in numbers that leave every remainder, one harmonic without any. */
+static void test_fill(const bd_kernel *kernel, int n_source, unsigned long long *seed) {
+    enum { HARM = 3, COEF = 7 };
+    const int n_mode[HARM + 1] = {5, 11, 0, 9}, first[HARM + 2] = {0, 5, 27, 27, 45};
+    const size_t stride = bd_kernel_stride(45);
+    double *block[3], *G[3][HARM + 1], *Z = not_numbers(COEF * stride), *z[COEF];
+    const double *g[(HARM + 1) * 3];
+    for (int s = 0; s < 3; ++s) {
+        block[s] = random_numbers(COEF * COEF, seed);
+        for (int m = 0; m <= HARM; ++m) G[s][m] = random_numbers(4 * (size_t)n_mode[m], seed);
+    }
+    for (int m = 0; m <= HARM; ++m)
+        for (int s = 0; s < n_source; ++s) g[m * n_source + s] = G[s][m];
+    for (int i = 0; i < COEF; ++i) z[i] = Z + (size_t)i * stride;
+    bd_fill fill = {.n_harm = HARM, .n_source = n_source, .n_mode = n_mode, .first = first,
+                    .block = {block[0], block[1], block[2]}, .g = g, .z = z};
+    kernel->fill_rows(&fill);
+    for (int i = 0; i < COEF; ++i)
+        for (int m = 0; m <= HARM; ++m) {
+            const int rows = m == 0 ? 1 : 2, columns = rows * n_mode[m];
+            for (int j = 0; j < columns; ++j) {
+                double sum = 0.0;
+                for (int s = 0; s < n_source; ++s)
+                    for (int t = 0; t < rows; ++t)
+                        sum += block[s][i * COEF + (m == 0 ? 0 : 2 * m - 1) + t] * G[s][m][t * columns + j];
+                CHECK_NEAR(z[i][first[m] + j], sum, 1e-13);
+            }
+        }
+    for (int s = 0; s < 3; ++s) {
+        free(block[s]);
+        for (int m = 0; m <= HARM; ++m) free(G[s][m]);
+    }
+    free(Z);
+}
+
+static void test_grid(const bd_kernel *kernel, unsigned long long *seed) {
+    enum { COEF = 7, TIME = 48, POLY = 3 };
+    double *basis = random_numbers(COEF * TIME, seed), *x = random_numbers(POLY * COEF, seed);
+    double *value = not_numbers(POLY * TIME), most, least, plain_most = -1e300, plain_least = 1e300;
+    for (int k = 0; k < TIME; ++k) basis[k] = 1.0;
+    kernel->grid_values(COEF, TIME, basis, POLY, x, value);
+    for (int q = 0; q < POLY; ++q)
+        for (int k = 0; k < TIME; ++k) {
+            double sum = 0.0;
+            for (int i = 0; i < COEF; ++i) sum += x[q * COEF + i] * basis[i * TIME + k];
+            CHECK_NEAR(value[q * TIME + k], sum, 1e-13);
+        }
+    kernel->bounds(TIME, 0.7, value, value + TIME, &most, &least);
+    for (int k = 0; k < TIME; ++k) {
+        plain_most = fmax(plain_most, value[k] - 0.7 * value[TIME + k]);
+        plain_least = fmin(plain_least, value[k] + 0.7 * value[TIME + k]);
+    }
+    CHECK_NEAR(most, plain_most, 1e-15);
+    CHECK_NEAR(least, plain_least, 1e-15);
+    free(basis);
+    free(x);
+    free(value);
+}
+
+int main(void) {
+    const bd_kernel *kernel[3];
+    const int n = bd_kernel_all(kernel);
+    CHECK(n >= 1 && kernel[0] == bd_kernel_get());
+    for (int v = 0; v < n; ++v) {
+        unsigned long long seed = 50;
+        for (size_t m = 1; m <= 13; ++m)
+            for (size_t columns = 1; columns <= 50; ++columns) test_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+        test_product(kernel[v], 33, 112, 72, &seed);
+        for (size_t pairs = 1; pairs <= 3; ++pairs)
+            for (size_t columns = 1; columns <= 37; ++columns) test_vectors(kernel[v], pairs, columns, &seed);
+        for (int n_source = 1; n_source <= 3; ++n_source) test_fill(kernel[v], n_source, &seed);
+        test_grid(kernel[v], &seed);
+    }
+    return check_result();
+}
