@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem
@@ -88,7 +89,7 @@ class PathPoint:
     iterations : int
     rank_deficiency : int
     kind : str
-        "regular", "fold", "maximum" or "end".
+        "regular", "fold", "maximum", "end", or "walk": the mean position moves while vibration and frequency stay.
     """
 
     y: NDArray
@@ -130,6 +131,12 @@ class _Follower:
         self.iterations = 0
         self.failed = 0
         self.largest = 0.0
+        self.sign = 0  # of det [J; tangent] along the path, 0 where it is not known
+        self.sense = 0.0  # of travel in frequency, the last that was not zero
+        self.tilt = np.random.default_rng(1).standard_normal(system.n_unknowns + 1)
+        self.tilt *= 0.3 / np.linalg.norm(self.tilt)
+
+    # ---- units and records ----
 
     def scale_at(self, y: NDArray) -> NDArray:
         n = self.system.n_mean
@@ -142,7 +149,13 @@ class _Follower:
         scale[-1] = 0.5 * (self.high - self.low)
         return scale
 
+    def walks(self, tangent: NDArray) -> bool:
+        """Whether the path moves the mean position alone: same vibration, same frequency."""
+        return float(np.linalg.norm(tangent[self.system.n_mean :])) < 1e-6
+
     def record(self, c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:
+        if kind == "regular" and self.walks(c.tangent):
+            kind = "walk"
         point = PathPoint(
             c.y, c.tangent, scale, np.array(c.shares), c.residual, c.iterations, c.rank_deficiency, kind
         )
@@ -151,22 +164,19 @@ class _Follower:
             self.on_point(point)
         return point
 
+    # ---- steps ----
+
     def correct(self, y: NDArray, normal: NDArray, scale: NDArray) -> Correction:
         c = self.system.correct(y, normal, scale, self.options.tolerance, self.options.max_iterations)
         self.iterations += c.iterations
         return c
 
-    def try_step(
-        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, start: NDArray | None = None
-    ) -> tuple[Correction, str]:
-        """One predictor and corrector; the text says why it is refused, if it is.
-
-        Newton starts from the prediction, or displaced from it by ``start``.
-        """
+    def try_step(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[Correction, str]:
+        """One predictor and corrector; the text says why it is refused, if it is."""
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
-        c = self.correct(predicted if start is None else predicted + start, tangent, scale)
+        c = self.correct(predicted, tangent, scale)
         if c.status != OK:
             return c, STATUS_TEXT[c.status]
         if np.linalg.norm((c.y - predicted) / scale) > 0.5 * step:
@@ -174,56 +184,125 @@ class _Follower:
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
             return c, "tangent turned too much"
+        if self._over_resonance(y, c.y):
+            return c, "a resonance of the linear structure lies within the step"
         return c, ""
 
-    def around_corner(self, y: NDArray, tangent: NDArray, scale: NDArray) -> tuple[Correction, NDArray] | None:
-        """The first point beyond a corner, with the tangent that led there.
+    def _over_resonance(self, a: NDArray, b: NDArray) -> bool:
+        """Whether a linear resonance in a step is not resolved: the phase of its modal coordinate jumps."""
+        for omega, row in self.system.watched:
+            if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > 1e-9 * omega:
+                before = self.system.amplitudes(a[:-1], 1) @ row
+                after = self.system.amplitudes(b[:-1], 1) @ row
+                if (before.conjugate() * after).real < 0.5 * abs(before * after):
+                    return True
+        return False
 
-        The Jacobian is taken a little beyond the corner, where its null vector is the new direction; Newton starts from
-        there too, since before the corner it may know nothing of what the curve runs into (a plane that is still open).
-        """
+    def probe(self, y: NDArray, scale: NDArray, border: NDArray) -> NDArray | None:
+        """Direction of travel that the Jacobian at y gives, on the curve or off it."""
         n = len(y) - 1
-        for overshoot in (1e-6, 1e-5, 1e-4, 1e-3):
-            displacement = overshoot * tangent * scale
-            J, r_omega = self.system.derivatives(y + displacement)
-            rows = np.hstack([J * scale[:n], (r_omega * scale[n])[:, None]])
-            rows /= np.maximum(np.abs(rows).max(axis=1, keepdims=True), 1e-300)
-            turned = np.linalg.svd(rows)[2][-1]
-            for direction in (turned, -turned):
-                if float(direction @ tangent) < -1.0 + 1e-6:
-                    continue
-                for step in (1e-3, 1e-4, 10.0 * overshoot):
-                    c, refused = self.try_step(y, direction, scale, step, displacement)
-                    if not refused and not self._went_back(c.y, y, tangent, scale):
-                        return c, direction
+        try:
+            J, r_omega = self.system.derivatives(y)
+        except FloatingPointError:
+            return None
+        A = np.empty((n + 1, n + 1))
+        A[:n, :n] = J * scale[:n]
+        A[:n, n] = r_omega * scale[n]
+        A[:n] /= np.maximum(np.abs(A[:n]).max(axis=1, keepdims=True), 1e-300)
+        A[n] = border
+        factors, pivots, _ = dgetrf(A)
+        diagonal = np.diag(factors)
+        if not (np.abs(diagonal) > 1e-15).all():
+            return None
+        right = np.zeros(n + 1)
+        right[n] = 1.0
+        x, _ = dgetrs(factors, pivots, right)
+        if not np.isfinite(x).all():
+            return None
+        sign = int(np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(pivots != np.arange(n + 1)))
+        x *= (sign * self.sign if self.sign else 1.0) / np.linalg.norm(x)
+        return np.asarray(x)
+
+    def around_corner(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, desperate: bool = False
+    ) -> tuple[Correction, float] | None:
+        """The first point beyond a corner within a step, and the length of the part beyond the corner.
+
+        The Jacobian along the prediction tells where the corner is: bisection between where its null vector is the
+        tangent and where it is another.  A curve without a corner shows no such jump, and is left alone.
+        """
+        border = tangent + self.tilt
+        near, far = 0.0, step
+        first, beyond = tangent, self.probe(y + far * tangent * scale, scale, border)
+        if beyond is None:
+            return None
+        total = float(np.linalg.norm(beyond - tangent))
+        if total < 0.2 and not desperate:
+            return None
+        for _ in range(7):
+            middle = 0.5 * (near + far)
+            t = self.probe(y + middle * tangent * scale, scale, border)
+            if t is None:
+                return None
+            if float(np.linalg.norm(t - tangent)) < 0.5 * total:
+                near, first = middle, t
+            else:
+                far, beyond = middle, t
+        if float(np.linalg.norm(beyond - first)) < 0.4 * total and not desperate:
+            return None  # curvature
+        signs = (1.0,) if self.sign else (1.0, -1.0)
+        for sense in signs:
+            direction = sense * beyond
+            for part in (0.5, 0.1, 0.01):
+                c = self._beyond_corner(y, tangent, scale, far, direction, part * step, far - near)
+                if c is not None:
+                    return c, part * step
         return None
 
-    @staticmethod
-    def _went_back(new: NDArray, y: NDArray, tangent: NDArray, scale: NDArray) -> bool:
-        moved = (new - y) / scale
-        return float(moved @ tangent) < -0.99 * float(np.linalg.norm(moved))
+    def _beyond_corner(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, at: float, direction: NDArray, step: float, slack: float
+    ) -> Correction | None:
+        predicted = y + (at * tangent + step * direction) * scale
+        if not predicted[-1] > 0.0:
+            return None
+        c = self.correct(predicted, direction, scale)
+        if c.status != OK or np.linalg.norm((c.y - predicted) / scale) > 0.5 * step + slack:
+            return None
+        if float(c.tangent @ direction) < np.cos(self.options.max_turn):
+            return None
+        if self.sign and c.orientation == -self.sign:
+            return None  # on the way back
+        moved = (c.y - y) / scale
+        if not self.sign and float(moved @ tangent) < -0.99 * float(np.linalg.norm(moved)):
+            return None
+        return None if self._over_resonance(y, c.y) else c
+
+    # ---- events ----
 
     def locate(
-        self, a: PathPoint, b: Correction, event: Callable[[NDArray, NDArray], float], kind: str
+        self, a: PathPoint, b: Correction, end: float, event: Callable[[NDArray, NDArray], float], kind: str
     ) -> PathPoint | None:
-        """Point between a and b at which the event function changes sign."""
-        end = float(a.tangent @ ((b.y - a.y) / a.scale))
+        """Point between a and b at which the event function changes sign.
+
+        Points in planes normal to the tangent at a, up to the distance ``end``; where such a plane misses the curve it
+        lies beyond a corner, and beyond the event.
+        """
         low, high = 0.0, end
         f_low, f_high = event(a.y, a.tangent), event(b.y, b.tangent)
         best: Correction | None = None
         side = 0
         for _ in range(60):
             s = (low * f_high - high * f_low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-            if not low < s < high:
+            if not low + 1e-3 * (high - low) < s < high - 1e-3 * (high - low):
                 s = 0.5 * (low + high)
             c = self.correct(a.y + s * a.tangent * a.scale, a.tangent, a.scale)
-            if c.status != OK or np.linalg.norm((c.y - a.y) / a.scale) > 2.0 * end:
-                break
-            best = c
-            f = event(c.y, c.tangent)
+            reached = c.status == OK and np.linalg.norm((c.y - a.y) / a.scale) <= 2.0 * s
+            f = event(c.y, c.tangent) if reached else f_high
+            if reached:
+                best = c
             if f == 0.0:
                 break
-            if (f < 0.0) == (f_low < 0.0):
+            if reached and (f < 0.0) == (f_low < 0.0):
                 low, f_low = s, f
                 if side == 1:
                     f_high *= 0.5  # Illinois: keeps the bracket shrinking from both sides
@@ -245,23 +324,29 @@ class _Follower:
         dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
         return float((x.conjugate() * dx).real)
 
-    def events_between(self, a: PathPoint, b: Correction) -> str:
+    def events_between(self, a: PathPoint, b: Correction, end: float) -> str:
         """Records the events of a step; one that could not be located is the returned kind of point b."""
+        sense = 0.0 if self.walks(b.tangent) else float(np.sign(b.tangent[-1]))
+        turned = sense * self.sense < 0.0
+        self.sense = sense or self.sense
         if not self.options.locate:
             return "regular"
         found: list[tuple[Callable[[NDArray, NDArray], float], str]] = []
-        if a.tangent[-1] * b.tangent[-1] < 0.0:
+        missed = "regular"
+        if turned and self.walks(a.tangent):
+            missed = "fold"  # at the end of a walk, which is a point in frequency
+        elif turned:
             found.append((lambda y, t: float(t[-1]), "fold"))
 
         def slope(y: NDArray, t: NDArray) -> float:
             return self.amplitude_slope(y, t, a.scale)
 
-        if slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
+        walking = self.walks(a.tangent) or self.walks(b.tangent)
+        if not walking and slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
             found.append((slope, "maximum"))
         located = []
-        missed = "regular"
         for event, kind in found:
-            point = self.locate(a, b, event, kind)
+            point = self.locate(a, b, end, event, kind)
             if point is None:
                 missed = kind
             else:
@@ -280,6 +365,29 @@ class _Follower:
             return True
         return False
 
+    # ---- the run ----
+
+    def advance(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float
+    ) -> tuple[Correction | None, float, float, str]:
+        """One accepted step: the new point, its length, how far it reaches along the tangent; or why there is none."""
+        refused = "step too short"
+        while step >= self.options.min_step:
+            new, refused = self.try_step(y, tangent, scale, step)
+            if not refused:
+                return new, step, step, ""
+            self.failed += 1
+            if step <= 0.3:
+                corner = self.around_corner(y, tangent, scale, step)
+                if corner is not None:
+                    return corner[0], corner[1], step, ""
+            step *= 0.5 if new.status == OK else 0.25
+        for overshoot in (1e-6, 1e-5, 1e-4, 1e-3):
+            corner = self.around_corner(y, tangent, scale, overshoot, desperate=True)
+            if corner is not None:
+                return corner[0], corner[1], overshoot, ""
+        return None, step, step, refused
+
     def run(self, start: NDArray, up: bool) -> tuple[str, str]:
         options = self.options
         scale = self.scale_at(start)
@@ -288,6 +396,8 @@ class _Follower:
         if c.status != OK:
             return "stalled", f"no solution at the start: {STATUS_TEXT[c.status]}"
         tangent = c.tangent if up else -c.tangent
+        self.sign = c.orientation if up else -c.orientation
+        self.sense = 1.0 if up else -1.0
         point = self.record(replace(c, tangent=tangent), scale, "end")
         step = options.step
         while len(self.points) < options.max_points:
@@ -296,19 +406,9 @@ class _Follower:
             tangent = point.tangent * point.scale / scale
             tangent /= np.linalg.norm(tangent)
             here = PathPoint(y, tangent, scale, point.shares, point.residual, point.iterations, point.rank_deficiency)
-            refused = "step too short"
-            while step >= options.min_step:
-                new, refused = self.try_step(y, tangent, scale, step)
-                if not refused:
-                    break
-                self.failed += 1
-                step *= 0.5 if new.status == OK else 0.25
-            if refused:
-                turned = self.around_corner(y, tangent, scale)
-                if turned is None:
-                    return "stalled", f"at {y[-1] / (2 * np.pi):.6g} Hz: {refused} at the smallest step"
-                new, tangent = turned
-                step = 1e-4
+            new, step, reach, refused = self.advance(y, tangent, scale, step)
+            if new is None:
+                return "stalled", f"at {y[-1] / (2 * np.pi):.6g} Hz: {refused} at the smallest step"
             omega = new.y[-1]
             if not self.low <= omega <= self.high:
                 bound = self.high if omega > self.high else self.low
@@ -322,9 +422,14 @@ class _Follower:
                 if step < options.min_step:
                     return "stalled", f"no solution at {bound / (2 * np.pi):.6g} Hz"
                 continue
-            kind = self.events_between(here, new)
+            if new.orientation:
+                self.sign = new.orientation
+            kind = self.events_between(here, new, reach)
             point = self.record(new, scale, kind)
             turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
+            if self.walks(new.tangent) and self.walks(tangent):
+                step = min(4.0 * step, 2.0)  # straight and at one frequency: nothing to miss
+                continue
             growth = min(2.0, 0.6 * options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
             step = min(options.max_step, step * max(0.5, growth))
         return "too many points", f"{options.max_points} points before the end of the interval"

@@ -160,6 +160,8 @@ class HarmonicSystem:
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
         self._parameter: dict[str, Any] = {}
+        self.watched: list[tuple[float, NDArray]] = []
+        """Linear resonances that a path must not step over: frequency (rad/s), row of modal amplitudes of harmonic 1."""
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
         """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
@@ -192,6 +194,7 @@ class HarmonicSystem:
         ramp = self.force.copy()
         ramp[: self.n_mean] = 0.0
         out._parameter = {"ramp": ramp, "omega": float(omega)}
+        out.watched = []
         return out
 
     def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
