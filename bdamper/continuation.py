@@ -184,6 +184,9 @@ class _Follower:
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
             return c, "tangent turned too much"
+        # on a part of the curve that runs the other way, unless this is a bifurcation passed straight on
+        if step > 1e-5 and self.sign and c.orientation == -self.sign:
+            return c, "orientation of the curve changed"
         if self._over_resonance(y, c.y):
             return c, "a resonance of the linear structure lies within the step"
         return c, ""
