@@ -43,6 +43,8 @@ class ContinuationOptions:
     max_turn : float, rad
         Largest angle between successive tangents of an accepted step.
     max_points : int
+    patience : int
+        Points without getting any further in frequency after which a path is left as a tangle of folds.
     max_iterations : int
         Newton iterations in a step.
     locate : bool
@@ -57,6 +59,7 @@ class ContinuationOptions:
     max_step: float = 0.15
     max_turn: float = 0.45
     max_points: int = 5000
+    patience: int = 400
     max_iterations: int = 8
     locate: bool = True
     locate_tolerance: float = 1e-8
@@ -68,10 +71,9 @@ class ContinuationOptions:
             raise SettingError(
                 f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
             )
-        if self.max_points < 2 or self.max_iterations < 2:
-            raise SettingError(
-                f"max_points, max_iterations: expected at least 2, found {self.max_points}, {self.max_iterations}"
-            )
+        for name in ("max_points", "patience", "max_iterations"):
+            if getattr(self, name) < 2:
+                raise SettingError(f"{name}: expected at least 2, found {getattr(self, name)}")
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,17 @@ class PathPoint:
 
 @dataclass(frozen=True)
 class Path:
-    """Points of a path and how it ended: "complete", "turned back", "stalled", "too many points" or "interrupted"."""
+    """Points of a path and how it ended.
+
+    Parameters
+    ----------
+    points : tuple of PathPoint
+    status : str
+        "complete", "turned back" (to the bound where it started), "closed" (on itself), "tangle" (too many folds without
+        progress), "stalled", "too many points" or "interrupted".
+    reason : str
+    iterations, failed_steps : int
+    """
 
     points: tuple[PathPoint, ...]
     status: str
@@ -391,6 +403,21 @@ class _Follower:
                 return corner[0], corner[1], overshoot, ""
         return None, step, step, refused
 
+    def _outward(self, up: bool) -> float:
+        """Sense of progress in frequency."""
+        return 1.0 if up else -1.0
+
+    def _closes(self, y: NDArray, new: Correction) -> bool:
+        """Whether a step passes through the first point of the path in the sense in which the path set off."""
+        first = self.points[0]
+        chord = (new.y - y) / first.scale
+        offset = (first.y - y) / first.scale
+        length = float(np.linalg.norm(chord))
+        along = float(offset @ chord) / length
+        if not 0.0 <= along <= length or float(chord @ first.tangent) < 0.8 * length:
+            return False
+        return float(np.linalg.norm(offset - along * chord / length)) < 0.05 * length
+
     def run(self, start: NDArray, up: bool) -> tuple[str, str]:
         options = self.options
         scale = self.scale_at(start)
@@ -403,8 +430,16 @@ class _Follower:
         self.sense = 1.0 if up else -1.0
         point = self.record(replace(c, tangent=tangent), scale, "end")
         step = options.step
+        front, front_at = start[-1], 1
         while len(self.points) < options.max_points:
             y = point.y
+            if (y[-1] - front) * self._outward(up) > 1e-4 * (self.high - self.low):
+                front, front_at = y[-1], len(self.points)
+            elif len(self.points) - front_at > options.patience:
+                span = sorted(p.y[-1] / (2 * np.pi) for p in self.points[front_at:])
+                return "tangle", (
+                    f"{options.patience} points of folds between {span[0]:.6g} and {span[-1]:.6g} Hz without progress"
+                )
             scale = self.scale_at(y)
             tangent = point.tangent * point.scale / scale
             tangent /= np.linalg.norm(tangent)
@@ -427,6 +462,8 @@ class _Follower:
                 continue
             if new.orientation:
                 self.sign = new.orientation
+            if len(self.points) > 10 and self._closes(y, new):
+                return "closed", f"the branch closes on itself at {omega / (2 * np.pi):.6g} Hz"
             kind = self.events_between(here, new, reach)
             point = self.record(new, scale, kind)
             turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))

@@ -4,7 +4,7 @@ The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l
 ``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` sums up all harmonics.
 
 A point between two folds, where the curve runs back in frequency, is marked as not stable: without further knowledge this
-is the plain rule of one fold after another; a stability analysis replaces it.
+is the plain rule of one fold after another; ``stable``, where it was computed, says what is so.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Curve:
     branch : (n,) int
         Separate branches are numbered from 0; points of one branch follow each other along it.
     point_kind : tuple of str
-        "regular", "fold", "maximum" or "end" for each point.
+        "regular", "fold", "maximum", "end" or "walk" for each point.
     preload : float, N
     status, reason : str
     cost : Cost
@@ -73,6 +73,12 @@ class Curve:
     model_hash : str
     start_log : tuple of str
         What was tried to find the first point.
+    notes : tuple of str
+        What the points show besides: where a damper walks, which mean positions nothing determines.
+    stable : (n,) bool or None
+        Whether small disturbances die out; see :mod:`bdamper.stability`.
+    stability_note : str
+        Which disturbances, and what it cost.
     """
 
     kind: str
@@ -92,6 +98,9 @@ class Curve:
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
     start_log: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    stable: NDArray | None = None
+    stability_note: str = ""
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -148,8 +157,9 @@ class Curve:
                 f"Python {c.python:.3f}; {c.evaluations} evaluations, {c.iterations} iterations, "
                 f"{c.failed_steps} failed steps"
             )
-        if self.rank_deficiency.any():
-            lines.append(f"  {int((self.rank_deficiency > 0).sum())} points with an undetermined mean position")
+        if self.stable is not None:
+            lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
+        lines += [f"  {note}" for note in self.notes]
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
@@ -172,6 +182,10 @@ class Curve:
             file.attrs["cost"] = json.dumps(asdict(self.cost))
             file.attrs["point_kind"] = json.dumps(self.point_kind)
             file.attrs["start_log"] = json.dumps(self.start_log)
+            file.attrs["notes"] = json.dumps(self.notes)
+            file.attrs["stability_note"] = self.stability_note
+            if self.stable is not None:
+                file.create_dataset("stable", data=self.stable)
 
 
 _ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency", "branch")
@@ -200,6 +214,9 @@ def load_curve(path: str | FilePath) -> Curve:
                 cost=Cost(**json.loads(file.attrs["cost"])),
                 point_kind=tuple(json.loads(file.attrs["point_kind"])),
                 start_log=tuple(json.loads(file.attrs["start_log"])),
+                notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
+                stable=file["stable"][()] if "stable" in file else None,
+                stability_note=str(file.attrs.get("stability_note", "")),
             )
     except FileNotFoundError:
         raise

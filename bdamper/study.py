@@ -5,7 +5,7 @@ finds the first point of a curve is, in this order,
 
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
-3. Newton with line search (and least norm where the Jacobian is rank-deficient),
+3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds;
 
 what was tried is kept in the result.
@@ -17,13 +17,26 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.aggregation import unite_contact_points, united_stiffness
+from bdamper.branches import (
+    Piece,
+    ending,
+    finished,
+    follow_both,
+    follow_one,
+    leap,
+    linear_resonances,
+    new_solutions,
+    notes,
+    uncovered,
+    why_no_solution,
+)
 from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
@@ -462,13 +475,20 @@ class Study:
         scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), float(np.linalg.norm(linear)), 1e-300)
         scale[system.n_mean : -1] = max(float(np.linalg.norm(linear)), 1e-300)
         scale[-1] = omega
-        for name, search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
+        free = system.pack(state.q[: system.n_mean], system.linear_response(omega, None))
+        for name, guess, search, iterations in (
+            ("Newton from the stuck response", guess, False, 20),
+            ("Newton with line search from the stuck response", guess, True, 60),
+            ("Newton with line search from the free response", free, True, 60),
+        ):
             c = system.correct_at(guess, omega, scale, options.tolerance, iterations, search)
             meter.iterations += c.iterations
-            log.append(f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
+            log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
             if c.status == OK:
                 return c.y, log
-        return self._raise_excitation(preload, omega, state, options, meter, log)
+        start, log = self._raise_excitation(preload, omega, state, options, meter, log)
+        why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, c.y) if start is None else ""
+        return start, [*log, why] if why else log
 
     def _raise_excitation(
         self,
@@ -491,7 +511,7 @@ class Study:
         meter.failed_steps += path.failed_steps
         if path.status != "complete":
             reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
-            log.append(f"excitation raised from the static state: stopped at {reached} ({path.reason})")
+            log.append(f"excitation raised from the static state: stopped at {reached} ({path.status})")
             return None, log
         log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega), log
@@ -506,6 +526,7 @@ class Study:
         from_high: bool = False,
         options: ContinuationOptions | None = None,
         progress: bool = False,
+        search_branches: bool | Sequence[float] = False,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -519,6 +540,9 @@ class Study:
         options : ContinuationOptions
         progress : bool
             Show a progress bar.
+        search_branches : bool or sequence of float
+            Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
+            the preload, 0.7 and 1.4 by default.
 
         Returns
         -------
@@ -531,53 +555,92 @@ class Study:
         preload = self._check_preload(preload)
         meter = CostMeter(time.perf_counter())
         system = self.system(preload)
+        system.watched = linear_resonances(system, (None, self._stuck_springs(self.static(preload))), low, high)
         meter.watch(system)
-        paths, log = [], []
-        with _progress_bar(progress, low, high) as on_point:
-            for at_high in (from_high, not from_high):
-                path, tried = self._follow_from(system, preload, (low, high), at_high, options, meter, on_point)
-                paths.append((path, at_high))
-                log += tried
-                if path.status in ("complete", "interrupted"):
-                    break
-        status, reason = _ending([path for path, _ in paths], low, high)
-        return self._curve(system, paths, (status, reason), preload, meter, options, tuple(log))
+        pieces: list[Piece] = []
+        log: list[str] = []
+        try:
+            with _progress_bar(progress, low, high) as on_point:
+                follow_on = partial(self._follow_from, system, preload, (low, high), options, meter, on_point)
+                for at_high in (from_high, not from_high):
+                    follow_on(high if at_high else low, (not at_high,), pieces, log)
+                    leap(system, (low, high), options, meter, on_point, pieces, log)
+                    if finished(pieces):
+                        break
+                for part in (0.5, 0.25, 0.75):  # neither end leads through: set off from within
+                    inside = None if finished(pieces) else uncovered(pieces, low, high, part)
+                    if inside is None:
+                        break
+                    follow_on(inside, (True, False), pieces, log)
+                if search_branches:
+                    ratios = (0.7, 1.4) if search_branches is True else tuple(float(r) for r in search_branches)
+                    starts = self._other_starts(preload, (low, high), ratios, options, meter)
+                    for start in new_solutions(system, pieces, starts, options):
+                        log.append(f"{start[-1] / (2 * np.pi):.6g} Hz: a solution apart from the branches so far")
+                        follow_both(system, start, (low, high), options, meter, on_point, pieces)
+        except KeyboardInterrupt:
+            pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
+        return self._curve(system, pieces, ending(pieces, low, high), preload, meter, options, tuple(log))
 
     def _follow_from(
         self,
         system: HarmonicSystem,
         preload: float,
         limits: tuple[float, float],
-        at_high: bool,
         options: ContinuationOptions,
         meter: CostMeter,
         on_point: Callable[[PathPoint], None] | None,
-    ) -> tuple[Path, list[str]]:
-        """One branch from one end of the interval."""
-        omega = limits[1] if at_high else limits[0]
-        start, log = self.find_start(preload, omega, options, meter)
-        log = [f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in log]
+        omega: float,
+        senses: tuple[bool, ...],
+        pieces: list[Piece],
+        log: list[str],
+    ) -> None:
+        """The branch through the solution that the chain finds at one frequency, upward, downward or both."""
+        start, tried = self.find_start(preload, omega, options, meter)
+        log += [f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in tried]
         if start is None:
-            return Path((), "no start", log[-1], 0, 0), log
-        path = follow(system, start, limits, up=not at_high, options=options, on_point=on_point)
-        meter.iterations += path.iterations
-        meter.failed_steps += path.failed_steps
-        return path, log
+            pieces.append(Piece(Path((), "no start", log[-1], 0, 0), senses[0]))
+        elif len(senses) == 2:
+            follow_both(system, start, limits, options, meter, on_point, pieces)
+        else:
+            follow_one(system, start, limits, senses[0], options, meter, on_point, pieces)
+
+    def _other_starts(
+        self,
+        preload: float,
+        limits: tuple[float, float],
+        ratios: Sequence[float],
+        options: ContinuationOptions,
+        meter: CostMeter,
+    ) -> list[NDArray]:
+        """Solutions at other preloads, spread over the frequency interval."""
+        out: list[NDArray] = []
+        for ratio in ratios:
+            found: list[Piece] = []
+            system = self.system(ratio * preload)
+            meter.watch(system)
+            self._follow_from(
+                system, ratio * preload, limits, replace(options, locate=False), meter, None, limits[0], (True,), found, []
+            )
+            points = [p for piece in found for p in piece.path.points]
+            out += [p.y for p in points[:: max(1, len(points) // 40)]]
+        return out
 
     def _curve(
         self,
         system: HarmonicSystem,
-        paths: list[tuple[Path, bool]],
+        pieces: list[Piece],
         ending: tuple[str, str],
         preload: float,
         meter: CostMeter,
         options: ContinuationOptions,
         log: tuple[str, ...],
     ) -> Curve:
-        points = [p for path, _ in paths for p in path.points]
+        points = [p for piece in pieces for p in piece.path.points]
         y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-        backward = [(p.tangent[-1] < 0.0) != at_high for path, at_high in paths for p in path.points]
-        branch = [i for i, (path, _) in enumerate(paths) for _ in path.points]
+        backward = [p.tangent[-1] < 0.0 for piece in pieces for p in piece.path.points]
+        backward = np.array(backward, bool) ^ np.repeat([not p.up for p in pieces], [len(p.path.points) for p in pieces])
+        branch = np.repeat([piece.branch for piece in pieces], [len(p.path.points) for p in pieces])
         return Curve(
             kind="tracking",
             frequency=y[:, -1] / (2.0 * np.pi),
@@ -585,9 +648,9 @@ class Study:
             unknowns=y[:, :-1],
             residual=np.array([p.residual for p in points]),
             shares=np.array([p.shares for p in points]).reshape(-1, 3),
-            backward=np.array(backward, bool),
+            backward=backward,
             rank_deficiency=np.array([p.rank_deficiency for p in points], int),
-            branch=np.array(branch, int),
+            branch=branch.astype(int),
             point_kind=tuple(p.kind for p in points),
             preload=preload,
             status=ending[0],
@@ -596,6 +659,7 @@ class Study:
             settings=self._settings(options),
             model_hash=self.model.hash,
             start_log=log,
+            notes=notes(system, self.coupling.model, self.bases[0].coordinates, points),
         )
 
     def free(self, frequency: tuple[float, float]) -> Curve:
@@ -709,18 +773,6 @@ def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
     if not (np.isfinite(high) and 0.0 < low < high):
         raise SettingError(f"frequency: expected 0 < low < high in Hz, found ({low}, {high})")
     return 2.0 * np.pi * low, 2.0 * np.pi * high
-
-
-def _ending(paths: list[Path], low: float, high: float) -> tuple[str, str]:
-    """Status and reason of a curve from those of its branches."""
-    if paths[-1].status in ("complete", "interrupted"):
-        return paths[-1].status, paths[-1].reason
-    reasons = "; ".join(f"{path.status} ({path.reason})" for path in paths)
-    spans = sorted((min(w), max(w)) for w in ([p.y[-1] for p in path.points] for path in paths) if w)
-    turned_back = all(path.status == "turned back" for path in paths)
-    if turned_back and len(spans) == 2 and spans[0][0] <= low and spans[-1][1] >= high and spans[0][1] >= spans[1][0]:
-        return "complete", "two separate branches, one from each end"
-    return "incomplete" if spans else "no start", reasons
 
 
 class _progress_bar:

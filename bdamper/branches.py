@@ -1,0 +1,337 @@
+"""Branches of a response curve: following them from wherever one can start, and what they show taken together.
+
+A curve may be in several pieces: one from each end of the interval that turns back, one that was entered from within and
+followed both ways, a closed one apart from the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
+from bdamper.coupling import Coordinate
+from bdamper.model import Model
+from bdamper.system import OK, CostMeter, HarmonicSystem
+
+TWO_PI = 2.0 * np.pi
+ENDED = ("complete", "turned back", "closed", "tangle")
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One path.
+
+    Parameters
+    ----------
+    path : Path
+    up : bool
+        It set off toward higher frequency.
+    branch : int
+        Pieces of one branch share its number.
+    inside : bool
+        It started within the interval, not at one of its ends.
+    """
+
+    path: Path
+    up: bool
+    branch: int = 0
+    inside: bool = False
+
+    @property
+    def span(self) -> tuple[float, float] | None:
+        omega = [p.y[-1] for p in self.path.points]
+        return (min(omega), max(omega)) if omega else None
+
+
+def _next_branch(pieces: Sequence[Piece]) -> int:
+    return max((p.branch for p in pieces), default=-1) + 1
+
+
+def follow_one(
+    system: HarmonicSystem,
+    start: NDArray,
+    limits: tuple[float, float],
+    up: bool,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+) -> None:
+    """Adds the path from an end of the interval.
+
+    A path that arrives at the start of an earlier one replaces it: it is the same branch, followed further.
+    """
+    path = _follow(system, start, limits, up, options, meter, on_point)
+    if path.status == "complete" and path.points:
+        last = path.points[-1]
+        for piece in list(pieces):
+            first = piece.path.points[0] if piece.path.points else None
+            if first is not None and not piece.inside and np.linalg.norm((first.y - last.y) / last.scale) < 1e-6:
+                pieces.remove(piece)
+    pieces.append(Piece(path, up, _next_branch(pieces)))
+
+
+def follow_both(
+    system: HarmonicSystem,
+    start: NDArray,
+    limits: tuple[float, float],
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+) -> None:
+    """Adds the branch through a solution within the interval, followed both ways."""
+    branch = _next_branch(pieces)
+    for up in (True, False):
+        path = _follow(system, start, limits, up, options, meter, on_point)
+        pieces.append(Piece(path, up, branch, True))
+        if path.status in ("closed", "interrupted"):
+            return
+
+
+def _follow(
+    system: HarmonicSystem,
+    start: NDArray,
+    limits: tuple[float, float],
+    up: bool,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+) -> Path:
+    path = follow(system, start, limits, up=up, options=options, on_point=on_point)
+    meter.iterations += path.iterations
+    meter.failed_steps += path.failed_steps
+    return path
+
+
+def leap(
+    system: HarmonicSystem,
+    limits: tuple[float, float],
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+    log: list[str],
+) -> None:
+    """Goes on beyond a tangle of folds that the last path was left in: from its farthest point, a little further on."""
+    for _ in range(4):
+        last = pieces[-1]
+        if last.path.status != "tangle" or last.inside:
+            return
+        sense = 1.0 if last.up else -1.0
+        front = max(last.path.points, key=lambda p: sense * p.y[-1])
+        for distance in (2e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2):
+            omega = front.y[-1] + sense * distance * (limits[1] - limits[0])
+            if not limits[0] < omega < limits[1]:
+                return
+            c = system.correct_at(front.y[:-1], omega, front.scale, options.tolerance, 60, True)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                break
+        else:
+            return
+        log.append(f"{omega / TWO_PI:.6g} Hz: set off again beyond a tangle of folds")
+        path = _follow(system, c.y, limits, last.up, options, meter, on_point)
+        pieces.append(Piece(path, last.up, _next_branch(pieces)))
+        if path.status == "tangle" and (path.points[-1].y[-1] - front.y[-1]) * sense <= 0.0:
+            reach = max(sense * p.y[-1] for p in path.points)
+            if reach <= sense * front.y[-1] + 1e-3 * (limits[1] - limits[0]):
+                return
+
+
+def finished(pieces: Sequence[Piece]) -> bool:
+    """Whether nothing is left to be followed: one branch leads through, or the user stopped it."""
+    return any(
+        piece.path.status == "interrupted" or (piece.path.status == "complete" and not piece.inside) for piece in pieces
+    )
+
+
+def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
+    reached = low
+    for a, b in sorted(span for span in (piece.span for piece in pieces) if span):
+        if a > reached * (1.0 + 1e-12):
+            yield reached, a
+        reached = max(reached, b)
+    if reached < high * (1.0 - 1e-12):
+        yield reached, high
+
+
+def uncovered(pieces: Sequence[Piece], low: float, high: float, part: float = 0.5) -> float | None:
+    """A frequency within the widest part of the interval without a solution, by default in its middle."""
+    gaps = list(_gaps(pieces, low, high))
+    if not gaps:
+        return None
+    a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
+    return a + part * (b - a)
+
+
+def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str]:
+    """Status and reason of a curve from those of its pieces.
+
+    "complete" says that there are solutions at every frequency of the interval (gaps
+    below a thousandth of its width aside) and that every path ended where a curve can end, or in a tangle of folds, which the reason then names.
+    """
+    for piece in pieces:
+        if piece.path.status == "interrupted":
+            return "interrupted", piece.path.reason
+    reasons = "; ".join(dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces))
+    if not any(piece.path.points for piece in pieces):
+        return "no start", reasons
+    tangles = [piece.path.reason for piece in pieces if piece.path.status == "tangle"]
+    left = f"; left: {'; '.join(tangles)}" if tangles else ""
+    gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > 1e-3 * (high - low)]
+    if gaps:
+        a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
+        return "incomplete", f"no solution found from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}"
+    through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
+    extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
+    if through:
+        return "complete", through[0].path.reason + (f"; {extra} further branches" if extra else "") + left
+    if all(piece.path.status in ENDED for piece in pieces if piece.path.points):
+        return "complete", f"{extra + 1} separate branches cover the interval{left}"
+    return "incomplete", f"solutions at every frequency, but not every branch was followed to its end: {reasons}"
+
+
+# ---- other branches ----
+
+
+def new_solutions(
+    system: HarmonicSystem, pieces: list[Piece], starts: Sequence[NDArray], options: ContinuationOptions
+) -> Iterator[NDArray]:
+    """Solutions near the starts, at their frequencies, that lie on none of the pieces (which may grow meanwhile)."""
+    for start in starts:
+        vibration = max(float(np.linalg.norm(start[system.n_mean : -1])), 1e-300)
+        scale = np.full(len(start), vibration)
+        scale[: system.n_mean] = max(vibration, float(np.linalg.norm(start[: system.n_mean])))
+        scale[-1] = start[-1]
+        c = system.correct_at(start[:-1], start[-1], scale, options.tolerance, 20)
+        if c.status == OK and not _known(system, pieces, c.y, options):
+            yield c.y
+
+
+def _known(system: HarmonicSystem, pieces: Sequence[Piece], y: NDArray, options: ContinuationOptions) -> bool:
+    """Whether a solution lies on a path: Newton from where the path crosses its frequency leads to it."""
+    n = system.n_mean
+    size = max(float(np.linalg.norm(y[n:-1])), 1e-300)
+    for piece in pieces:
+        points = piece.path.points
+        for a, b in zip(points, points[1:]):
+            if (a.y[-1] - y[-1]) * (b.y[-1] - y[-1]) > 0.0:
+                continue
+            width = b.y[-1] - a.y[-1]
+            part = (y[-1] - a.y[-1]) / width if width else 0.5
+            between = a.y + part * (b.y - a.y)
+            reach = float(np.linalg.norm((b.y - a.y)[n:-1])) + 1e-6 * size
+            if np.linalg.norm((between - y)[n:-1]) > 10.0 * reach:
+                continue
+            c = system.correct_at(between[:-1], y[-1], a.scale, options.tolerance, 20)
+            if c.status == OK and np.linalg.norm((c.y - y)[n:-1]) < 1e-5 * size:
+                return True
+    return False
+
+
+# ---- what the points show ----
+
+
+def linear_resonances(
+    system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
+) -> list[tuple[float, NDArray]]:
+    """Undamped resonances of the structure without contact and with every closed point stuck: (rad/s, modal row)."""
+    out = []
+    mass = np.asarray(system.bases[1].omega2) * 0.0 + 1.0
+    if getattr(system.bases[1], "mass", None) is not None:
+        mass = np.asarray(system.bases[1].mass, float)
+    if (mass != 1.0).any():
+        return []  # coordinates without inertia: their resonances are left to the control of the step
+    for k in springs:
+        matrix = system.linear_matrix(0.0, k)
+        poles, vectors = np.linalg.eigh(0.5 * (matrix + matrix.conj().T))
+        for pole, vector in zip(poles, vectors.T):
+            if low**2 < pole < high**2:
+                out.append((float(np.sqrt(pole)), vector.conj()))
+    return out
+
+
+def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
+    body = model.bodies[coordinate.body]
+    if body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
+        return f"{q / np.sqrt(body.mass):.3g} m"
+    return f"{q:.3g} kg^1/2 m"
+
+
+def notes(
+    system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], points: Sequence[PathPoint]
+) -> tuple[str, ...]:
+    """Where the mean position moves on its own, and which mean positions are held by least norm only."""
+    out = []
+    n = system.n_mean
+    i = 0
+    while i < len(points):
+        if points[i].kind != "walk":
+            i += 1
+            continue
+        j = i
+        while j + 1 < len(points) and points[j + 1].kind == "walk":
+            j += 1
+        a, b = points[max(i - 1, 0)].y, points[j].y
+        k = int(np.argmax(np.abs((b - a)[:n])))
+        c = coordinates[k]
+        out.append(
+            f"{c.body} walks along {c.name} at {points[i].y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
+            f"{_displacement(model, c, a[k])} to {_displacement(model, c, b[k])}"
+        )
+        i = j + 1
+    free = [p for p in points if p.rank_deficiency > 0]
+    if free:
+        some = free[:: max(1, len(free) // 20)]
+        names = sorted({name for p in some for name in neutral_directions(system, coordinates, p.y)})
+        out.append(f"nothing determines the mean along {', '.join(names)} at {len(free)} points: held by least norm")
+    return tuple(out)
+
+
+def neutral_directions(system: HarmonicSystem, coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
+    """Names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
+    n = system.n_mean
+    J, _ = system.derivatives(y)
+    columns = J[:, :n]
+    size = np.abs(columns).max(axis=0)
+    size = np.where(size > 1e-13 * size.max(), size, size.max())
+    _, s, vt = np.linalg.svd(columns / size)
+    s = np.concatenate([s, np.zeros(n - len(s))])
+    names = []
+    for row in vt[s < 1e-11 * max(s[0], 1e-300)]:
+        k = int(np.argmax(np.abs(row / size)))
+        names.append(f"{coordinates[k].name} of {coordinates[k].body}")
+    return names
+
+
+def why_no_solution(
+    system: HarmonicSystem, model: Model, coordinates: Sequence[Coordinate], y: NDArray
+) -> str:
+    """If a free body cannot be in equilibrium where Newton ended: which mean force is left, and what that means."""
+    try:
+        r, J, _ = system.evaluate(y[:-1], y[-1])
+    except FloatingPointError:
+        return ""
+    _, _, share = system.contact(y[:-1])
+    for k, c in enumerate(coordinates):
+        body = model.bodies[c.body]
+        if body.kind != "free" or not c.name.startswith("T") or body.mass is None:
+            continue
+        force = float(r[k]) * np.sqrt(body.mass)
+        stiff = float(np.abs(J[k]).max())
+        if abs(r[k]) * system.row_scale[k] > 1e-6 and stiff < 1e-9 * float(np.abs(J).max()):
+            if share[:, 4].min() >= 1.0:
+                return (
+                    f"no periodic solution: all contacts of {c.body} are open through the cycle and a static load of "
+                    f"{abs(force):.3g} N acts along {c.name}"
+                )
+            return (
+                f"no periodic solution near here: a mean force of {force:.3g} N along {c.name} drives {c.body}, whatever "
+                "its mean position; it walks until a constraint plane carries load, and none does"
+            )
+    return ""
