@@ -172,8 +172,8 @@ def uncovered(pieces: Sequence[Piece], low: float, high: float, part: float = 0.
 def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str]:
     """Status and reason of a curve from those of its pieces.
 
-    "complete" says that there are solutions at every frequency of the interval (gaps
-    below a thousandth of its width aside) and that every path ended where a curve can end, or in a tangle of folds, which the reason then names.
+    "complete" says that there are solutions at every frequency of the interval, gaps below a thousandth of its width aside,
+    and that every path ended where a curve can end, or in a tangle of folds, which the reason then names.
     """
     for piece in pieces:
         if piece.path.status == "interrupted":

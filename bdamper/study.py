@@ -470,15 +470,15 @@ class Study:
         system = self.system(preload)
         meter.watch(system)
         linear = system.linear_response(omega, self._stuck_springs(state))
-        guess = system.pack(state.q[: system.n_mean], linear)
+        stuck = system.pack(state.q[: system.n_mean], linear)
         scale = np.ones(system.n_unknowns + 1)
         scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), float(np.linalg.norm(linear)), 1e-300)
         scale[system.n_mean : -1] = max(float(np.linalg.norm(linear)), 1e-300)
         scale[-1] = omega
         free = system.pack(state.q[: system.n_mean], system.linear_response(omega, None))
         for name, guess, search, iterations in (
-            ("Newton from the stuck response", guess, False, 20),
-            ("Newton with line search from the stuck response", guess, True, 60),
+            ("Newton from the stuck response", stuck, False, 20),
+            ("Newton with line search from the stuck response", stuck, True, 60),
             ("Newton with line search from the free response", free, True, 60),
         ):
             c = system.correct_at(guess, omega, scale, options.tolerance, iterations, search)

@@ -30,7 +30,7 @@ PYTHON_LEVELS = [
     {"io"},
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "preload", "system", "misfit", "reduced_contact"},
-    {"continuation", "stability", "timedomain"},
+    {"continuation", "branches", "stability", "timedomain"},
     {"response"},
     {"peaks"},
     {"optimal", "study", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
