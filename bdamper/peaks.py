@@ -164,6 +164,42 @@ def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     return scale
 
 
+def walked(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
+    """Guesses that differ from a point in the mean position that the contact holds least.
+
+    Where every point slips or opens within the cycle in some direction, nothing holds the mean in this direction: a body
+    walks until a plane stops it, and back when friction holds it again.  The mean position then jumps with the preload
+    while the vibration does not.  The guesses are: not displaced at all in this direction, and displaced either way until
+    the first open point touches.
+    """
+    n = system.n_mean
+    if n == 0:
+        return []
+    _, J, _ = system.evaluate(y[:-1], y[-1])
+    v = np.linalg.svd(J[:n, :n] * scale[:n])[2][-1] * scale[:n]
+    v /= np.linalg.norm(v)
+    X, F, _ = system.contact(y[:-1])
+    theta = np.linspace(0.0, 2.0 * np.pi, 64 * system.n_harmonics, endpoint=False)
+    l = np.arange(1, system.n_harmonics + 1)
+    wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(-1, len(theta))
+    closing = (X[:, 2, :1] + X[:, 2, 1:] @ wave).max(axis=1)
+    kn = system.points.kn
+    rate = system.bases[0].G[:, 2].real @ v
+    touching = (F[:, 2, 0] == 0.0) & (kn > 0.0) & (np.abs(rate) > 1e-9 * max(float(np.abs(rate).max()), 1e-300))
+    way = -(closing + system.points.n0 / np.where(kn > 0.0, kn, 1.0))[touching] / rate[touching]
+    ways = [-float(v @ y[:n])]
+    if np.any(way > 0.0):
+        ways.append(1.001 * float(way[way > 0.0].min()))
+    if np.any(way < 0.0):
+        ways.append(1.001 * float(way[way < 0.0].max()))
+    out = []
+    for w in ways:
+        moved = y.copy()
+        moved[:n] += w * v
+        out.append(moved)
+    return out
+
+
 def _width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
     """Change of frequency over which the vibration changes by its own size, within reason."""
     raw = tangent * scale
@@ -211,6 +247,17 @@ class _Search:
             c.rank_deficiency,
         )  # fmt: skip
 
+    def first(self, y: NDArray, normal: NDArray) -> _OnCurve | None:
+        """The curve near a guess; if Newton fails there, also with the mean moved to where it may be held."""
+        found = self.correct(y, normal)
+        if found is not None:
+            return found
+        for moved in walked(self.system, y, self.scale):
+            found = self.correct(moved, normal)
+            if found is not None and np.linalg.norm((found.y - moved)[self.system.n_mean :] / self.scale[self.system.n_mean :]) < 0.5:
+                return found
+        return None
+
     def step(self, a: _OnCurve, s: float) -> _OnCurve | None:
         """A point at a distance along the curve, halving the distance if the corrector fails or goes astray."""
         for _ in range(6):
@@ -249,7 +296,8 @@ class _Search:
         before: _OnCurve | None = None
         rising: _OnCurve | None = None  # slope > 0: before the maximum
         falling: _OnCurve | None = None
-        previous_length = np.inf
+        stalls = 0
+        moved = 0.0
         while self.trials < options.max_trials:
             if here.slope > 0.0:
                 rising = here
@@ -261,33 +309,27 @@ class _Search:
                     estimate = (here.slope - before.slope) / moved
                     if np.isfinite(estimate) and estimate != 0.0:
                         curvature = estimate
+                stalls = stalls + 1 if abs(here.slope) > 0.5 * abs(before.slope) else 0
             if here.slope == 0.0:
                 return here, curvature, True, False
-            if curvature < 0.0:
-                step = -here.slope / curvature
-                if abs(step) <= options.position_tolerance:
-                    # the remaining distance is its own error estimate
-                    return here, curvature, True, False
-            else:  # no maximum in sight: uphill
-                step = options.max_step * np.sign(here.slope)
-            step = float(np.clip(step, -options.max_step, options.max_step))
+            # no maximum in sight: uphill
+            step = -here.slope / curvature if curvature < 0.0 else options.max_step * float(np.sign(here.slope))
+            if curvature < 0.0 and abs(step) <= options.position_tolerance:
+                return here, curvature, True, False
+            limit = options.max_step if before is None else min(options.max_step, max(8.0 * abs(moved), 0.02))
+            step = float(np.clip(step, -limit, limit))
             new: _OnCurve | None
             if rising is not None and falling is not None:
-                gap = (falling.y - rising.y) / self.scale
-                length = float(np.linalg.norm(gap))
+                length = float(np.linalg.norm((falling.y - rising.y) / self.scale))
                 if length <= options.position_tolerance:
                     return here, curvature, True, True
-                inside = 0.0 < abs(step) < length and (step > 0.0) == (here is rising)
-                if not inside or length > 0.5 * previous_length:
-                    fraction = 0.5
-                    if not inside and length < previous_length * 0.5:
-                        fraction = rising.slope / (rising.slope - falling.slope)
-                        fraction = float(np.clip(fraction, 0.05, 0.95))
-                    new = self.between(rising, falling, fraction)
-                    previous_length = length
-                else:
+                inside = abs(step) < length and (step > 0.0) == (here is rising)
+                if inside and stalls < 2:
                     new = self.step(here, step)
-                    previous_length = length
+                else:
+                    fraction = rising.slope / (rising.slope - falling.slope)
+                    new = self.between(rising, falling, 0.5 if stalls >= 2 else min(max(fraction, 0.05), 0.95))
+                    stalls = 0
             else:
                 new = self.step(here, step)
             if new is None:
@@ -341,7 +383,7 @@ def find_peak(
         tangent = np.zeros(len(guess))
         tangent[-1] = 1.0
     search = _Search(system, scale, options)
-    start = search.correct(guess, tangent)
+    start = search.first(guess, tangent)
     if start is not None and not given:
         raw = start.tangent * scale
         width = _width(start.y, start.tangent, scale, system.n_mean)
@@ -590,6 +632,7 @@ class PeakFollower:
         self.iterations = 0
         self.trials = 0
         self.logarithmic = start.parameter > 0.0
+        self.n_mean = 0
         self.first_slope: NDArray | None = None
         self.errors = np.array([1.0, 1.0, 1.0])
         self.reason = ""
@@ -637,6 +680,7 @@ class PeakFollower:
             self.reason = "frequency not positive"
             return None
         system = self.family(value)
+        self.n_mean = system.n_mean
         width = _width(last.y, last.tangent, last.scale, system.n_mean)
         scale = peak_scale(system, guess, width)
         tangent = last.tangent * last.scale / scale
@@ -664,6 +708,16 @@ class PeakFollower:
             self.errors[len(errors) :] = errors[-1]
         return peak
 
+    def _remember(self, peak: Peak) -> None:
+        last, n = self.known[-1], len(peak.y) - 1
+        mean = (peak.y - last.y)[: self.n_mean]
+        if len(self.known) > 1 and np.linalg.norm(mean) > 0.5 * np.linalg.norm(peak.y[self.n_mean : n]):
+            # the mean has jumped: what was before says nothing of how it goes on
+            before = [replace(p, y=np.concatenate([p.y[: self.n_mean] * 0.0 + peak.y[: self.n_mean], p.y[self.n_mean :]]))
+                      for p in self.known]  # fmt: skip
+            self.known = before
+        self.known = [*self.known[-4:], peak]
+
     def go(self, value: float) -> Peak | None:
         """The peak at a value of the parameter, in smaller steps if need be; None if it does not get there."""
         step = 1.0  # of the whole way
@@ -682,7 +736,7 @@ class PeakFollower:
                     self.status = "vanished"
                     return None
                 continue
-            self.known = [*self.known[-4:], peak]
+            self._remember(peak)
             if not self.limits[0] <= peak.frequency <= self.limits[1]:
                 self.status, self.reason = "left the interval", f"at {peak.frequency:.6g} Hz"
                 return None
