@@ -609,8 +609,8 @@ class PeakFollower:
     ----------
     family : callable
         The equations at a value of the parameter.
-    start : Peak
-        Converged, with its ``parameter`` set.
+    start : Peak or sequence of Peak
+        Converged, with ``parameter`` set; of several, the last is the start and the others serve the prediction.
     options : PeakOptions
     limits : (low, high), Hz
         Frequencies outside of which the peak is no longer wanted.
@@ -619,19 +619,21 @@ class PeakFollower:
     def __init__(
         self,
         family: Family,
-        start: Peak,
+        start: Peak | Sequence[Peak],
         options: PeakOptions | None = None,
         limits: tuple[float, float] = (0.0, np.inf),
     ) -> None:
-        if not start.converged:
-            raise SettingError(f"peak to follow: expected a converged one, found status '{start.status}'")
+        known = [start] if isinstance(start, Peak) else list(start)
+        for peak in known:
+            if not peak.converged:
+                raise SettingError(f"peak to follow: expected a converged one, found status '{peak.status}'")
         self.family = family
         self.options = options or PeakOptions()
         self.limits = limits
-        self.known: list[Peak] = [start]
+        self.known: list[Peak] = known[-4:]
         self.iterations = 0
         self.trials = 0
-        self.logarithmic = start.parameter > 0.0
+        self.logarithmic = all(peak.parameter > 0.0 for peak in known)
         self.n_mean = 0
         self.first_slope: NDArray | None = None
         self.errors = np.array([1.0, 1.0, 1.0])

@@ -1,0 +1,113 @@
+"""A study with one of its settings changed, by name: what sweeps, samples and sensitivities have in common.
+
+Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
+(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and three factors on what is not a single
+number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios) and ``"damper_mass_factor"`` (the
+density of free bodies, at the same shape and stiffness and the same static load).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bdamper.errors import SettingError
+from bdamper.model import Body, Model
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+FACTORS = ("contact_stiffness_factor", "damping_factor", "damper_mass_factor")
+
+
+def setting_names(study: Study) -> list[str]:
+    """All names that :func:`vary` understands."""
+    names = [f.name for f in fields(study) if f.init and f.name != "model"]
+    names += [f"excitation.{f.name}" for f in fields(study.excitation)]
+    names += [f"response.{f.name}" for f in fields(study.excitation) if f.name in ("location", "direction")]
+    return [*names, *FACTORS]
+
+
+def check_name(study: Study, name: str) -> None:
+    """Raises a SettingError that lists the names there are."""
+    if name not in setting_names(study):
+        raise SettingError(f"setting to vary: expected one of {setting_names(study)}, found '{name}'")
+
+
+def vary(study: Study, settings: Mapping[str, Any]) -> Study:
+    """The study with settings replaced by name.
+
+    Parameters
+    ----------
+    study : Study
+    settings : mapping of name to value
+
+    Raises
+    ------
+    SettingError
+        If there is no setting of that name, or the study refuses its value.
+    """
+    for name in settings:
+        check_name(study, name)
+    plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
+    if plain:
+        study = replace(study, **plain)
+    for part in ("excitation", "response"):
+        inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
+        if inner:
+            place: Any = study.excitation if part == "excitation" else study._response
+            study = replace(study, **{part: replace(place, **inner)})  # type: ignore[arg-type]
+    for name in FACTORS:
+        if name in settings:
+            study = _scaled(study, name, settings[name])
+    return study
+
+
+def _scaled(study: Study, name: str, factor: float) -> Study:
+    factor = float(factor)
+    if not (np.isfinite(factor) and factor > 0.0):
+        raise SettingError(f"{name}: expected a finite number > 0, found {factor}")
+    if name == "contact_stiffness_factor":
+        given = {face: factor * contact.stiffness for face, contact in study.stiffness.items()}
+        return replace(study, contact_stiffness=given)
+    if name == "damping_factor":
+        if study.damping_ratio is not None:
+            return replace(study, damping_ratio=factor * study.damping_ratio)
+        bodies = {key: _damped(body, factor) for key, body in study.model.bodies.items()}
+        return replace(study, model=replace(study.model, bodies=bodies))
+    return replace(study, model=denser(study.model, factor))
+
+
+def _damped(body: Body, factor: float) -> Body:
+    bases = {d: replace(basis, damping_ratio=factor * basis.damping_ratio) for d, basis in body.bases.items()}
+    return replace(body, bases=bases)
+
+
+def denser(model: Model, factor: float) -> Model:
+    """The model with the density of its free bodies multiplied: mass-normalised modes shrink, flexibility stays."""
+    free = [body for body in model.bodies.values() if body.kind == "free"]
+    if not free:
+        raise SettingError("damper_mass_factor: expected a model with a free body, found none")
+    bodies = dict(model.bodies)
+    root = 1.0 / np.sqrt(factor)
+    for body in free:
+        assert body.mass is not None and body.inertia is not None
+        bases = {
+            d: replace(
+                basis,
+                omega2=basis.omega2 / factor,
+                contact_modes=root * basis.contact_modes,
+                locations={name: root * modes for name, modes in basis.locations.items()},
+            )
+            for d, basis in body.bases.items()
+        }
+        load = body.load
+        if load is not None:
+            load = replace(load, generalised=root * load.generalised)
+        bodies[body.name] = replace(
+            body, mass=factor * body.mass, inertia=factor * body.inertia, bases=bases, load=load
+        )  # fmt: skip
+    return replace(model, bodies=bodies)
