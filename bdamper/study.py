@@ -187,7 +187,9 @@ class Study:
     def __post_init__(self) -> None:
         if self.effects is not None:
             self._take_effects(self.effects)
-        check_model(self.model)
+        if not getattr(self.model, "_checked", False):
+            check_model(self.model)
+            object.__setattr__(self.model, "_checked", True)
         if int(self.engine_order) != self.engine_order or self.engine_order < 0:
             raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
         check_harmonics(self.harmonics)

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
 FACTORS = ("contact_stiffness_factor", "damping_factor", "damper_mass_factor")
 
 
+_KEPT = {
+    "friction_coefficient": ("coupling", "bases", "_gap", "_load", "_force_rows", "_response_rows"),
+    "excitation.amplitude": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
+    "excitation.phase": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
+    "damping_ratio": ("coupling", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_force_rows", "_response_rows"),
+    "contact_stiffness_factor": ("coupling", "bases", "friction", "_gap", "_load", "_force_rows", "_response_rows"),
+    "damping_factor": ("friction", "stiffness", "_k", "_gap", "_kt"),
+    "damper_mass_factor": ("friction", "stiffness", "_k", "_gap", "_kt"),
+}
+"""Parts of a study, made once and kept, that a change of a setting leaves as they are."""
+
+
 def setting_names(study: Study) -> list[str]:
     """All names that :func:`vary` understands."""
     names = [f.name for f in fields(study) if f.init and f.name != "model"]
@@ -52,6 +64,26 @@ def vary(study: Study, settings: Mapping[str, Any]) -> Study:
     """
     for name in settings:
         check_name(study, name)
+    return _with_kept_parts(study, _varied(study, settings), list(settings))
+
+
+def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
+    """Hands over what need not be made again."""
+    if new is old or not all(name in _KEPT for name in names):
+        return new
+    kept = set.intersection(*(set(_KEPT[name]) for name in names))
+    if "friction_coefficient" in names and old.contact_stiffness != "eq4":
+        others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
+        kept |= {"stiffness", "_k"}.intersection(*others)
+    for part in kept:
+        if part in old.__dict__:
+            new.__dict__.setdefault(part, old.__dict__[part])
+    if all(name in ("excitation.amplitude", "excitation.phase", "damping_ratio") for name in names):
+        new._states.update(old._states)
+    return new
+
+
+def _varied(study: Study, settings: Mapping[str, Any]) -> Study:
     plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
     if plain:
         study = replace(study, **plain)
@@ -77,8 +109,14 @@ def _scaled(study: Study, name: str, factor: float) -> Study:
         if study.damping_ratio is not None:
             return replace(study, damping_ratio=factor * study.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in study.model.bodies.items()}
-        return replace(study, model=replace(study.model, bodies=bodies))
-    return replace(study, model=denser(study.model, factor))
+        return replace(study, model=_as_checked(replace(study.model, bodies=bodies)))
+    return replace(study, model=_as_checked(denser(study.model, factor)))
+
+
+def _as_checked(model: Model) -> Model:
+    """Notes that a model made from a checked one need not be checked again."""
+    object.__setattr__(model, "_checked", True)
+    return model
 
 
 def _damped(body: Body, factor: float) -> Body:
