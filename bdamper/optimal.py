@@ -24,8 +24,9 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
-from bdamper.continuation import ContinuationOptions, follow
+from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import BdamperError, SettingError
 from bdamper.peaks import (
     Family,
@@ -113,10 +114,14 @@ class OptimalCurve:
         Number of the branch of peaks, -1 where there is none.
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "followed", "scanned" (the whole response over frequency was followed at this preload), or what went wrong.
+        "followed"; "scanned" if the whole response over frequency was followed at this preload too; "scan incomplete ..."
+        if that failed, so that there may be a higher peak; or what went wrong.
     peak_preload, peak_amplitude, peak_frequency : (m,) float
         All peaks found, also those that are not the highest.
     peak_branch : (m,) int
+    peak_detached : (m,) bool
+        Not on the response curve that a sweep of frequency follows, where that is known; such a peak does not count for
+        the optimal curve.
     branch_end : tuple of str
         How each branch ended, downward and upward.
     free, stuck : Limit
@@ -141,6 +146,7 @@ class OptimalCurve:
     peak_amplitude: NDArray
     peak_frequency: NDArray
     peak_branch: NDArray
+    peak_detached: NDArray
     branch_end: tuple[str, ...]
     free: Limit
     stuck: Limit
@@ -210,7 +216,7 @@ class OptimalCurve:
 
 _ARRAYS = (
     "preload", "amplitude", "frequency", "shares", "residual", "rank_deficiency", "branch", "unknowns", "peak_preload",
-    "peak_amplitude", "peak_frequency", "peak_branch",
+    "peak_amplitude", "peak_frequency", "peak_branch", "peak_detached",
 )  # fmt: skip
 
 
@@ -284,6 +290,37 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
     return max(0.1 * free, free - margin), stuck + margin
 
 
+def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none."""
+    system = study.system(preload)
+    springs = study._stuck_springs(study.static(preload)) if stuck else None
+    matrix = system.linear_matrix(0.0, springs)
+    poles, vectors = np.linalg.eigh(0.5 * (matrix + matrix.conj().T))
+    basis = system.bases[1]
+    loss = (np.abs(vectors) ** 2).T @ (basis.damping_ratio * np.sqrt(basis.omega2))
+    c, s = system.slices(1)
+    force = system.force[c] - 1j * system.force[s]
+    springless = 2j * basis.damping_ratio * np.sqrt(basis.omega2)
+
+    def negative(w: float) -> float:
+        Z = matrix + np.diag(w * springless - w**2)
+        return -abs(np.linalg.solve(Z, force) @ system.response_rows[1])
+
+    best = Limit(np.nan, np.nan)
+    low, high = (2.0 * np.pi * f for f in frequency)
+    for pole, width in zip(poles, loss):
+        w = np.sqrt(max(float(pole), 0.0))
+        if not low < w < high:
+            continue
+        half = 3.0 * max(float(width), 1e-9 * w)
+        found = minimize_scalar(
+            negative, bounds=(w - half, w + half), method="bounded", options={"xatol": 1e-9 * w, "maxiter": 200}
+        )
+        if not best.amplitude >= -found.fun:
+            best = Limit(float(found.x / (2.0 * np.pi)), float(-found.fun))
+    return best
+
+
 def peaks_at(
     study: Study,
     preload: float,
@@ -315,8 +352,6 @@ def peaks_at(
 
 def _maxima(system: HarmonicSystem, curve: Any) -> list[Any]:
     """Points marked as maxima, with the direction of the curve from the neighbouring points."""
-    from bdamper.continuation import PathPoint
-
     out = []
     for i, kind in enumerate(curve.point_kind):
         if kind != "maximum":
@@ -352,6 +387,7 @@ class _Branch:
 
     number: int
     peaks: dict[int, Peak]
+    detached: set[int] = field(default_factory=set)
     down: str = ""
     up: str = ""
 
@@ -389,8 +425,8 @@ class _Builder:
         return sorted(found, key=lambda item: -item[1].amplitude)
 
     def leader(self, k: int) -> tuple[_Branch, Peak] | None:
-        found = self.at(k)
-        return found[0] if found else None
+        """The highest peak that is not known to be detached from the curve that a sweep of frequency follows."""
+        return next(((b, q) for b, q in self.at(k) if k not in b.detached), None)
 
     def scan(self, k: int) -> None:
         if k in self.scanned:
@@ -400,6 +436,14 @@ class _Builder:
         self.scanned[k] = ending
         known = self.at(k)
         new = [q for q in peaks if not any(same_peak(q, other) for _, other in known)]
+        if ending == "complete":
+            for b, q in known:
+                if not any(same_peak(q, other) for other in peaks):
+                    b.detached.add(k)
+                    self.events.append(
+                        f"{p:.6g} N: peak of branch {b.number}, {q.amplitude:.6g} m at {q.frequency:.6g} Hz, is detached "
+                        "from the response curve that a sweep follows"
+                    )
         self.events.append(
             f"{p:.6g} N: scan over frequency ({ending}) found {len(peaks)} peaks, {len(new)} of them new"
         )
@@ -473,6 +517,9 @@ class _Builder:
                 return k
         for k in range(len(self.preload) - 1):
             a, b = self.leader(k), self.leader(k + 1)
+            for i, j, item in ((k, k + 1, a), (k + 1, k, b)):
+                if item is not None and j in item[0].detached and i not in self.scanned:
+                    return i
             if a is None or b is None or a[0] is b[0]:
                 continue
             if k + 1 not in a[0].peaks and k + 1 not in self.scanned:
@@ -491,6 +538,8 @@ class _Builder:
             k = int(np.clip(np.searchsorted(grid, x), 1, len(grid) - 1))
             found = []
             for branch in self.branches:
+                if branch.detached.intersection((k - 1, k)):
+                    continue
                 near = [branch.peaks[i] for i in (k - 1, k) if i in branch.peaks]
                 near += [q for list_ in cache.values() for number, q in list_ if number == branch.number]
                 if not near:
@@ -630,8 +679,8 @@ def optimal_curve(
     meter = CostMeter(start)
     if frequency is None:
         frequency = resonance_interval(study, mode)
-    free = study.free(frequency).peak
-    stuck = study.stuck(frequency, float(values[-1])).peak
+    free = linear_peak(study, frequency, float(values[-1]), stuck=False)
+    stuck = linear_peak(study, frequency, float(values[-1]), stuck=True)
     builder = _Builder(study, values, frequency, options or PeakOptions(), meter)
     builder.run(int(checks))
     optimum = builder.optimum()
@@ -647,7 +696,8 @@ def optimal_curve(
         if item is None:
             status.append(f"no peak found, scan over frequency {builder.scanned.get(k, 'not made')}")
         else:
-            status.append("scanned" if builder.scanned.get(k) == "complete" else "followed")
+            ending = builder.scanned.get(k)
+            status.append("followed" if ending is None else ("scanned" if ending == "complete" else f"scan {ending}"))
     return OptimalCurve(
         preload=values,
         amplitude=column(lambda item: item[1].amplitude, np.nan),
@@ -662,9 +712,10 @@ def optimal_curve(
         peak_amplitude=np.array([q.amplitude for _, q in every]),
         peak_frequency=np.array([q.frequency for _, q in every]),
         peak_branch=np.array([number for number, _ in every], int),
+        peak_detached=np.array([k in b.detached for b in builder.branches for k in sorted(b.peaks)], bool),
         branch_end=tuple(f"down: {b.down or 'end of range'}; up: {b.up or 'end of range'}" for b in builder.branches),
-        free=Limit(free.frequency, free.amplitude),
-        stuck=Limit(stuck.frequency, stuck.amplitude),
+        free=free,
+        stuck=stuck,
         optimum=optimum,
         events=tuple(builder.events),
         cost=meter.read(time.perf_counter()),
@@ -767,7 +818,6 @@ __all__ = [
     "Limit",
     "OptimalCurve",
     "OptimumPoint",
-    "follow",
     "highest_peak",
     "load_optimal_curve",
     "optimal_curve",

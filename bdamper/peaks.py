@@ -72,7 +72,7 @@ class PeakOptions:
     max_iterations: int = 12
     max_trials: int = 40
     max_distance: float = 0.3
-    max_halvings: int = 8
+    max_halvings: int = 6
     difference: float = 1e-5
 
     def __post_init__(self) -> None:
@@ -235,9 +235,10 @@ class _Search:
         self.trials = 0
         self.reason = ""
 
-    def correct(self, y: NDArray, normal: NDArray) -> _OnCurve | None:
+    def correct(self, y: NDArray, normal: NDArray, loose: float = 0.0) -> _OnCurve | None:
         self.trials += 1
-        c = self.system.correct(y, normal, self.scale, self.options.tolerance, self.options.max_iterations)
+        tolerance = max(self.options.tolerance, loose)
+        c = self.system.correct(y, normal, self.scale, tolerance, self.options.max_iterations)
         self.iterations += c.iterations
         if c.status != OK:
             self.reason = STATUS_TEXT[c.status]
@@ -247,23 +248,27 @@ class _Search:
             c.rank_deficiency,
         )  # fmt: skip
 
-    def first(self, y: NDArray, normal: NDArray) -> _OnCurve | None:
+    def first(self, y: NDArray, normal: NDArray, walk: bool) -> _OnCurve | None:
         """The curve near a guess; if Newton fails there, also with the mean moved to where it may be held."""
-        found = self.correct(y, normal)
-        if found is not None:
+        found = self.correct(y, normal, 1e-6)
+        if found is not None or not walk:
             return found
         for moved in walked(self.system, y, self.scale):
-            found = self.correct(moved, normal)
-            if found is not None and np.linalg.norm((found.y - moved)[self.system.n_mean :] / self.scale[self.system.n_mean :]) < 0.5:
+            found = self.correct(moved, normal, 1e-6)
+            vibration = slice(self.system.n_mean, None)
+            if found is not None and np.linalg.norm((found.y - moved)[vibration] / self.scale[vibration]) < 0.5:
                 return found
         return None
 
     def step(self, a: _OnCurve, s: float) -> _OnCurve | None:
-        """A point at a distance along the curve, halving the distance if the corrector fails or goes astray."""
+        """A point at a distance along the curve, halving the distance if the corrector fails or goes astray.
+
+        The residual is brought down only as far as a trial at this distance needs.
+        """
         for _ in range(6):
             predicted = a.y + s * a.tangent * self.scale
             if predicted[-1] > 0.0:
-                b = self.correct(predicted, a.tangent)
+                b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)))
                 if b is not None:
                     if float(np.linalg.norm((b.y - predicted) / self.scale)) <= max(0.5 * abs(s), 1e-6):
                         return b
@@ -291,6 +296,16 @@ class _Search:
 
     def run(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool, bool]:
         """Root of the slope: the point, the derivative of the slope, success, and whether it lies at a corner."""
+        point, curvature, found, corner = self.search(start, curvature)
+        if found and point.residual > self.options.tolerance:
+            exact = self.correct(point.y, point.tangent)
+            if exact is None:
+                return point, curvature, False, corner
+            point = exact
+        return point, curvature, found, corner
+
+    def search(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool, bool]:
+        """The same with a residual that may still be too large."""
         options = self.options
         here = start
         before: _OnCurve | None = None
@@ -349,6 +364,7 @@ def find_peak(
     curvature: float = -1.0,
     options: PeakOptions | None = None,
     parameter: float = np.nan,
+    walk: bool = True,
 ) -> Peak:
     """The maximum of the response amplitude that the curve reaches uphill from a point near it.
 
@@ -368,6 +384,8 @@ def find_peak(
     options : PeakOptions
     parameter : float
         Noted in the result.
+    walk : bool
+        If Newton fails at the guess, try also mean positions to which a body may have walked.
 
     Returns
     -------
@@ -383,7 +401,7 @@ def find_peak(
         tangent = np.zeros(len(guess))
         tangent[-1] = 1.0
     search = _Search(system, scale, options)
-    start = search.first(guess, tangent)
+    start = search.first(guess, tangent, walk)
     if start is not None and not given:
         raw = start.tangent * scale
         width = _width(start.y, start.tangent, scale, system.n_mean)
@@ -673,7 +691,7 @@ class PeakFollower:
         found = sensitivities(peak, {"parameter": (self.family, peak.parameter)}, self.options)["parameter"]
         return found.y * factor
 
-    def _attempt(self, value: float) -> Peak | None:
+    def _attempt(self, value: float, walk: bool) -> Peak | None:
         last = self.known[-1]
         predictions = self._predictions(value)
         order = int(np.argmin(self.errors[: len(predictions)]))
@@ -689,8 +707,9 @@ class PeakFollower:
         size = float(np.linalg.norm(tangent))
         curvature = last.curvature / size**2 if last.curvature < 0.0 else -1.0
         peak = find_peak(
-            system, guess, tangent=tangent / size, scale=scale, curvature=curvature, options=self.options, parameter=value
-        )
+            system, guess, tangent=tangent / size, scale=scale, curvature=curvature, options=self.options,
+            parameter=value, walk=walk,
+        )  # fmt: skip
         self.iterations += peak.iterations
         self.trials += peak.trials
         if not peak.converged:
@@ -731,7 +750,7 @@ class PeakFollower:
         while done < 1.0:
             now = min(1.0, done + step)
             at = start + now * (end - start)
-            peak = self._attempt(value if now == 1.0 else (float(np.exp(at)) if self.logarithmic else at))
+            peak = self._attempt(value if now == 1.0 else (float(np.exp(at)) if self.logarithmic else at), step <= 0.25)
             if peak is None:
                 step *= 0.5
                 if step < smallest:

@@ -18,6 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
+
+_getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
 
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
@@ -125,11 +128,9 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
         return np.zeros(len(r))
     scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
     A = J * scale[:, None] * scale
-    try:
-        if np.linalg.cond(A) < 1e12:
-            return scale * np.linalg.solve(A, scale * r)
-    except np.linalg.LinAlgError:
-        pass
+    factors, pivot, info = _getrf(A)
+    if info == 0 and _gecon(factors, float(np.abs(A).sum(axis=0).max()))[0] > 1e-12:
+        return scale * _getrs(factors, pivot, scale * r)[0]
     return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
 
 

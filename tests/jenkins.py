@@ -23,7 +23,7 @@ def oscillator(
     ratio = np.array([damping / (2.0 * np.sqrt(stiffness * mass))])
     G = np.zeros((1, 3, 1), complex)
     G[0, 0, 0] = 1.0 / np.sqrt(mass)
-    bases = [HarmonicBasis((), omega2, ratio, G, 0) for _ in range(harmonics + 1)]
+    bases = [HarmonicBasis((), omega2, ratio, G, 0, np.ones(1)) for _ in range(harmonics + 1)]
     points = PointArrays(
         kt=np.array([[contact, 0.0]]),
         kn=np.array([0.0]),
