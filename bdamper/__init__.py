@@ -5,6 +5,8 @@ from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.io import load_model, save_model
 from bdamper.model import Model
+from bdamper.optimal import OptimalCurve, load_optimal_curve
+from bdamper.peaks import Peak, PeakOptions
 from bdamper.preload import PreloadState
 from bdamper.reference import reference_model
 from bdamper.response import Curve, Fold, load_curve
@@ -23,6 +25,9 @@ __all__ = [
     "Fold",
     "Model",
     "ModelError",
+    "OptimalCurve",
+    "Peak",
+    "PeakOptions",
     "PreloadState",
     "Response",
     "Sampled",
@@ -30,6 +35,7 @@ __all__ = [
     "Study",
     "load_curve",
     "load_model",
+    "load_optimal_curve",
     "reference_model",
     "save_model",
 ]

@@ -18,6 +18,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
+from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
@@ -179,3 +180,61 @@ def plot_import_report(report: ImportReport) -> Figure:
         right.tick_params(labelsize=6)
         right.legend(loc="upper right")
     return figure
+
+
+def plot_optimal(
+    result: OptimalCurve, ax: Axes | None = None, *, title: str = "", coexisting: bool = True
+) -> tuple[Axes, Axes]:
+    """Resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
+
+    Parameters
+    ----------
+    result : OptimalCurve
+    ax : matplotlib axes, optional
+        Of the amplitude; the shift gets a second axis on its right.
+    title : str
+    coexisting : bool
+        Mark the peaks that are not the highest, too.
+
+    Returns
+    -------
+    two matplotlib axes
+        Of the amplitude and of the frequency shift.
+    """
+    dark, light = "0.1", plt.get_cmap("viridis")(0.45)
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        right = ax.twinx()
+        right.grid(False)
+        ax.axhline(result.free.amplitude, color="0.35", linewidth=0.9, linestyle="-.", label="free")
+        ax.axhline(result.stuck.amplitude, color="0.35", linewidth=0.9, linestyle=":", label="stuck")
+        if coexisting:
+            others = ~np.isin(result.peak_amplitude, result.amplitude)
+            ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
+                    label="other peaks")
+        for first, last in _unbroken(result.branch):
+            part = slice(first, last + 1)
+            ax.plot(result.preload[part], result.amplitude[part], "-", color=dark)
+            right.plot(result.preload[part], result.shift_percent[part], "--", color=light)
+        ax.plot([], [], "-", color=dark, label="amplitude")
+        ax.plot([], [], "--", color=light, label="frequency shift")
+        o = result.optimum
+        if np.isfinite(o.preload):
+            ax.plot(o.preload, o.amplitude, "o", color=dark, markersize=4.5, markerfacecolor="w",
+                    label=f"optimum, {_engineering(float(f'{o.preload:.3g}'))}")
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        ax.set_xlabel("Preload (N)")
+        ax.set_ylabel("Resonance amplitude (m)")
+        right.set_ylabel("Frequency shift (%)")
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        ax.legend(fontsize=7.0, loc="best")
+    return ax, right
+
+
+def _unbroken(branch: NDArray) -> list[tuple[int, int]]:
+    """Stretches (first, last) of points on one and the same branch."""
+    cuts = np.concatenate([[0], np.flatnonzero(np.diff(branch)) + 1, [len(branch)]])
+    return [(int(a), int(b) - 1) for a, b in pairwise(cuts)]

@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,10 @@ from bdamper.system import (
     PointArrays,
     Sampled,
 )
+
+if TYPE_CHECKING:
+    from bdamper.optimal import OptimalCurve, OptimumPoint
+    from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
@@ -663,6 +667,54 @@ class Study:
             start_log=log,
             notes=notes(system, self.coupling.model, self.bases[0].coordinates, points),
         )
+
+    # ---- peaks ----
+
+    def peak(
+        self,
+        preload: float,
+        frequency: tuple[float, float] | None = None,
+        *,
+        mode: int = 1,
+        options: PeakOptions | None = None,
+    ) -> Peak:
+        """The highest resonance peak at one preload; see :func:`bdamper.optimal.highest_peak`."""
+        from bdamper.optimal import highest_peak
+
+        return highest_peak(self, preload, frequency, mode=mode, options=options)
+
+    def peak_sensitivities(self, peak: Peak, parameters: Sequence[str] | None = None) -> dict[str, PeakSensitivity]:
+        """Derivatives of a peak with respect to settings; see :func:`bdamper.optimal.peak_sensitivities`."""
+        from bdamper.optimal import PARAMETERS, peak_sensitivities
+
+        return peak_sensitivities(self, peak, PARAMETERS if parameters is None else parameters)
+
+    def optimal_curve(
+        self,
+        preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+        n: int = 50,
+        *,
+        frequency: tuple[float, float] | None = None,
+        mode: int = 1,
+        checks: int = 0,
+        options: PeakOptions | None = None,
+    ) -> OptimalCurve:
+        """Resonance amplitude and frequency over the preload; see :func:`bdamper.optimal.optimal_curve`."""
+        from bdamper.optimal import optimal_curve
+
+        return optimal_curve(self, preload, n, frequency=frequency, mode=mode, checks=checks, options=options)
+
+    def optimum(
+        self,
+        preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+        n: int = 24,
+        *,
+        frequency: tuple[float, float] | None = None,
+        mode: int = 1,
+        options: PeakOptions | None = None,
+    ) -> OptimumPoint:
+        """The preload of least resonance amplitude; see :func:`bdamper.optimal.optimal_curve`."""
+        return self.optimal_curve(preload, n, frequency=frequency, mode=mode, options=options).optimum
 
     def free(self, frequency: tuple[float, float]) -> Curve:
         """Response without any contact: the limit of no preload.

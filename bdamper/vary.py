@@ -20,17 +20,17 @@ from bdamper.model import Body, Model
 if TYPE_CHECKING:
     from bdamper.study import Study
 
-FACTORS = ("contact_stiffness_factor", "damping_factor", "damper_mass_factor")
+FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
 
 
 _KEPT = {
-    "friction_coefficient": ("coupling", "bases", "_gap", "_load", "_force_rows", "_response_rows"),
+    "friction_coefficient": ("coupling",),
     "excitation.amplitude": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
     "excitation.phase": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
-    "damping_ratio": ("coupling", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_force_rows", "_response_rows"),
-    "contact_stiffness_factor": ("coupling", "bases", "friction", "_gap", "_load", "_force_rows", "_response_rows"),
-    "damping_factor": ("friction", "stiffness", "_k", "_gap", "_kt"),
-    "damper_mass_factor": ("friction", "stiffness", "_k", "_gap", "_kt"),
+    "damping_ratio": ("coupling", "friction", "stiffness"),
+    "contact_stiffness_factor": ("coupling", "friction"),
+    "damping_factor": ("friction", "stiffness"),
+    "damper_mass_factor": ("friction", "stiffness"),
 }
 """Parts of a study, made once and kept, that a change of a setting leaves as they are."""
 
@@ -74,7 +74,7 @@ def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
     if "friction_coefficient" in names and old.contact_stiffness != "eq4":
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
-        kept |= {"stiffness", "_k"}.intersection(*others)
+        kept |= {"stiffness"}.intersection(*others)
     for part in kept:
         if part in old.__dict__:
             new.__dict__.setdefault(part, old.__dict__[part])
@@ -91,7 +91,7 @@ def _varied(study: Study, settings: Mapping[str, Any]) -> Study:
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
             place: Any = study.excitation if part == "excitation" else study._response
-            study = replace(study, **{part: replace(place, **inner)})  # type: ignore[arg-type]
+            study = replace(study, **{part: replace(place, **inner)})
     for name in FACTORS:
         if name in settings:
             study = _scaled(study, name, settings[name])
@@ -103,8 +103,11 @@ def _scaled(study: Study, name: str, factor: float) -> Study:
     if not (np.isfinite(factor) and factor > 0.0):
         raise SettingError(f"{name}: expected a finite number > 0, found {factor}")
     if name == "contact_stiffness_factor":
-        given = {face: factor * contact.stiffness for face, contact in study.stiffness.items()}
-        return replace(study, contact_stiffness=given)
+        new = replace(study)
+        new.__dict__["stiffness"] = {
+            face: replace(contact, stiffness=factor * contact.stiffness) for face, contact in study.stiffness.items()
+        }
+        return new
     if name == "damping_factor":
         if study.damping_ratio is not None:
             return replace(study, damping_ratio=factor * study.damping_ratio)

@@ -33,7 +33,7 @@ PYTHON_LEVELS = [
     {"continuation", "branches", "stability", "timedomain"},
     {"response"},
     {"peaks"},
-    {"optimal", "study", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
+    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
     {"plotting"},
 ]
 

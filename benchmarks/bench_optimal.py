@@ -1,0 +1,65 @@
+"""Optimal curve against maxima of full tracking curves, and a sweep on one and two workers: ratios within one run.
+
+Reference model, one harmonic, 24 contact points a face, 50 preloads.
+"""
+
+from __future__ import annotations
+
+import time
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+
+import numpy as np
+
+import bdamper as bd
+
+
+def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], frequency: tuple[float, float]) -> float:
+    """Prints and returns the time of the optimal curve over that of the tracking curves."""
+    start = time.perf_counter()
+    result = study.optimal_curve(preload, 50, frequency=frequency)
+    fast = time.perf_counter() - start
+    options = bd.ContinuationOptions()
+    start = time.perf_counter()
+    curves = [study.track(p, frequency, options=options) for p in result.preload]
+    slow = time.perf_counter() - start
+    complete = [i for i, c in enumerate(curves) if c.complete]
+    error = max(abs(result.amplitude[i] / curves[i].peak.amplitude - 1.0) for i in complete)
+    print(
+        f"50 preloads {preload[0]:g} to {preload[1]:g} N: optimal curve {fast:.3f} s, tracking curves {slow:.3f} s, "
+        f"ratio {fast / slow:.3f}; largest difference of the amplitude {error:.1e} over {len(complete)} complete curves"
+    )
+    return fast / slow
+
+
+def sweep_on_two_workers(study: bd.Study) -> None:
+    """Prints the time of 64 points on two workers over that on one, for processes and threads."""
+    over = {"friction_coefficient": np.linspace(0.1, 0.6, 8).tolist(), "preload": np.geomspace(200.0, 5e3, 8).tolist()}
+    pools: tuple[type[Executor], ...] = (ProcessPoolExecutor, ThreadPoolExecutor)
+    for pool in pools:
+        seconds = []
+        for workers in (1, 2):
+            with pool(max_workers=workers) as executor:  # type: ignore[call-arg]
+                warm = {"friction_coefficient": [0.1, 0.2], "preload": [500.0]}
+                bd.sweep(study, over=warm, frequency=(250.0, 400.0), executor=executor)
+                start = time.perf_counter()
+                result = bd.sweep(study, over=over, frequency=(250.0, 400.0), executor=executor)
+                seconds.append(time.perf_counter() - start)
+                assert len(result) == 64
+        print(
+            f"64 sweep points, {pool.__name__}: one worker {seconds[0]:.2f} s, two {seconds[1]:.2f} s, "
+            f"ratio {seconds[1] / seconds[0]:.2f}"
+        )
+
+
+def main() -> None:
+    study = bd.Study(
+        bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )  # fmt: skip
+    study.track(1000.0, (340.0, 360.0))
+    optimal_against_tracking(study, (100.0, 25e3), (250.0, 400.0))
+    optimal_against_tracking(study, (10.0, 25e3), (250.0, 400.0))
+    sweep_on_two_workers(study)
+
+
+if __name__ == "__main__":
+    main()

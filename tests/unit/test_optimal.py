@@ -1,0 +1,270 @@
+"""Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.optimal import (
+    PARAMETERS,
+    linear_peak,
+    load_optimal_curve,
+    peaks_at,
+    resonance_interval,
+    setting_family,
+    setting_value,
+)
+from bdamper.peaks import PeakFollower, find_peak, follow_peak
+from bdamper.vary import vary
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model(contact_points=9)
+    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def result(study):
+    return study.optimal_curve((150.0, 20e3), 14, frequency=INTERVAL)
+
+
+@pytest.fixture(scope="module")
+def peak(study):
+    return study.peak(1000.0, INTERVAL)
+
+
+class TestOptimalCurve:
+    def test_agrees_with_tracking_curves(self, study, result):
+        assert result.complete
+        for p, a, f in zip(result.preload, result.amplitude, result.frequency):
+            curve = study.track(p, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10))
+            assert curve.complete
+            assert a == pytest.approx(curve.peak.amplitude, rel=1e-6)
+            assert f == pytest.approx(curve.peak.frequency, rel=1e-6)
+
+    def test_every_point_solves_the_equations(self, study, result):
+        for p, u, f in zip(result.preload, result.unknowns, result.frequency):
+            system = study.system(p)
+            r, _, _ = system.evaluate(u, 2 * np.pi * f)
+            assert np.abs(r * system.row_scale).max() < 1e-9
+        assert np.all(result.residual <= 1e-10)
+
+    def test_limits(self, study, result):
+        for limit, curve in ((result.free, study.free(INTERVAL)), (result.stuck, study.stuck(INTERVAL))):
+            assert limit.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+            assert limit.frequency == pytest.approx(curve.peak.frequency, rel=1e-7)
+        high = study.peak(1e6, INTERVAL)
+        assert high.amplitude == pytest.approx(result.stuck.amplitude, rel=1e-6)
+        assert result.stuck_shift_percent == pytest.approx(100 * (result.stuck.frequency / result.free.frequency - 1))
+        assert np.all(result.shift_percent < result.stuck_shift_percent + 1e-6)
+
+    def test_shares_sum_to_one_and_stick_rises(self, result):
+        assert result.shares.sum(axis=1) == pytest.approx(1.0)
+        assert np.all(np.diff(result.shares[:, 0]) > -1e-3)
+        assert result.shares[-1, 0] > 0.9
+
+    def test_optimum_of_a_smooth_curve(self, study):
+        """Direct evaluation on both sides of the optimum is higher, by the square of the distance."""
+        small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL)
+        o = small.optimum
+        assert o.status == "converged"
+        if o.kind != "smooth":
+            pytest.skip(f"the optimum of this model is a {o.kind}")
+        at = study.peak(o.preload, INTERVAL)
+        assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
+        rise = []
+        for h in (1e-3, 2e-3):
+            both = [follow_peak(study.system, at, [o.preload * (1 + s)]).peaks[0].amplitude for s in (h, -h)]
+            assert min(both) > o.amplitude
+            rise.append(sum(both) - 2 * o.amplitude)
+        assert rise[1] / rise[0] == pytest.approx(4.0, rel=0.05)
+
+    def test_optimum_at_the_end_of_the_range_is_named_so(self, result):
+        assert result.optimum.kind == "end"
+        assert result.optimum.preload == result.preload[0]
+        assert result.ratio == result.stuck.amplitude / result.amplitude[0]
+
+    def test_save_and_load(self, result, tmp_path):
+        result.save(tmp_path / "curve.h5")
+        again = load_optimal_curve(tmp_path / "curve.h5")
+        for name, value in result.__dict__.items():
+            if isinstance(value, np.ndarray):
+                assert np.array_equal(getattr(again, name), value)
+            else:
+                assert getattr(again, name) == value, name
+        with h5py.File(tmp_path / "other.h5", "w") as file:
+            file.attrs["format"] = "bdamper-curve"
+        with pytest.raises(bd.BdamperError, match="bdamper-optimal"):
+            load_optimal_curve(tmp_path / "other.h5")
+
+    def test_print_and_plot(self, result):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        text = str(result)
+        assert "optimum" in text
+        assert "14 points" in text
+        left, right = result.plot()
+        assert left.get_xscale() == "log"
+        assert "shift" in right.get_ylabel()
+
+    @pytest.mark.parametrize(
+        "arguments, message",
+        [
+            ({"preload": (100.0, 10.0)}, "increasing"),
+            ({"preload": (0.0, 10.0)}, "numbers > 0"),
+            ({"preload": 5.0}, "preload: expected"),
+            ({"n": 1}, "n: expected"),
+            ({"mode": 99}, "mode: expected 1 to"),
+        ],
+    )
+    def test_bad_input(self, study, arguments, message):
+        with pytest.raises(bd.SettingError, match=message):
+            study.optimal_curve(**arguments)
+
+    def test_one_preload_twice_gives_the_same_peak(self, study, result):
+        """The followed peak does not depend on where it came from."""
+        alone = study.peak(float(result.preload[5]), INTERVAL)
+        assert alone.amplitude == pytest.approx(result.amplitude[5], rel=1e-9)
+        assert alone.frequency == pytest.approx(result.frequency[5], rel=1e-9)
+
+
+def test_coexisting_peaks_are_told_apart_and_their_end_reported():
+    """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
+    study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    peaks, ending = peaks_at(study, 100.0, INTERVAL)
+    assert ending == "complete"
+    assert len(peaks) >= 2
+    assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
+    lower = peaks[-1]
+    branch = follow_peak(study.system, lower, np.geomspace(100.0, 1000.0, 12)[1:])
+    assert branch.status == "vanished"
+    assert branch.reason
+    curve = study.optimal_curve((100.0, 1000.0), 5, frequency=INTERVAL)
+    assert any("vanished" in event for event in curve.events)
+    # beyond its end a tracking curve does not have it either
+    beyond, _ = peaks_at(study, 1.1 * branch.ended, INTERVAL)
+    assert len(beyond) < len(peaks)
+
+
+def test_jumps_at_low_preload_are_found():
+    """Down to 10 N the highest peak changes three times; every complete tracking curve has the same highest peak."""
+    model = bd.reference_model(contact_points=24)
+    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    curve = study.optimal_curve((15.0, 100.0), 12, frequency=INTERVAL)
+    checked = 0
+    for p, a in zip(curve.preload, curve.amplitude):
+        track = study.track(p, INTERVAL)
+        if track.complete:
+            checked += 1
+            assert a == pytest.approx(track.peak.amplitude, rel=1e-6), p
+    assert checked >= 9
+    assert any("jump" in event for event in curve.events)
+
+
+class TestSensitivities:
+    @pytest.mark.parametrize("name", PARAMETERS)
+    def test_against_finite_differences(self, study, peak, name):
+        found = study.peak_sensitivities(peak, [name])[name]
+        if name == "preload":
+            family, value = study.system, peak.parameter
+        else:
+            family, value = setting_family(study, name, peak.parameter), setting_value(study, name)
+        h = 1e-4 * value
+        start = replace(peak, parameter=value)
+        high, low = (PeakFollower(family, start).go(value + s) for s in (h, -h))
+        assert found.amplitude != 0.0
+        assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
+        assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
+
+    def test_scaling_of_load_and_excitation_together(self, study):
+        """The response is homogeneous in preload and excitation where no gap matters."""
+        free = replace(study, constraints=False)
+        peak = free.peak(2000.0, INTERVAL)
+        found = free.peak_sensitivities(peak, ["preload", "excitation.amplitude"])
+        load, force = found["preload"], found["excitation.amplitude"]
+        assert 2000.0 * load.amplitude + force.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
+        assert 2000.0 * load.frequency + force.frequency == pytest.approx(0.0, abs=1e-6)
+
+    def test_unconverged_peak_is_refused(self, study, peak):
+        with pytest.raises(bd.SettingError, match="converged"):
+            study.peak_sensitivities(replace(peak, status="lost"), ["preload"])
+
+
+class TestFindPeak:
+    def test_no_solution_near_the_guess_is_a_status(self, study, peak):
+        system = study.system(1000.0)
+        y = peak.y.copy()
+        y[:-1] *= 1e6
+        found = find_peak(system, y)
+        assert not found.converged
+        assert "no solution" in found.status or "not found" in found.status or found.status
+        with pytest.raises(bd.SettingError, match="expected a converged one"):
+            PeakFollower(study.system, found)
+
+    def test_from_a_point_beside_the_peak(self, study, peak):
+        system = study.system(1000.0)
+        for s in (-0.3, 0.3):
+            c = system.correct(peak.y + s * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-10, 30)
+            assert c.status == 0
+            found = find_peak(system, c.y, tangent=c.tangent, scale=peak.scale)
+            assert found.converged
+            assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
+            assert found.frequency == pytest.approx(peak.frequency, rel=1e-8)
+
+    def test_linear_structure(self, study):
+        """Without friction and with all points held the peak is that of the linear response."""
+        peak = study.peak(1e6, INTERVAL)
+        linear = linear_peak(study, INTERVAL, 1e6, stuck=True)
+        assert peak.amplitude == pytest.approx(linear.amplitude, rel=1e-8)
+        assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
+
+    def test_interval_spans_free_and_stuck(self, study):
+        low, high = resonance_interval(study)
+        assert low < linear_peak(study, INTERVAL, 1.0, stuck=False).frequency
+        assert high > linear_peak(study, INTERVAL, 1.0, stuck=True).frequency
+
+
+class TestVary:
+    def test_unknown_names_are_listed(self, study):
+        with pytest.raises(bd.SettingError, match=r"expected one of .*excitation\.amplitude.*found 'friction'"):
+            vary(study, {"friction": 0.2})
+
+    @pytest.mark.parametrize(
+        "settings",
+        [
+            {"friction_coefficient": 0.2},
+            {"excitation.amplitude": 3.0},
+            {"damping_ratio": 0.004},
+            {"friction_coefficient": 0.2, "excitation.amplitude": 3.0},
+            {"contact_stiffness_factor": 1.5, "friction_coefficient": 0.4},
+        ],
+    )
+    def test_kept_parts_do_not_change_the_equations(self, study, peak, settings):
+        """A varied study gives the equations of one that is made from nothing."""
+        study.system(500.0)
+        fast = vary(study, settings).system(500.0)
+        plain = {k: v for k, v in settings.items() if "." not in k and not k.endswith("_factor")}
+        fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
+        fresh = replace(fresh, **plain)
+        if "excitation.amplitude" in settings:
+            fresh = replace(fresh, excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
+        if "contact_stiffness_factor" in settings:
+            given = {k: settings["contact_stiffness_factor"] * v.stiffness for k, v in fresh.stiffness.items()}
+            fresh = replace(fresh, contact_stiffness=given)
+        slow = fresh.system(500.0)
+        for a, b in zip(fast.evaluate(peak.y[:-1], 2000.0), slow.evaluate(peak.y[:-1], 2000.0)):
+            assert a == pytest.approx(b, rel=1e-12)
+
+    def test_denser_damper(self, study):
+        new = vary(study, {"damper_mass_factor": 2.0})
+        old_body, body = study.model.bodies["damper"], new.model.bodies["damper"]
+        assert body.mass == 2 * old_body.mass
+        # the free damper's modes keep unit modal mass: rigid translations are 1/sqrt(mass)
+        assert body.bases[0].contact_modes == pytest.approx(old_body.bases[0].contact_modes / np.sqrt(2))
+        bd.Study(replace(new.model, provenance={"made": "twice as dense"}), excitation=study.excitation, engine_order=5)
