@@ -114,7 +114,7 @@ class TestOptimalCurve:
         assert "shift" in right.get_ylabel()
 
     @pytest.mark.parametrize(
-        "arguments, message",
+        ("arguments", "message"),
         [
             ({"preload": (100.0, 10.0)}, "increasing"),
             ({"preload": (0.0, 10.0)}, "numbers > 0"),
