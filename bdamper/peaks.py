@@ -438,9 +438,7 @@ def find_peak(
 
 def coarse_options(tolerance: float = 1e-7) -> ContinuationOptions:
     """Settings with which a curve is followed only to learn which peaks it has."""
-    return ContinuationOptions(
-        tolerance=tolerance, step=0.1, max_step=0.4, max_turn=0.9, max_points=2000, locate_tolerance=0.05
-    )
+    return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05)
 
 
 def refine_maxima(
