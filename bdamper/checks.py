@@ -541,6 +541,8 @@ def _check_meshes(model: Model, where: str) -> None:
             raise mismatch(f"{item}/quads", "shape (any, 4)", quads.shape)
         inside = (quads >= 0) & (quads < len(mesh.points))
         _check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
+        for diameter, shapes in mesh.modes.items():
+            _check_array(shapes, (len(mesh.points), 3, None), f"{item}/modes/nd{diameter:03d}", "field")
 
 
 def _check_provenance(model: Model, where: str) -> None:

@@ -206,10 +206,13 @@ class SurfaceMesh:
     ----------
     points : (n_nodes, 3) float, m
     quads : (n_faces, 4) int
+    modes : mapping of nodal diameter to (n_nodes, 3, n_modes) complex or float, kg^-1/2
+        The first modes of the body at these nodes, components along X, Y, Z.
     """
 
     points: NDArray
     quads: NDArray
+    modes: Mapping[int, NDArray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from bdamper.errors import SettingError
 from bdamper.io.model_file import load_model
 from bdamper.model import Model
 
-CONTACT_POINTS = {"bladed_disk": (9, 24, 48)}
+CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "blade_to_ground": (24,), "test_rig": (24,)}
 
 
 def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Model:
@@ -18,9 +18,12 @@ def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Mode
     ----------
     name : str
         "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
-        harmonic.
+        harmonic; mode shapes for pictures come with 24 contact points.
+        "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
+        prescribed (:func:`bdamper.prescribe_preload`).
+        "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
     contact_points : int
-        Contact points on each face: 9, 24 or 48.
+        Contact points on each face: 9, 24 or 48 for "bladed_disk", 24 for the others.
 
     Raises
     ------

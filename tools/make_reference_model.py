@@ -1,6 +1,8 @@
-"""Make the shipped models of the reference bladed disk, or check that they can still be made.
+"""Make the shipped models, or check that they can still be made.
 
-    python tools/make_reference_model.py            writes bdamper/data/bladed_disk_{9,24,48}.h5
+    python tools/make_reference_model.py            writes bdamper/data/bladed_disk_{9,24,48}.h5,
+                                                    blade_to_ground_24.h5 and test_rig_24.h5
+    python tools/make_reference_model.py test_rig   writes only the files whose names start so
     python tools/make_reference_model.py --check    makes them again and compares with the stored ones
 
 Squared frequencies and receptances must agree to a relative 1e-6 (they differ in rounding between machines),
@@ -12,15 +14,18 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import functools
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
 
+from bdamper.fe.blade_to_ground import blade_to_ground
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
+from bdamper.fe.test_rig import test_rig
 from bdamper.io.model_file import load_model, save_model
 from bdamper.model import Model
 
@@ -31,7 +36,8 @@ FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
 
 def build(fe: SectorFE, points: int) -> Model:
     """One model, with the full finite element frequencies of the bonded damper in its provenance."""
-    model = bladed_disk(points, fe=fe)
+    # shapes for pictures are large: they come with the default number of contact points only
+    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,) if points == 24 else ())
     bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
     note = {
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
@@ -67,15 +73,27 @@ def differences(new: Model, old: Model) -> dict[str, float]:
 def main() -> int:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("name", nargs="?", default="", help="only the files whose names start so")
     parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the files are")
     arguments = parser.parse_args()
     start = time.perf_counter()
-    fe = SectorFE(density=MeshDensity.preset("reference"))
+    fe: list[SectorFE] = []  # made once, if needed
+
+    def disk(points: int) -> Model:
+        if not fe:
+            fe.append(SectorFE(density=MeshDensity.preset("reference")))
+        return build(fe[0], points)
+
+    jobs = {f"bladed_disk_{points}": functools.partial(disk, points) for points in POINTS}
+    jobs["blade_to_ground_24"] = functools.partial(blade_to_ground, 24, mesh="reference")
+    jobs["test_rig_24"] = functools.partial(test_rig, 24, mesh="reference")
     worst = 0.0
-    for points in POINTS:
-        path = arguments.folder / f"bladed_disk_{points}.h5"
-        model = build(fe, points)
+    for name, make in jobs.items():
+        if not name.startswith(arguments.name):
+            continue
+        path = arguments.folder / f"{name}.h5"
+        model = make()
         if arguments.check:
             found = differences(model, load_model(path))
             key = max(found, key=found.__getitem__)

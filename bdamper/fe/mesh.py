@@ -116,8 +116,8 @@ def _airfoil_section(g: Geometry, zeta: NDArray, xi: NDArray, eta: float, root: 
     return np.stack([c * x + s * z, np.full_like(x, root + eta * g.airfoil_height), c * z - s * x], axis=-1)
 
 
-def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """Disk segment, shank, platform and airfoil of blade 0."""
+def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
+    """Blocks of disk segment, shank, platform and airfoil of blade 0, in this order."""
     half = 0.5 * g.pitch
     xi = np.linspace(-1.0, 1.0, n.chord + 1)
     zeta = np.linspace(-1.0, 1.0, n.centre + 1)
@@ -162,14 +162,25 @@ def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
         sheet[..., :2], sheet[..., 2] = radius * direction[:, None], z[None]
 
     sections = [_airfoil_section(g, zeta, xi, eta, corner[1]) for eta in np.linspace(0.0, 1.0, n.airfoil + 1)]
-    return join_blocks(
-        [
-            _layers(bore, rim, n.disk),
-            _layers(rim[middle], bottom[middle], n.shank),
-            _layers(bottom, top, n.platform),
-            np.stack(sections, axis=1),
-        ]
-    )
+    return [
+        _layers(bore, rim, n.disk),
+        _layers(rim[middle], bottom[middle], n.shank),
+        _layers(bottom, top, n.platform),
+        np.stack(sections, axis=1),
+    ]
+
+
+def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
+    """Disk segment, shank, platform and airfoil of blade 0."""
+    return join_blocks(sector_blocks(g, n))
+
+
+def rig_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
+    """Blade 0 between two neighbours without airfoil, on a disk segment of three pitches."""
+    blocks = sector_blocks(g, n)
+    for side in (-1, 1):
+        blocks += [block @ turn(side * g.pitch).T for block in blocks[:3]]
+    return join_blocks(blocks)
 
 
 def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:

@@ -18,34 +18,24 @@ pitch; the phase of the neighbouring sector enters where the interface is put to
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Iterable
 
 import numpy as np
-import scipy
 import scipy.sparse as sp
-import skfem
 
 from bdamper.fe.assemble import Discretisation
-from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, surface_facets, wedge_patches
+from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, wedge_patches
 from bdamper.fe.geometry import turn
 from bdamper.fe.mesh import MeshDensity
+from bdamper.fe.parts import provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
-from bdamper.model import Body, Interface, Location, Model, SurfaceMesh
+from bdamper.model import Body, Interface, Location, Model
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 
 __all__ = ["BLADE_PORTS", "DAMPER_PORTS", "bladed_disk", "needed_nodal_diameters", "surface_mesh"]
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
-
-
-def surface_mesh(body: Discretisation) -> SurfaceMesh:
-    """Outer surface of a body as quadrilaterals of its corner nodes."""
-    quads = surface_facets(body).groups[0][:, :4]
-    points = body.mesh.p.T
-    used, compact = np.unique(quads, return_inverse=True)
-    return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape))
 
 
 def _interface(name: str, patches: Patches, end_gap: float) -> Interface:
@@ -87,6 +77,7 @@ def bladed_disk(
     damping_ratio: float = 0.002,
     nodal_diameters: tuple[int, ...] | None = None,
     flexibility_at: tuple[int, ...] | None = None,
+    pictures: tuple[int, ...] = (),
     fe: SectorFE | None = None,
 ) -> Model:
     """Build the reference model.
@@ -110,6 +101,8 @@ def bladed_disk(
         0 to N/2; 0 is always added, for the bias.
     flexibility_at : tuple of int, optional
         Nodal diameters whose static receptance is stored; all by default.
+    pictures : tuple of int
+        Nodal diameters whose mode shapes are kept on the surface of the blade.
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
 
@@ -172,12 +165,9 @@ def bladed_disk(
             )
             for name, node in nodes.items()
         },
-        meshes={"blade": surface_mesh(fe.blade), "damper": surface_mesh(fe.damper.body)},
-        provenance={
-            "source": "bdamper.fe.reference.bladed_disk",
-            "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
-            "date": datetime.date.today().isoformat(),
-            "elements": f"{fe.blade.mesh.t.shape[1]} + {fe.damper.body.mesh.t.shape[1]} 20-node hexahedra",
-            "rotor speed": "0 (no stress stiffening, no spin softening)",
+        meshes={
+            "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
+            "damper": surface_mesh(fe.damper.body),
         },
+        provenance=provenance("bdamper.fe.reference.bladed_disk", fe.blade, fe.damper.body),
     )

@@ -167,6 +167,11 @@ def _write_optional_parts(file: h5py.File, model: Model) -> None:
         group = _new_group(meshes, name)
         _write(group, "points", mesh.points)
         _write(group, "quads", mesh.quads)
+        if mesh.modes:
+            modes = _new_group(group, "modes")
+            for diameter, shapes in mesh.modes.items():
+                single = np.complex64 if shapes.dtype.kind == "c" else np.float32  # enough for pictures
+                _write(modes, f"nd{diameter:03d}", shapes.astype(single), UNITS["modes"])
 
 
 def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
@@ -414,8 +419,16 @@ def _read_static(group: h5py.Group) -> StaticContact:
 
 
 def _read_mesh(group: h5py.Group) -> SurfaceMesh:
-    _check_members(group, ["points", "quads"], [])
-    return SurfaceMesh(_read(group, "points"), _read(group, "quads", "integer"))
+    _check_members(group, ["points", "quads"], ["modes"])
+    points, shapes = _read(group, "points", shape=(None, 3)), {}
+    if "modes" in group:
+        modes = _subgroup(group, "modes")
+        for name in modes:
+            if not re.fullmatch(r"nd\d{3,9}", name, re.ASCII):
+                raise mismatch(_item(modes, name), "a name nd000, nd001, ...", f"'{name}'")
+            shapes[int(name[2:])] = _read(modes, name, "field", UNITS["modes"], (len(points), 3, None))
+        _check_members(modes, list(modes), [])
+    return SurfaceMesh(points, _read(group, "quads", "integer"), shapes)
 
 
 def _read_provenance(file: h5py.File) -> dict[str, str]:

@@ -1,0 +1,82 @@
+r"""One blade that rubs on the ground: the simplest structure with friction, separation and many points.
+
+The blade of the reference sector with its disk segment, held at the bore and at the two cut faces of the
+segment as in a test block, touches a rigid ground with the right underside of its platform:
+
+=========  =====================  =======  ========
+interface  body a (normal)        body b   kind
+=========  =====================  =======  ========
+platform   blade                  ground   friction
+=========  =====================  =======  ========
+
+The structure is acyclic (``n_blades = 1``), so that one basis of real modes serves every harmonic.  There is no
+free body and no load: normal loads and gaps are prescribed (:func:`bdamper.prescribe_preload`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from bdamper.fe.assemble import discretise
+from bdamper.fe.contact_points import averaging_matrix, wedge_patches
+from bdamper.fe.geometry import Geometry, Material
+from bdamper.fe.mesh import MeshDensity, sector_mesh
+from bdamper.fe.parts import friction_face, locations, provenance, surface_mesh
+from bdamper.model import Body, Model
+from bdamper.reduction.bodies import constrained_body
+from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.patches import Patches
+
+
+def blade_to_ground(
+    points: int | tuple[int, int] = 24,
+    mesh: str = "coarse",
+    n_modes: int = 40,
+    damping_ratio: float = 0.002,
+    geometry: Geometry | None = None,
+    material: Material | None = None,
+) -> Model:
+    """Build the model of a blade that rubs on the ground.
+
+    Parameters
+    ----------
+    points : int or (int, int)
+        Contact points, or their number along slope and axis.
+    mesh : {"coarse", "reference"}
+    n_modes : int
+    damping_ratio : float
+        Of all modes.
+    geometry, material : optional
+    """
+    g = geometry or Geometry()
+    body = discretise(sector_mesh(g, MeshDensity.preset(mesh)), material or Material())
+    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * g.pitch - 1e-9)
+    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
+    nothing = np.empty(0, int)
+    structure = CyclicSector(body, nothing, nothing, clamped, 1, 0)
+
+    # the underside as the blade has it: t1 up the slope like the damper's, the normal toward the ground
+    face = wedge_patches(g, "left", points)
+    patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
+    contact = sp.csr_matrix(averaging_matrix(body, patches))
+    top = g.ridge_radius + g.platform_edge_thickness
+    places = {
+        "tip": body.nearest_node(np.array([g.camber / 3.0, top + g.airfoil_height, 0.0])),
+        "platform": body.nearest_node(np.array([g.camber / 3.0, top, 0.0])),
+    }
+    blade = constrained_body(
+        "blade", (("platform", "a"),), lambda _: structure, contact, places, (0,), n_modes, damping_ratio, (0,)
+    )
+    return Model(
+        n_blades=1,
+        bodies={
+            "blade": blade,
+            "ground": Body("ground", "ground", (("platform", "b"),)),
+        },
+        interfaces={"platform": friction_face("platform", patches, "blade", "ground")},
+        locations=locations("blade", body, places),
+        meshes={"blade": surface_mesh(body, {0: structure.modes(n_modes)[1]})},
+        provenance=provenance("bdamper.fe.blade_to_ground.blade_to_ground", body),
+    )

@@ -1,0 +1,70 @@
+"""Parts that the finite element models have in common: faces, locations, surfaces, provenance."""
+
+from __future__ import annotations
+
+import datetime
+from collections.abc import Mapping
+
+import numpy as np
+import scipy
+import skfem
+from numpy.typing import NDArray
+
+from bdamper.fe.assemble import Discretisation
+from bdamper.fe.contact_points import surface_facets
+from bdamper.model import Interface, Location, SurfaceMesh
+from bdamper.reduction.patches import Patches
+
+PICTURE_MODES = 10
+"""Modes whose shapes on the surface are kept for pictures."""
+
+
+def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:
+    """Outer surface of a body as quadrilaterals of its corner nodes.
+
+    Parameters
+    ----------
+    body : Discretisation
+    shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
+        Modes to keep at the nodes of the surface.
+    """
+    quads = surface_facets(body).groups[0][:, :4]
+    points = body.mesh.p.T
+    used, compact = np.unique(quads, return_inverse=True)
+    modes = {}
+    for diameter, columns in (shapes or {}).items():
+        modes[diameter] = columns.reshape(-1, 3, columns.shape[1])[used][..., :PICTURE_MODES].copy()
+    return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
+
+
+def friction_face(name: str, patches: Patches, body_a: str, body_b: str) -> Interface:
+    """Friction interface without gap between two bodies of the same sector."""
+    return Interface(
+        name=name,
+        kind="friction",
+        body_a=body_a,
+        sector_a=0,
+        body_b=body_b,
+        sector_b=0,
+        points=patches.centre.copy(),
+        area=patches.area,
+        frame=np.array(patches.frame),
+        gap=np.zeros(len(patches.size)),
+    )
+
+
+def locations(name: str, body: Discretisation, places: Mapping[str, int]) -> dict[str, Location]:
+    """Named nodes of a body as locations."""
+    return {place: Location(place, name, body.nodes[node].copy()) for place, node in places.items()}
+
+
+def provenance(source: str, *bodies: Discretisation) -> dict[str, str]:
+    """What made a model."""
+    elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
+    return {
+        "source": source,
+        "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
+        "date": datetime.date.today().isoformat(),
+        "elements": f"{elements} 20-node hexahedra",
+        "rotor speed": "0 (no stress stiffening, no spin softening)",
+    }
