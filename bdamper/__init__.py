@@ -8,6 +8,7 @@ from bdamper.model import Model
 from bdamper.optimal import OptimalCurve, load_optimal_curve
 from bdamper.peaks import Peak, PeakOptions
 from bdamper.preload import PreloadState
+from bdamper.prescribed import prescribe_preload
 from bdamper.reference import reference_model
 from bdamper.response import Curve, Fold, load_curve
 from bdamper.study import Excitation, Response, Study
@@ -36,6 +37,7 @@ __all__ = [
     "load_curve",
     "load_model",
     "load_optimal_curve",
+    "prescribe_preload",
     "reference_model",
     "save_model",
 ]

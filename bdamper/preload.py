@@ -141,7 +141,8 @@ def _step(
     force = load * system.force + system.constant_force
     shift = load * system.shift
     G = system.G.reshape(-1, system.G.shape[2])
-    size = max(float(np.abs(force).max()), 1e-300)
+    at_rest = G.T @ _law(system, shift, w)[0].ravel()  # interference presses even without a load
+    size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), 1e-300)
 
     def residual(q: NDArray) -> tuple[NDArray, NDArray]:
         x = (G @ q).reshape(-1, 3) + shift
@@ -224,7 +225,9 @@ def static_state(
     first = state.load
     done, fraction = 0.0, 1.0 / steps
     target = load - first
-    if load == 0.0 and not np.any(system.constant_force):
+    if load == first:
+        fraction = 1.0
+    if load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
         return state if start is not None and start.load == 0.0 else _relaxed(system, state)
     while done < 1.0:
         now = min(1.0, done + fraction)

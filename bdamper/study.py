@@ -448,7 +448,8 @@ class Study:
                 bases, points, state, self._friction_points, constant_load=not self.variable_normal_load
             )
         vibration = float(np.abs(self._force_rows).max())
-        mean = max(float(np.abs(state.load * load).max()), vibration)
+        pressed = np.einsum("pdm,pd->m", self.bases[0].G.real, state.force)
+        mean = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
         scale = (mean or 1.0, vibration or mean or 1.0)
         system = HarmonicSystem(bases, points, force, self._response_rows, self.evaluation, scale)
         system.bases = self.bases  # linear springs are those of the points of the coupling

@@ -34,6 +34,7 @@ PYTHON_LEVELS = [
     {"response"},
     {"peaks"},
     {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
+    {"prescribed", "motion", "measured", "vtu"},
     {"plotting"},
 ]
 
