@@ -80,13 +80,9 @@ def body_axes(body: Body) -> NDArray:
     return np.array([x / np.linalg.norm(x), y, z])
 
 
-def standard_rigid_modes(model: Model, body: Body) -> Body:
-    """The same free body with its rigid-body modes turned into translations along and rotations about its own axes.
-
-    Rotations are about the principal axes of inertia nearest to X, Y, Z, through the centre of mass, so that the six
-    modes stay mass-normalised and orthogonal.
-    """
-    assert body.mass is not None and body.centre is not None and body.inertia is not None
+def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
+    """Principal moments (3,), kg m2, and axes (3, 3) in rows of a free body, in the order of its own X, Y, Z."""
+    assert body.inertia is not None
     axes = body_axes(body)
     moments, principal = np.linalg.eigh(body.inertia)
     rows = principal.T
@@ -97,8 +93,19 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
         if score > best + 1e-12:
             best, order = score, candidate
     turn = rows[order] * np.sign(np.einsum("ij,ij->i", rows[order], axes))[:, None]
-    translation = axes.T / np.sqrt(body.mass)
-    rotation = turn.T / np.sqrt(moments[order])
+    return moments[order], turn
+
+
+def standard_rigid_modes(model: Model, body: Body) -> Body:
+    """The same free body with its rigid-body modes turned into translations along and rotations about its own axes.
+
+    Rotations are about the principal axes of inertia nearest to X, Y, Z, through the centre of mass, so that the six
+    modes stay mass-normalised and orthogonal.
+    """
+    assert body.mass is not None and body.centre is not None
+    moments, turn = principal_axes(body)
+    translation = body_axes(body).T / np.sqrt(body.mass)
+    rotation = turn.T / np.sqrt(moments)
 
     basis = body.bases[0]
     points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])

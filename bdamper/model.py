@@ -251,6 +251,18 @@ class Model:
             start += n
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
+    def plot(self, path: Any = None, *, backend: str | None = None) -> Any:
+        """Bodies and contact points in 3-D, shown or written to a picture; see :func:`bdamper.plotting.plot_model`."""
+        from bdamper.plotting import plot_model
+
+        return plot_model(self, path, backend=backend)
+
+    def plot_mode(self, mode: int = 1, path: Any = None, **options: Any) -> Any:
+        """A mode of a blade in 3-D, counted from 1; see :func:`bdamper.plotting.plot_mode`."""
+        from bdamper.plotting import plot_mode
+
+        return plot_mode(self, mode, path, **options)
+
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
         """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.
 

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
 from bdamper.optimal import OptimalCurve
+from bdamper.errors import SettingError
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
@@ -238,3 +239,372 @@ def _unbroken(branch: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of points on one and the same branch."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(branch)) + 1, [len(branch)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts)]
+
+
+# ---- contact status ----
+
+STATUS_NAMES = ("stick", "slip", "open")
+STATUS_COLOURS = ("0.15", "#e6862a", "#cfe3ee")
+"""Dark, middle and light: told apart in grey as well."""
+
+
+def plot_status_bars(status: Any, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = "") -> Axes:
+    """Space-time bars: the state of chosen contact points over one period, as in Fig. 16 of the paper.
+
+    Parameters
+    ----------
+    status : ContactStatus
+    points : sequence of int
+        Indices of contact points, drawn from top to bottom.
+    ax : matplotlib axes, optional
+    direction : {0, 1}
+        Tangential direction t1 or t2.
+    title : str
+    """
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes(5.2, 0.9 + 0.32 * len(points))
+        for row, point in enumerate(points):
+            for start, end, state in status.parts[point][direction]:
+                for shift in (0.0, -2.0 * np.pi):  # the last part may pass the end of the period
+                    a, b = max(start + shift, 0.0), min(end + shift, 2.0 * np.pi)
+                    if b > a:
+                        ax.barh(row, (b - a) / (2.0 * np.pi), left=a / (2.0 * np.pi), height=0.62, linewidth=0.4,
+                                color=STATUS_COLOURS[state], edgecolor="0.2")
+        ax.set_yticks(range(len(points)), [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points])
+        ax.invert_yaxis()
+        ax.set_xlim(0.0, 1.0)
+        ax.set_xlabel("Time (periods)")
+        ax.grid(False)
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        _status_legend(ax)
+    return ax
+
+
+def _status_legend(ax: Axes) -> None:
+    from matplotlib.patches import Patch
+
+    handles = [Patch(facecolor=c, edgecolor="0.2", linewidth=0.4, label=n) for c, n in zip(STATUS_COLOURS, STATUS_NAMES)]
+    ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0)
+
+
+def _face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
+    """Places (n,) of contact points along t1 and t2 from the centre of their face (mm), and the spacing there."""
+    centred = points - points.mean(axis=0)
+    x, y = 1e3 * centred @ frame[0], 1e3 * centred @ frame[1]
+
+    def step(values: NDArray) -> float:
+        apart = np.diff(np.unique(np.round(values, 6)))
+        return float(apart.min()) if len(apart) else 1.0
+
+    return x, y, step(x), step(y)
+
+
+def plot_status_map(
+    status: Any,
+    model: Any,
+    interface: str,
+    ax: Axes | None = None,
+    *,
+    instant: int | None = None,
+    direction: int = 0,
+    title: str = "",
+) -> Axes:
+    """Map of a contact face: what every point does over the period (bars by share), or at one instant.
+
+    Parameters
+    ----------
+    status : ContactStatus
+    model : Model
+    interface : str
+    ax : matplotlib axes, optional
+    instant : int, optional
+        Index into ``status.theta``; without it each point is divided by the shares of the period that it sticks, slips
+        and is open.
+    direction : {0, 1}
+    title : str
+    """
+    from matplotlib.patches import Rectangle
+
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes(5.2, 2.4)
+        face, rows = model.interfaces[interface], status.rows(interface)
+        x, y, dx, dy = _face_coordinates(face.points, face.frame[0])
+        share = status.share
+        for i, row in enumerate(rows):
+            left, bottom, width, height = y[i] - 0.45 * dy, x[i] - 0.45 * dx, 0.9 * dy, 0.9 * dx
+            if instant is not None:
+                ax.add_patch(Rectangle((left, bottom), width, height, facecolor=STATUS_COLOURS[status.state[row, direction, instant]],
+                                       edgecolor="0.2", linewidth=0.4))
+                continue
+            for state in range(3):
+                part = width * share[row, direction, state]
+                ax.add_patch(Rectangle((left, bottom), part, height, facecolor=STATUS_COLOURS[state], linewidth=0.0))
+                left += part
+            ax.add_patch(Rectangle((y[i] - 0.45 * dy, bottom), width, height, fill=False, edgecolor="0.2", linewidth=0.4))
+        ax.set_xlim(y.min() - 0.6 * dy, y.max() + 0.6 * dy)
+        ax.set_ylim(x.min() - 0.6 * dx, x.max() + 0.6 * dx)
+        ax.set_aspect("equal")
+        ax.set_xlabel("Along the axis (mm)")
+        ax.set_ylabel("Along the slope (mm)")
+        ax.grid(False)
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        _status_legend(ax)
+    return ax
+
+
+def animate_damper(study: Any, unknowns: NDArray, preload: float, path: Any, *, body: str | None = None, frames: int = 36,
+                   scale: float | None = None) -> float:
+    """Write an animation (GIF) of the cross-section of a damper with the state of its contact points.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (n_unknowns,) float
+        Solution, for example ``curve.unknowns[curve.peak.index]``.
+    preload : float, N
+    path : path-like
+        Ends with ``.gif``.
+    body : str, optional
+        The only free body by default.
+    frames : int
+        Pictures of one period.
+    scale : float, optional
+        Magnification of displacements; by default such that the largest is a tenth of the damper's height.
+
+    Returns
+    -------
+    float
+        The magnification.
+    """
+    from matplotlib.animation import PillowWriter
+
+    from bdamper.motion import contact_status, rigid_motion, surface_motion
+
+    model = study.model
+    name = rigid_motion(study, unknowns, body).body
+    part, mesh = model.bodies[name], model.meshes[name]
+    motion = surface_motion(study, unknowns)[name]
+    status = contact_status(study, unknowns, preload, frames)
+    y_axis = np.array([0.0, 1.0, 0.0]) if part.load is None else part.load.direction
+    x_axis = np.cross(y_axis, [0.0, 0.0, 1.0])
+    plane = np.stack([x_axis, y_axis], axis=1)
+    from scipy.spatial import ConvexHull
+
+    front = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
+    outline = front[ConvexHull((mesh.points[front] - part.centre) @ plane).vertices]
+    height = 1e3 * float(np.ptp((mesh.points @ plane)[:, 1]))
+    if scale is None:
+        largest = 1e3 * float(np.abs(motion.amplitude).max())
+        scale = 0.1 * height / max(largest, 1e-300)
+    faces = [port for port, _ in part.ports if model.interfaces[port].kind == "friction"]
+    with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
+        figure, (ax, *maps) = plt.subplots(
+            1, 1 + len(faces), figsize=(3.0 + 1.7 * len(faces), 3.2), width_ratios=[2.4] + [1.0] * len(faces)
+        )
+        figure.subplots_adjust(left=0.08, right=0.99, bottom=0.16, top=0.84, wspace=0.35)
+        figure.text(0.5, 0.965, "contact points: dark stick, orange slip, light open", ha="center", va="top", fontsize=8.0)
+        rest = 1e3 * (mesh.points[outline] - part.centre) @ plane
+        ax.fill(*rest.T, facecolor="none", edgecolor="0.6", linewidth=0.8, linestyle=":")
+        (shape,) = ax.fill(*rest.T, facecolor="0.85", edgecolor="0.2", linewidth=0.9)
+        dots = []
+        for port in faces:
+            places = 1e3 * (model.interfaces[port].points - part.centre) @ plane
+            dots.append(ax.scatter(*places.T, s=14, edgecolors="0.2", linewidths=0.4, zorder=3))
+        margin = 0.12 * height + 1e3 * scale * float(np.abs(motion.amplitude).max())
+        ax.set_aspect("equal")
+        ax.set_xlim(rest[:, 0].min() - margin, rest[:, 0].max() + margin)
+        ax.set_ylim(rest[:, 1].min() - margin, rest[:, 1].max() + margin)
+        ax.set_xlabel("X (mm)")
+        ax.set_ylabel("Y (mm)")
+        for panel, port in zip(maps, faces):
+            plot_status_map(status, model, port, panel, instant=0, title=port)
+            panel.set_aspect("auto")
+            panel.get_legend().remove()
+            panel.set_xlabel("Axis (mm)")
+            panel.set_ylabel("Slope (mm)" if panel is maps[0] else "")
+        writer = PillowWriter(fps=12)
+        with writer.saving(figure, path, dpi=90):
+            for k in range(frames):
+                # the mean position is static: only the vibration is magnified
+                now = motion.points + scale * (motion.amplitude * np.exp(1j * status.theta[k])).real
+                shape.set_xy(1e3 * (now[outline] - part.centre) @ plane)
+                ax.set_title(f"vibration x {scale:.0f}, phase {360 * k // frames} deg", fontsize=8.0)
+                for dot, panel, port in zip(dots, maps, faces):
+                    colour = [STATUS_COLOURS[s] for s in status.state[status.rows(port), 0, k]]
+                    dot.set_facecolor(colour)
+                    for patch, one in zip(panel.patches, colour):
+                        patch.set_facecolor(one)
+                writer.grab_frame()
+        plt.close(figure)
+    return scale
+
+
+# ---- structures in 3-D ----
+
+
+def _parts_to_show(model: Any) -> list[tuple[str, int]]:
+    """Bodies with a surface and the sectors in which the interfaces show them."""
+    places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
+    places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    return sorted(place for place in places if place[0] in model.meshes)
+
+
+def _sector_turn(model: Any, sector: int) -> NDArray:
+    angle = 2.0 * np.pi * sector / model.n_blades
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def plot_surfaces(
+    surfaces: Sequence[tuple[NDArray, NDArray, Any]],
+    points: NDArray | None = None,
+    path: Any = None,
+    *,
+    backend: str | None = None,
+    title: str = "",
+) -> Any:
+    """Draw surfaces of quadrilaterals in 3-D.
+
+    Parameters
+    ----------
+    surfaces : sequence of (points (n, 3), quads (m, 4), colour)
+        The colour is a matplotlib colour, alone or with its opacity, or a value for each point (n,).
+    points : (k, 3) float, optional
+        Marked by dots.
+    path : path-like, optional
+        Where to write a picture; nothing is shown then.
+    backend : {"pyvista", "matplotlib"}, optional
+        pyvista (extra ``bdamper[viz]``) if it is installed.
+    title : str
+
+    Returns
+    -------
+    pyvista.Plotter or matplotlib axes
+    """
+    if backend is None:
+        from importlib.util import find_spec
+
+        backend = "pyvista" if find_spec("pyvista") else "matplotlib"
+    draw = {"pyvista": _surfaces_pyvista, "matplotlib": _surfaces_matplotlib}.get(backend)
+    if draw is None:
+        raise SettingError(f'backend: expected "pyvista" or "matplotlib", found {backend!r}')
+    return draw(surfaces, points, path, title)
+
+
+def _surfaces_pyvista(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str) -> Any:
+    import pyvista
+
+    plotter = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
+    plotter.set_background("white")
+    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
+    for place, quads, colour in surfaces:
+        faces = np.hstack([np.full((len(quads), 1), 4), quads]).ravel()
+        mesh = pyvista.PolyData(np.asarray(place, float), faces)
+        if isinstance(colour, np.ndarray):
+            mesh["amplitude"] = colour
+            plotter.add_mesh(mesh, scalars="amplitude", cmap="viridis", clim=[0.0, top], show_edges=False,
+                             scalar_bar_args={"title": "amplitude", "color": "black"})
+        else:
+            colour, opacity = colour if isinstance(colour, tuple) else (colour, 1.0)
+            plotter.add_mesh(mesh, color=colour, opacity=opacity, show_edges=True, edge_color="#808080", line_width=0.5)
+    if points is not None and len(points):
+        plotter.add_points(np.asarray(points, float), color="#c0392b", point_size=7, render_points_as_spheres=True)
+    if title:
+        plotter.add_text(title, font_size=10, color="black")
+    plotter.view_vector((0.9, 0.35, 0.9), viewup=(0.0, 1.0, 0.0))
+    plotter.camera.zoom(1.05)
+    if path is not None:
+        plotter.screenshot(str(path))
+    return plotter
+
+
+def _surfaces_matplotlib(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str) -> Any:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    # the picture's axes are (Z, X, Y): Y up
+    with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
+        figure = plt.figure(figsize=(4.2, 5.0))
+        ax = figure.add_subplot(projection="3d")
+        top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+        for place, quads, colour in surfaces:
+            corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
+            if isinstance(colour, np.ndarray):
+                face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top)
+            else:
+                face = colour
+            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15))
+        if points is not None and len(points):
+            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
+        every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
+        low, high = every.min(axis=0), every.max(axis=0)
+        for setter, a, b in zip((ax.set_xlim, ax.set_ylim, ax.set_zlim), low, high):
+            setter(a, b)
+        ax.set_box_aspect(high - low)
+        ax.set_xlabel("Z (mm)")
+        ax.set_ylabel("X (mm)")
+        ax.set_zlabel("Y (mm)")
+        ax.view_init(elev=18.0, azim=-40.0)
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        if path is not None:
+            save_figure(figure, path)
+    return ax
+
+
+def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> Any:
+    """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
+    tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}  # blades are transparent
+    surfaces = [
+        (model.meshes[name].points @ _sector_turn(model, sector).T, model.meshes[name].quads, tint[model.bodies[name].kind])
+        for name, sector in _parts_to_show(model)
+    ]
+    if not surfaces:
+        raise SettingError("plot of a model: expected at least one body with a mesh, found none")
+    points = np.concatenate([face.points for face in model.interfaces.values()])
+    return plot_surfaces(surfaces, points, path, backend=backend)
+
+
+def plot_mode(model: Any, mode: int = 1, path: Any = None, *, body: str | None = None, nodal_diameter: int | None = None,
+              phase: float = 0.0, scale: float | None = None, backend: str | None = None) -> Any:
+    """A mode of a constrained body in 3-D: deformed, coloured by the size of its amplitude.
+
+    Parameters
+    ----------
+    model : Model
+    mode : int
+        From 1.
+    path : path-like, optional
+    body, nodal_diameter : optional
+        The first that carry shapes.
+    phase : float, rad
+    scale : float, optional
+        Magnification; by default the largest displacement is a twelfth of the body's size.
+    backend : {"pyvista", "matplotlib"}, optional
+    """
+    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
+    body = carriers[0] if body is None and carriers else body
+    if body not in carriers:
+        raise SettingError(f"plot of a mode: expected a body with mode shapes out of {carriers}, found {body!r}")
+    mesh = model.meshes[body]
+    d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
+    shapes = mesh.modes.get(d)
+    if shapes is None or not 1 <= mode <= shapes.shape[2]:
+        have = {key: value.shape[2] for key, value in mesh.modes.items()}
+        raise SettingError(f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
+                           f"found mode {mode} of nodal diameter {d}")
+    shape = shapes[..., mode - 1]
+    if scale is None:
+        scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
+    surfaces = []
+    for name, sector in _parts_to_show(model):
+        if name == body:
+            turn = _sector_turn(model, sector)
+            wave = np.exp(1j * (phase + 2.0 * np.pi * d * sector / model.n_blades))
+            moved = mesh.points + scale * (shape * wave).real
+            surfaces.append((moved @ turn.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+    frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
+    return plot_surfaces(surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
