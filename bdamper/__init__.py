@@ -2,6 +2,7 @@
 
 from bdamper.continuation import ContinuationOptions
 from bdamper.effects import Effects
+from bdamper.coupling import RIGID_NAMES
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.io import load_model, save_model
 from bdamper.model import Model
@@ -17,6 +18,7 @@ from bdamper.system import Cost, Sampled
 __version__ = "0.1.0"
 
 __all__ = [
+    "RIGID_NAMES",
     "BdamperError",
     "ContinuationOptions",
     "Cost",

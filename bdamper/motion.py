@@ -172,8 +172,9 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
                 state[i, d, (theta - start) % (2.0 * np.pi) < end - start] = kind
             both.append(tuple(merged))
         parts.append(tuple(both))
-    names = tuple(name for name in study.coupling.interfaces for _ in range(study.model.interfaces[name].n_points))
-    points = np.concatenate([study.model.interfaces[name].points for name in study.coupling.interfaces])
+    model = study.coupling.model  # with united contact points, if the study asks for that
+    names = tuple(name for name in study.coupling.interfaces for _ in range(model.interfaces[name].n_points))
+    points = np.concatenate([model.interfaces[name].points for name in study.coupling.interfaces])
     return ContactStatus(points, names, theta, state, normal, tuple(parts))
 
 

@@ -290,9 +290,10 @@ def _status_legend(ax: Axes) -> None:
 
 
 def _face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray, float, float]:
-    """Places (n,) of contact points along t1 and t2 from the centre of their face (mm), and the spacing there."""
+    """Places (n,) of contact points outward along t1 and along Z, from the centre of their face (mm), and the spacing."""
     centred = points - points.mean(axis=0)
-    x, y = 1e3 * centred @ frame[0], 1e3 * centred @ frame[1]
+    outward = 1.0 if frame[0] @ (points.mean(axis=0) * [1.0, 1.0, 0.0]) >= 0.0 else -1.0
+    x, y = 1e3 * outward * centred @ frame[0], 1e3 * np.sign(frame[1, 2] or 1.0) * centred @ frame[1]
 
     def step(values: NDArray) -> float:
         apart = np.diff(np.unique(np.round(values, 6)))
@@ -348,7 +349,7 @@ def plot_status_map(
         ax.set_ylim(x.min() - 0.6 * dx, x.max() + 0.6 * dx)
         ax.set_aspect("equal")
         ax.set_xlabel("Along the axis (mm)")
-        ax.set_ylabel("Along the slope (mm)")
+        ax.set_ylabel("Outward (mm)")
         ax.grid(False)
         if title:
             ax.set_title(title, fontsize=9.0)
@@ -425,7 +426,7 @@ def animate_damper(study: Any, unknowns: NDArray, preload: float, path: Any, *, 
             panel.set_aspect("auto")
             panel.get_legend().remove()
             panel.set_xlabel("Axis (mm)")
-            panel.set_ylabel("Slope (mm)" if panel is maps[0] else "")
+            panel.set_ylabel("Outward (mm)" if panel is maps[0] else "")
         writer = PillowWriter(fps=12)
         with writer.saving(figure, path, dpi=90):
             for k in range(frames):
@@ -498,7 +499,7 @@ def plot_surfaces(
 def _surfaces_pyvista(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str) -> Any:
     import pyvista
 
-    plotter = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
+    plotter: Any = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
     plotter.set_background("white")
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
     for place, quads, colour in surfaces:
@@ -608,3 +609,83 @@ def plot_mode(model: Any, mode: int = 1, path: Any = None, *, body: str | None =
             surfaces.append((moved @ turn.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
     return plot_surfaces(surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+
+
+def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDArray, *, title: str = "") -> Any:
+    """Rigid-body motion of a damper over preload: modal coefficients, metres and radians, as in Figs 12 and 13 of the paper.
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    modal, physical : (n, 6) float
+        Sizes of the modal coefficients (kg^1/2 m), and of translations (m) and rotations (rad).
+    axes : three matplotlib axes
+    title : str
+    """
+    names = ("X translation", "Y translation", "Z translation", "X rotation", "Y rotation", "Z rotation")
+    panels = (
+        (modal, range(6), "Modal coefficient (kg$^{1/2}$ m)", 1.0),
+        (physical, range(3), "Translation (µm)", 1e6),
+        (physical, range(3, 6), "Rotation (mrad)", 1e3),
+    )
+    grey = colours(3)
+    with plt.rc_context(PAPER):
+        for ax, (values, columns, label, unit) in zip(axes, panels):
+            for k in columns:
+                ax.loglog(preload, unit * np.maximum(values[:, k], 1e-300), color=grey[k % 3], linestyle="-" if k < 3 else "--",
+                          marker=MARKERS[k], markersize=3.2, markevery=2, label=names[k])
+            shown = unit * values[:, list(columns)]
+            top = float(shown.max())
+            ax.set_ylim(max(float(shown[shown > 0.0].min()), 1e-5 * top) / 2.0, 2.0 * top)
+            ax.set_xlabel("Preload (N)")
+            ax.set_ylabel(label)
+            ax.grid(True, color="0.9")
+        axes[1].legend(*axes[0].get_legend_handles_labels(), ncols=6, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+        axes[1].set_title(title, fontsize=9.0)
+    return axes
+
+
+def plot_points_3d(model: Any, path: Any, values: NDArray, *, label: str = "") -> None:
+    """Bodies as a wire picture and a value at each friction point, seen along the axis and on the face.
+
+    Parameters
+    ----------
+    model : Model
+    path : path-like
+    values : (n_points,) float
+        Of the first interface.
+    label : str
+        Of the colour bar.
+    """
+    face = next(iter(model.interfaces.values()))
+    with plt.rc_context(PAPER):
+        figure, (ax, on_face) = plt.subplots(1, 2, figsize=(7.0, 3.4), width_ratios=[1.0, 1.4])
+        for name, sector in _parts_to_show(model):
+            mesh = model.meshes[name]
+            corner = 1e3 * (mesh.points @ _sector_turn(model, sector).T)
+            front = mesh.quads[corner[mesh.quads, 2].min(axis=1) > corner[:, 2].max() - 1.0]
+            for quad in front:
+                ax.fill(*corner[quad, :2].T, facecolor="0.9", edgecolor="0.6", linewidth=0.3)
+        points = 1e3 * face.points
+        near = 12.0
+        ax.plot(points[:, 0], points[:, 1], "k.", markersize=3.0)
+        tangent = face.frame[0, 0]
+        ends = 1e3 * face.points.mean(axis=0) + np.outer([-9.0, 9.0], tangent) + 0.4 * face.frame[0, 2]
+        ax.plot(ends[:, 0], ends[:, 1], color="k", linewidth=1.6)
+        ax.annotate("ground", ends[0, :2], textcoords="offset points", xytext=(4, -10), fontsize=8.0)
+        ax.set_xlim(points[:, 0].min() - near - 8.0, points[:, 0].max() + near)
+        ax.set_ylim(points[:, 1].min() - near - 4.0, points[:, 1].max() + near)
+        ax.set_aspect("equal")
+        ax.set_xlabel("X (mm)")
+        ax.set_ylabel("Y (mm)")
+        x, y, _, _ = _face_coordinates(face.points, face.frame[0])
+        size = float(np.abs(values).max())
+        dots = on_face.scatter(y, x, c=values, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5)
+        closed = values > 0.0
+        on_face.scatter(y[~closed], x[~closed], marker="x", s=30.0, c="w")
+        on_face.set_xlabel("Along the axis (mm)")
+        on_face.set_ylabel("Outward (mm)")
+        on_face.set_aspect("equal")
+        on_face.set_title("crosses: a gap at rest", fontsize=8.0)
+        figure.colorbar(dots, ax=on_face, orientation="horizontal", label=label)
+    save_figure(figure, path)

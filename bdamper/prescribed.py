@@ -48,6 +48,8 @@ def prescribe_preload(
         If an interface does not exist, a load is not finite or has the wrong shape, a point has no normal stiffness, or
         the structure at rest cannot be found.
     """
+    if study.contact_points is not None:
+        raise SettingError(f"prescribed loads: expected contact_points=None, found {study.contact_points}")
     names = study.coupling.interfaces
     kn = study._k[:, 2]
     target = -kn * study._gap
@@ -71,7 +73,7 @@ def prescribe_preload(
         free = [body.name for body in study.model.bodies.values() if body.kind == "free"]
         if free:
             raise SettingError(f"prescribed loads: expected no free body (or settled=False), found {free}")
-        basis = study.bases[0]
+        basis = study._static_basis
         # a normal spring that is all but missing keeps N at its prescribed value while the structure moves
         soft = StaticSystem(
             basis.omega2,

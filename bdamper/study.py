@@ -448,7 +448,7 @@ class Study:
                 bases, points, state, self._friction_points, constant_load=not self.variable_normal_load
             )
         vibration = float(np.abs(self._force_rows).max())
-        pressed = np.einsum("pdm,pd->m", self.bases[0].G.real, state.force)
+        pressed = np.einsum("pdm,pd->m", self._static_basis.G.real, state.force)
         mean = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
         scale = (mean or 1.0, vibration or mean or 1.0)
         system = HarmonicSystem(bases, points, force, self._response_rows, self.evaluation, scale)

@@ -1,0 +1,71 @@
+"""Rigid-body motion of the damper over preload, mean and vibratory (Figs 12 and 13 of the paper).
+
+The paper plots modal coefficients of mass-normalised rigid-body modes.  They are shown here, and beside them the same in
+metres and radians at the damper: a translation divided by the root of its mass, a rotation by the root of its moment of
+inertia.  Taken at the resonance of mode 1 for each preload.
+
+Vibration: the coefficients come in the order of the paper at every preload, X translation, Z rotation, Y translation.
+
+Mean: X and Y translation and Z rotation contribute at low load, Y translation takes over at high load, as in the paper.
+One thing is different: at low load the mean of the axial (Z) translation is large, up to the clearance of the end faces.
+Where every point slips in the axial direction within the period, friction does not hold the mean position any more: the
+damper walks until a front or back face touches.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import bdamper as bd
+from bdamper.motion import rigid_motion
+from bdamper.plotting import plot_rigid_motion, save_figure
+
+PRELOADS = tuple(float(p) for p in np.geomspace(50.0, 25e3, 19))
+BAND = (270.0, 370.0)
+
+
+def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS) -> dict[str, np.ndarray]:
+    """Compute and draw the figures.
+
+    Returns
+    -------
+    dict
+        ``preload`` (n,), ``bias`` and ``vibratory`` (n, 6) in m and rad, ``modal_bias`` and ``modal_vibratory`` (n, 6).
+    """
+    figures.mkdir(parents=True, exist_ok=True)
+    study = bd.Study(
+        bd.reference_model("bladed_disk", contact_points=24),
+        engine_order=5,
+        friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+    )
+    columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
+    print(f"{'preload':>10}{'X (um)':>9}{'Y (um)':>9}{'Z (um)':>9}{'about X, Y, Z (mrad)':>27}   order of the modal coefficients")
+    for preload in preloads:
+        curve = study.track(preload=preload, frequency=BAND)
+        motion = rigid_motion(study, curve.unknowns[curve.peak.index])
+        modal = np.abs(motion.modal_vibratory[0])
+        for name, value in zip(columns, (motion.bias, motion.amplitude, motion.modal_bias, modal)):
+            columns[name].append(value)
+        order = [bd.RIGID_NAMES[k] for k in np.argsort(-modal)[:3]]
+        um, mrad = 1e6 * motion.amplitude[:3], 1e3 * motion.amplitude[3:]
+        print(f"{preload:>8.0f} N" + "".join(f"{v:9.3f}" for v in (*um, *mrad)) + "   " + " > ".join(order))
+    out = {"preload": np.array(preloads), **{name: np.array(rows) for name, rows in columns.items()}}
+    for name, title, file in (
+        ("bias", "Mean position at resonance", "fig12_rigid_motion_mean.png"),
+        ("vibratory", "Vibration at resonance", "fig13_rigid_motion_vibration.png"),
+    ):
+        figure, axes = plt.subplots(1, 3, figsize=(9.0, 3.2), layout="constrained")
+        plot_rigid_motion(out["preload"], np.abs(out["modal_" + name]), axes, np.abs(out[name]), title=title)
+        save_figure(figure, figures / file)
+    return out
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
+    main(parser.parse_args().figures)
