@@ -1,8 +1,8 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
 from bdamper.continuation import ContinuationOptions
-from bdamper.effects import Effects
 from bdamper.coupling import RIGID_NAMES
+from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.io import load_model, save_model
 from bdamper.model import Model

@@ -85,7 +85,9 @@ def load_measured(path: str | PathLike[str]) -> Measured:
         raise BdamperError(f"{path}: expected a header and rows of numbers, found nothing")
     head = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
     if "load" not in head or not {"amplitude", "frequency"} & set(head):
-        raise BdamperError(f"{path}, line {lines[0][0]}: expected the columns {COLUMNS} (one of the last two), found {head}")
+        raise BdamperError(
+            f"{path}, line {lines[0][0]}: expected the columns {COLUMNS} (one of the last two), found {head}"
+        )
     values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
     for number, line in lines[1:]:
         row = next(csv.reader([line]))
@@ -94,7 +96,9 @@ def load_measured(path: str | PathLike[str]) -> Measured:
             try:
                 value = float(text) if text else np.nan
             except ValueError as error:
-                raise BdamperError(f"{path}, line {number}: expected a number in column '{name}', found '{text}'") from error
+                raise BdamperError(
+                    f"{path}, line {number}: expected a number in column '{name}', found '{text}'"
+                ) from error
             values[name].append(value)
     load = np.array(values["load"])
     if not len(load) or not np.isfinite(load).all() or np.any(load <= 0.0):

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bdamper.io.import_report import ImportReport
 from bdamper.optimal import OptimalCurve
 from bdamper.errors import SettingError
+from bdamper.io.import_report import ImportReport
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
@@ -248,7 +249,9 @@ STATUS_COLOURS = ("0.15", "#e6862a", "#cfe3ee")
 """Dark, middle and light: told apart in grey as well."""
 
 
-def plot_status_bars(status: Any, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = "") -> Axes:
+def plot_status_bars(
+    status: Any, points: Sequence[int], ax: Axes | None = None, *, direction: int = 0, title: str = ""
+) -> Axes:
     """Space-time bars: the state of chosen contact points over one period, as in Fig. 16 of the paper.
 
     Parameters
@@ -269,9 +272,18 @@ def plot_status_bars(status: Any, points: Sequence[int], ax: Axes | None = None,
                 for shift in (0.0, -2.0 * np.pi):  # the last part may pass the end of the period
                     a, b = max(start + shift, 0.0), min(end + shift, 2.0 * np.pi)
                     if b > a:
-                        ax.barh(row, (b - a) / (2.0 * np.pi), left=a / (2.0 * np.pi), height=0.62, linewidth=0.4,
-                                color=STATUS_COLOURS[state], edgecolor="0.2")
-        ax.set_yticks(range(len(points)), [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points])
+                        ax.barh(
+                            row,
+                            (b - a) / (2.0 * np.pi),
+                            left=a / (2.0 * np.pi),
+                            height=0.62,
+                            linewidth=0.4,
+                            color=STATUS_COLOURS[state],
+                            edgecolor="0.2",
+                        )
+        ax.set_yticks(
+            range(len(points)), [f"{status.interface[p]} {p - status.rows(status.interface[p])[0] + 1}" for p in points]
+        )
         ax.invert_yaxis()
         ax.set_xlim(0.0, 1.0)
         ax.set_xlabel("Time (periods)")
@@ -337,8 +349,16 @@ def plot_status_map(
         for i, row in enumerate(rows):
             left, bottom, width, height = y[i] - 0.45 * dy, x[i] - 0.45 * dx, 0.9 * dy, 0.9 * dx
             if instant is not None:
-                ax.add_patch(Rectangle((left, bottom), width, height, facecolor=STATUS_COLOURS[status.state[row, direction, instant]],
-                                       edgecolor="0.2", linewidth=0.4))
+                ax.add_patch(
+                    Rectangle(
+                        (left, bottom),
+                        width,
+                        height,
+                        facecolor=STATUS_COLOURS[status.state[row, direction, instant]],
+                        edgecolor="0.2",
+                        linewidth=0.4,
+                    )
+                )
                 continue
             for state in range(3):
                 part = width * share[row, direction, state]
@@ -357,8 +377,16 @@ def plot_status_map(
     return ax
 
 
-def animate_damper(study: Any, unknowns: NDArray, preload: float, path: Any, *, body: str | None = None, frames: int = 36,
-                   scale: float | None = None) -> float:
+def animate_damper(
+    study: Any,
+    unknowns: NDArray,
+    preload: float,
+    path: Any,
+    *,
+    body: str | None = None,
+    frames: int = 36,
+    scale: float | None = None,
+) -> float:
     """Write an animation (GIF) of the cross-section of a damper with the state of its contact points.
 
     Parameters
@@ -496,7 +524,9 @@ def plot_surfaces(
     return draw(surfaces, points, path, title)
 
 
-def _surfaces_pyvista(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str) -> Any:
+def _surfaces_pyvista(
+    surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str
+) -> Any:
     import pyvista
 
     plotter: Any = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
@@ -507,8 +537,14 @@ def _surfaces_pyvista(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: 
         mesh = pyvista.PolyData(np.asarray(place, float), faces)
         if isinstance(colour, np.ndarray):
             mesh["amplitude"] = colour
-            plotter.add_mesh(mesh, scalars="amplitude", cmap="viridis", clim=[0.0, top], show_edges=False,
-                             scalar_bar_args={"title": "amplitude", "color": "black"})
+            plotter.add_mesh(
+                mesh,
+                scalars="amplitude",
+                cmap="viridis",
+                clim=[0.0, top],
+                show_edges=False,
+                scalar_bar_args={"title": "amplitude", "color": "black"},
+            )
         else:
             colour, opacity = colour if isinstance(colour, tuple) else (colour, 1.0)
             plotter.add_mesh(mesh, color=colour, opacity=opacity, show_edges=True, edge_color="#808080", line_width=0.5)
@@ -523,7 +559,9 @@ def _surfaces_pyvista(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: 
     return plotter
 
 
-def _surfaces_matplotlib(surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str) -> Any:
+def _surfaces_matplotlib(
+    surfaces: Sequence[tuple[NDArray, NDArray, Any]], points: NDArray | None, path: Any, title: str
+) -> Any:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     # the picture's axes are (Z, X, Y): Y up
@@ -558,7 +596,11 @@ def _surfaces_matplotlib(surfaces: Sequence[tuple[NDArray, NDArray, Any]], point
 
 def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> Any:
     """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
-    tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}  # blades are transparent
+    tint = {
+        "constrained": ("#b9c6d2", 0.35),
+        "free": ("#e8b563", 1.0),
+        "ground": ("#cccccc", 1.0),
+    }  # blades are transparent
     surfaces = [
         (model.meshes[name].points @ _sector_turn(model, sector).T, model.meshes[name].quads, tint[model.bodies[name].kind])
         for name, sector in _parts_to_show(model)
@@ -569,8 +611,17 @@ def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> A
     return plot_surfaces(surfaces, points, path, backend=backend)
 
 
-def plot_mode(model: Any, mode: int = 1, path: Any = None, *, body: str | None = None, nodal_diameter: int | None = None,
-              phase: float = 0.0, scale: float | None = None, backend: str | None = None) -> Any:
+def plot_mode(
+    model: Any,
+    mode: int = 1,
+    path: Any = None,
+    *,
+    body: str | None = None,
+    nodal_diameter: int | None = None,
+    phase: float = 0.0,
+    scale: float | None = None,
+    backend: str | None = None,
+) -> Any:
     """A mode of a constrained body in 3-D: deformed, coloured by the size of its amplitude.
 
     Parameters
@@ -595,8 +646,10 @@ def plot_mode(model: Any, mode: int = 1, path: Any = None, *, body: str | None =
     shapes = mesh.modes.get(d)
     if shapes is None or not 1 <= mode <= shapes.shape[2]:
         have = {key: value.shape[2] for key, value in mesh.modes.items()}
-        raise SettingError(f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
-                           f"found mode {mode} of nodal diameter {d}")
+        raise SettingError(
+            f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
+            f"found mode {mode} of nodal diameter {d}"
+        )
     shape = shapes[..., mode - 1]
     if scale is None:
         scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
@@ -608,11 +661,13 @@ def plot_mode(model: Any, mode: int = 1, path: Any = None, *, body: str | None =
             moved = mesh.points + scale * (shape * wave).real
             surfaces.append((moved @ turn.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
-    return plot_surfaces(surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
+    return plot_surfaces(
+        surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz"
+    )
 
 
 def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDArray, *, title: str = "") -> Any:
-    """Rigid-body motion of a damper over preload: modal coefficients, metres and radians, as in Figs 12 and 13 of the paper.
+    """Rigid-body motion of a damper over preload: modal coefficients, metres and radians (Figs 12 and 13 of the paper).
 
     Parameters
     ----------
@@ -632,15 +687,25 @@ def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDA
     with plt.rc_context(PAPER):
         for ax, (values, columns, label, unit) in zip(axes, panels):
             for k in columns:
-                ax.loglog(preload, unit * np.maximum(values[:, k], 1e-300), color=grey[k % 3], linestyle="-" if k < 3 else "--",
-                          marker=MARKERS[k], markersize=3.2, markevery=2, label=names[k])
+                ax.loglog(
+                    preload,
+                    unit * np.maximum(values[:, k], 1e-300),
+                    color=grey[k % 3],
+                    linestyle="-" if k < 3 else "--",
+                    marker=MARKERS[k],
+                    markersize=3.2,
+                    markevery=2,
+                    label=names[k],
+                )
             shown = unit * values[:, list(columns)]
             top = float(shown.max())
             ax.set_ylim(max(float(shown[shown > 0.0].min()), 1e-5 * top) / 2.0, 2.0 * top)
             ax.set_xlabel("Preload (N)")
             ax.set_ylabel(label)
             ax.grid(True, color="0.9")
-        axes[1].legend(*axes[0].get_legend_handles_labels(), ncols=6, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.2))
+        axes[1].legend(
+            *axes[0].get_legend_handles_labels(), ncols=6, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.2)
+        )
         axes[1].set_title(title, fontsize=9.0)
     return axes
 
@@ -680,7 +745,9 @@ def plot_points_3d(model: Any, path: Any, values: NDArray, *, label: str = "") -
         ax.set_ylabel("Y (mm)")
         x, y, _, _ = _face_coordinates(face.points, face.frame[0])
         size = float(np.abs(values).max())
-        dots = on_face.scatter(y, x, c=values, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5)
+        dots = on_face.scatter(
+            y, x, c=values, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5
+        )
         closed = values > 0.0
         on_face.scatter(y[~closed], x[~closed], marker="x", s=30.0, c="w")
         on_face.set_xlabel("Along the axis (mm)")

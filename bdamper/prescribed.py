@@ -22,9 +22,7 @@ from bdamper.preload import StaticSystem, static_state
 from bdamper.study import Study
 
 
-def prescribe_preload(
-    study: Study, loads: Mapping[str, float | NDArray], *, settled: bool = True
-) -> Study:
+def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> Study:
     """The same study with prescribed normal loads and gaps at rest; use it with ``preload=0``.
 
     Parameters

@@ -23,7 +23,9 @@ def _meshio() -> Any:
     return meshio
 
 
-def export_modes(model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None) -> Path:
+def export_modes(
+    model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None
+) -> Path:
     """Write the mode shapes on the surface of a body, one pair of vector fields (real, imaginary) for each mode.
 
     Parameters
@@ -49,7 +51,9 @@ def export_modes(model: Model, path: str | PathLike[str], body: str | None = Non
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
     if body not in carriers:
-        raise SettingError(f"export of modes: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
+        raise SettingError(
+            f"export of modes: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}"
+        )
     mesh = model.meshes[body]
     d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
     if d not in mesh.modes:

@@ -44,7 +44,9 @@ def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
     )
     columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
-    print(f"{'preload':>10}{'X (um)':>9}{'Y (um)':>9}{'Z (um)':>9}{'about X, Y, Z (mrad)':>27}   order of the modal coefficients")
+    print(
+        f"{'preload':>10}{'X (um)':>9}{'Y (um)':>9}{'Z (um)':>9}{'about X, Y, Z (mrad)':>27}  order of modal coefficients"
+    )
     for preload in preloads:
         curve = study.track(preload=preload, frequency=BAND)
         motion = rigid_motion(study, curve.unknowns[curve.peak.index])

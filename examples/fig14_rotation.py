@@ -1,9 +1,9 @@
 """What the rotation of the damper does: with and without its rotational modes at four preloads (Fig. 14 of the paper).
 
-The paper: without rotation the amplitude is underestimated, the frequency shift overestimated, and the jumps vanish.  On the
-reference model the shift is overestimated and no jump is left at all four preloads; the amplitude is underestimated at
+The paper: without rotation the amplitude is underestimated, the frequency shift overestimated, and the jumps vanish.  On
+the reference model the shift is overestimated and no jump is left at all four preloads; the amplitude is underestimated at
 100 N (by a factor of 8), 200 N and 1 kN.  At 10 kN it is not: the damper that only translates is all but stuck there, while
-the one that turns still slips at a few per cent of its points and is damped by it.
+the one that turns still slips at some of its points and is damped by it.
 """
 
 from __future__ import annotations

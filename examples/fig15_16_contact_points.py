@@ -8,7 +8,8 @@ number of points.  With four rows the amplitude is the higher one at 200 N and 1
 at 100 N, where the faces are open for nine tenths of the period, it is lower by 13 %.
 
 Fig. 16: the state of contact points over the period at the resonance under 5 kN, as space-time bars and as a map of each
-face: the row next to the ridge opens, the middle one slips on the left, the others stick.  Partial slip is the rule, and it depends on the place.
+face: the row next to the ridge opens, the middle one slips on the left, the others stick.  Partial slip is the rule, and it
+depends on the place.
 
 The animation shows the damper's motion with the state of its contacts.
 """
@@ -77,7 +78,9 @@ def main(
     save_figure(figure, figures / "fig16_status_maps.png")
     scale = animate_damper(study, solution, STATUS_PRELOAD, figures / "fig16_damper.gif", frames=frames)
     share = status.share[[*status.rows("left"), *status.rows("right")]].mean(axis=(0, 1))
-    print(f"at {title}: stick {share[0]:.3f}, slip {share[1]:.3f}, open {share[2]:.3f}; animation magnified {scale:.0f} times")
+    print(
+        f"at {title}: stick {share[0]:.3f}, slip {share[1]:.3f}, open {share[2]:.3f}; animation magnified {scale:.0f} times"
+    )
     return {"curves": curves, "status": status, "curve": curve}
 
 

@@ -48,9 +48,7 @@ def distribution(model: bd.Model) -> np.ndarray:
     return share / share[share > 0.0].sum()
 
 
-def main(
-    figures: Path = Path("figures"), loads: tuple[float, ...] = LOADS, harmonics: int = HARMONICS
-) -> list[Case]:
+def main(figures: Path = Path("figures"), loads: tuple[float, ...] = LOADS, harmonics: int = HARMONICS) -> list[Case]:
     """Compute and draw the figures; returns the curves of each load."""
     figures.mkdir(parents=True, exist_ok=True)
     model = bd.reference_model("blade_to_ground")
@@ -73,7 +71,8 @@ def main(
         a, b = case.single.peak, case.multiple.peak
         print(
             f"{load:>7.0f} N{1e3 * a.amplitude:>11.4f} mm{a.frequency:>8.2f} Hz{1e3 * b.amplitude:>11.4f} mm"
-            f"{b.frequency:>9.2f} Hz{len(case.single.folds):>5} /{len(case.multiple.folds):>2}{opens!s:>10}{case.difference:>12.1e}"
+            f"{b.frequency:>9.2f} Hz{len(case.single.folds):>5} /{len(case.multiple.folds):>2}"
+            f"{opens!s:>10}{case.difference:>12.1e}"
         )
     stuck = bd.prescribe_preload(study, {"platform": share}).stuck(BAND)
     ax = plot_curves([study.free(BAND), stuck, *(c.single for c in cases)], labels=[f"{c.load:g} N" for c in cases],

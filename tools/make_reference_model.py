@@ -24,8 +24,8 @@ import numpy as np
 from bdamper.fe.blade_to_ground import blade_to_ground
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.reference import bladed_disk
+from bdamper.fe.rig import rig
 from bdamper.fe.sector import SectorFE
-from bdamper.fe.test_rig import test_rig
 from bdamper.io.model_file import load_model, save_model
 from bdamper.model import Model
 
@@ -87,7 +87,7 @@ def main() -> int:
 
     jobs = {f"bladed_disk_{points}": functools.partial(disk, points) for points in POINTS}
     jobs["blade_to_ground_24"] = functools.partial(blade_to_ground, 24, mesh="reference")
-    jobs["test_rig_24"] = functools.partial(test_rig, 24, mesh="reference")
+    jobs["test_rig_24"] = functools.partial(rig, 24, mesh="reference")
     worst = 0.0
     for name, make in jobs.items():
         if not name.startswith(arguments.name):

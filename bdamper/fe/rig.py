@@ -37,7 +37,7 @@ from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches
 
 
-def test_rig(
+def rig(
     points: int | tuple[int, int] = 24,
     mesh: str = "coarse",
     n_modes: int = 40,
@@ -67,9 +67,7 @@ def test_rig(
     radius = np.hypot(blades.nodes[:, 0], blades.nodes[:, 1])
     cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 1.5 * g.pitch - 1e-9)
     nothing = np.empty(0, int)
-    structure = CyclicSector(
-        blades, nothing, nothing, np.flatnonzero((radius < g.bore_radius + 1e-8) | cut), 1, 0
-    )
+    structure = CyclicSector(blades, nothing, nothing, np.flatnonzero((radius < g.bore_radius + 1e-8) | cut), 1, 0)
     # The damper at the right stands between sector 0 and 1; the one at the left is the same, a pitch back.
     damper = FreeBody(discretise(damper_mesh(g, density), steel), turn(0.5 * g.pitch).T)
     faces = {side: wedge_patches(g, side, points) for side in ("left", "right")}
@@ -139,5 +137,5 @@ def test_rig(
         interfaces=interfaces,
         locations=locations("blades", blades, places),
         meshes=meshes,
-        provenance=provenance("bdamper.fe.test_rig.test_rig", blades, damper.body),
+        provenance=provenance("bdamper.fe.rig.rig", blades, damper.body),
     )
