@@ -17,10 +17,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
-from bdamper.io.import_report import ImportReport
-from bdamper.optimal import OptimalCurve
 from bdamper.errors import SettingError
 from bdamper.io.import_report import ImportReport
+from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
 
 MARKERS = "osD^v<>pP*hX"
