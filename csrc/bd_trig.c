@@ -11,6 +11,9 @@
  * leads toward zero at the left end and away from it at the right end; the extremum is the bracketed root of the
  * derivative, and the sign of the polynomial there decides.
  *
+ * A sample that is a root itself, but for rounding, has no sign of its own: it is taken as a root, and the cells on both
+ * sides have the signs that the slope gives.
+ *
  * A bracketed root is refined by Newton's method, kept inside a shrinking bracket by bisection. */
 #include "bd_trig.h"
 
@@ -116,6 +119,7 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
     const double fb = value_and_slope(n_harm, f, b, &slope);
     if (fa == 0.0) return a;
     if (fb == 0.0) return b;
+    if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* an end is the root, but for rounding */
     double x = a + (b - a) * (fa / (fa - fb)); /* the secant is a good start on a small cell */
     if (!(x > a && x < b)) x = 0.5 * (a + b);
     for (int i = 0; i < 100; ++i) {
@@ -234,22 +238,42 @@ static int hidden_pair(const bd_trig_grid *grid, const double *f, int k, double 
     return n + 2;
 }
 
+/* Whether a sample is a root but for rounding, and a simple one: its own sign means nothing then. */
+static int crosses_here(double value, double slope, double size) {
+    return fabs(value) <= 1e-14 * size && fabs(slope) > 1e-6 * size;
+}
+
 int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value, const double *slope,
                               double *root, double *z) {
     const int n_time = grid->n_time, most = 2 * grid->n_harm;
     if (grid->n_harm == 1) return roots_of_one_harmonic(f, root, z);
     const double h = BD_TWO_PI / n_time;
+    double size = 0.0;
+    for (int i = 0; i < bd_n_coef(grid->n_harm); ++i) size += fabs(f[i]);
     int n = 0;
     for (int k = 0; k < n_time && n < most; ++k) {
         const int next = k + 1 < n_time ? k + 1 : 0;
         const double f0 = value[k], f1 = value[next];
-        if ((f0 < 0.0) != (f1 < 0.0)) {
-            const double delta = f0 == 0.0 ? 0.0 : f1 == 0.0 ? h : refine(grid, f, k, f0, f1, slope[k], slope[next]);
+        const int zero0 = crosses_here(f0, slope[k], size), zero1 = crosses_here(f1, slope[next], size);
+        if (zero0) {
+            push(grid, k, k == 0 ? fmax(0.0, -f0 / slope[k]) : -f0 / slope[k], root, z, n);
+            if (++n == most) break;
+        }
+        /* signs just inside the cell */
+        const double sign = (zero0 ? slope[k] : f0) < 0.0 ? -1.0 : 1.0;
+        const double sign_end = (zero1 ? -slope[next] : f1) < 0.0 ? -1.0 : 1.0;
+        if (sign != sign_end) {
+            double delta;
+            if (zero0 || zero1) {
+                const double a = (k + (zero0 ? 1e-6 : 0.0)) * h, b = (k + 1 - (zero1 ? 1e-6 : 0.0)) * h;
+                delta = bd_trig_bracketed_root(grid->n_harm, f, a, b) - k * h;
+            } else {
+                delta = f0 == 0.0 ? 0.0 : f1 == 0.0 ? h : refine(grid, f, k, f0, f1, slope[k], slope[next]);
+            }
             push(grid, k, delta, root, z, n);
             ++n;
             continue;
         }
-        const double sign = f0 < 0.0 ? -1.0 : 1.0;
         if (!(sign * slope[k] < 0.0 && sign * slope[next] > 0.0)) continue;
         /* with a slope that falls to zero on the way the extremum is no deeper than h |slope|; twice that for safety */
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;

@@ -42,7 +42,8 @@ int bd_trig_roots(const bd_trig_grid *grid, const double *f, const double *value
 int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const double *value, const double *slope,
                               double *root, double *z);
 
-/* The root of f between a and b, where f(a) and f(b) differ in sign (or one of them vanishes). */
+/* The root of f between a and b, where f(a) and f(b) differ in sign or one of them vanishes; if by rounding they do not
+ * differ, the end where f is smaller. */
 double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b);
 
 #endif

@@ -192,6 +192,29 @@ static void test_roots_on_samples(void) {
     for (int i = 0; i < 4; ++i) CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)), BD_TWO_PI), 0.0, 1e-14);
 }
 
+/* One root exactly on a sample and another in a cell beside it. */
+static void test_root_beside_a_sample(void) {
+    for (int n_harm = 2; n_harm <= 6; ++n_harm) {
+        const int n = 2 * n_harm, n_time = 16 * n_harm + 16;
+        for (int k = 0; k < n_time; k += 3)
+            for (int side = -1; side <= 1; side += 2) {
+                double root[12], found[12], x[13];
+                root[0] = BD_TWO_PI * k / n_time;
+                root[1] = root[0] + side * 0.4 * BD_TWO_PI / n_time;
+                for (int i = 2; i < n; ++i) root[i] = root[0] + BD_TWO_PI * (i - 0.5) / n;
+                polynomial_of_roots(n_harm, root, x);
+                const int count = roots_of(n_harm, x, found);
+                CHECK(count == n);
+                for (int i = 0; i < n; ++i) {
+                    double nearest = 10.0;
+                    for (int j = 0; j < count; ++j)
+                        nearest = fmin(nearest, fabs(remainder(found[j] - root[i], BD_TWO_PI)));
+                    CHECK_NEAR(nearest, 0.0, 1e-10);
+                }
+            }
+    }
+}
+
 static void test_bracketed_root(void) {
     const double x[3] = {0.0, 1.0, 0.0}; /* cos theta */
     CHECK_NEAR(bd_trig_bracketed_root(1, x, 1.0, 2.0), 0.5 * BD_PI, 4e-16);
@@ -211,6 +234,7 @@ int main(void) {
     test_double_root_on_a_sample();
     test_one_harmonic();
     test_roots_on_samples();
+    test_root_beside_a_sample();
     test_bracketed_root();
     bd_trig_grid empty = {0};
     bd_trig_grid_destroy(&empty);

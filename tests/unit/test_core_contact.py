@@ -74,6 +74,19 @@ def test_a_slip_that_only_pauses(delta, sign):
     np.testing.assert_allclose(evaluate(x, point).force, expected, rtol=0, atol=1e-6)
 
 
+@pytest.mark.parametrize("n_harm", HARMONICS)
+def test_events_that_coincide(n_harm):
+    """Coefficients in halves: roots on samples of the bracketing grid, at each other's place, and touching."""
+    rng = np.random.default_rng(600 + n_harm)
+    for _ in range(250):
+        x = np.round(2 * rng.normal(size=(3, 2 * n_harm + 1))) / 2
+        kt, w = rng.integers(1, 7, 2) / 2, rng.integers(-2, 3, 2) / 2
+        point = Point(kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w)
+        exact, sampled = evaluate(x, point), evaluate(x, point, SAMPLED, 4096)
+        size = max(np.abs(sampled.force).max(), 0.02)
+        np.testing.assert_allclose(exact.force, sampled.force, rtol=0, atol=1e-3 * size)
+
+
 numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))
 
 

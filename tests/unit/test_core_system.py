@@ -232,8 +232,8 @@ def run_together(work, n_threads=4):
 @pytest.mark.parametrize("shared", [True, False], ids=["one system", "a system for each thread"])
 def test_threads_give_the_serial_results(shared):
     rng = np.random.default_rng(8)
-    arrays = random_arrays(rng, (3, 4, 3), 12)
-    n_threads, n_states = 4, 40
+    arrays = random_arrays(rng, (3, 4, 3), 300)  # long enough for the threads to meet
+    n_threads, n_states = 4, 12
     systems = [_core.System(**arrays)] * n_threads if shared else [_core.System(**arrays) for _ in range(n_threads)]
     states = rng.normal(size=(n_states, systems[0].n_unknown))
     serial = [evaluate_system(systems[0], u, 0.9) for u in states]
