@@ -219,6 +219,9 @@ static void test_bracketed_root(void) {
     const double x[3] = {0.0, 1.0, 0.0}; /* cos theta */
     CHECK_NEAR(bd_trig_bracketed_root(1, x, 1.0, 2.0), 0.5 * BD_PI, 4e-16);
     CHECK_NEAR(bd_trig_bracketed_root(1, x, 0.0, BD_PI), 0.5 * BD_PI, 4e-16);
+    const double sine[3] = {0.0, 0.0, 1.0}; /* ends that should be roots, but are not for rounding */
+    CHECK_NEAR(bd_trig_bracketed_root(1, sine, 1e-16, 1.0), 0.0, 1e-15);
+    CHECK_NEAR(bd_trig_bracketed_root(1, sine, -1.0, -1e-16), 0.0, 1e-15);
     const double shifted[3] = {-1.0, 1.0, 0.0};
     CHECK(bd_trig_bracketed_root(1, shifted, 0.0, 1.0) == 0.0); /* a root at an end is that end */
     /* a triple root, where Newton's method alone is slow: (1 - cos) sin */
