@@ -1,0 +1,328 @@
+"""Time integration of the equations whose periodic solutions the harmonic balance seeks, as an independent check.
+
+All sectors of the disk are there, each with its own contacts and sliders.  Their motion is a superposition of nodal
+diameters ``d``, one family for each nodal diameter in use, with complex coordinates ``eta_d(t)``:
+
+    x_k(t) = shift + sum_d Re[G_d eta_d(t) exp(i k d 2 pi/N)],
+    eta_d'' + 2 zeta Omega eta_d' + Omega^2 eta_d + (c_d/N) sum_k G_d^H exp(-i k d 2 pi/N) F_k(t) = E_d(t),
+
+``c_d = 2``, and 1 with real coordinates for ``d = 0`` and ``d = N/2``.  No travelling wave is assumed, no Fourier series
+cut off.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``, the slider is clipped to
+``u -+ mu N/kt`` and moves with ``u`` where the contact is open.
+
+Central differences (velocity Verlet), whose error is of second order in the step; the step follows from the stiffest
+contact.  The start is the harmonic-balance solution, so what is measured is where the motion goes from there.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from math import gcd
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.errors import SettingError
+from bdamper.system import HarmonicSystem
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TWO_PI = 2.0 * np.pi
+SEPARABLE_LAWS = (0, 1)
+
+
+@dataclass(frozen=True)
+class Verification:
+    """Settled time response beside a harmonic-balance solution.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    expected, settled : (n_harmonics + 1,) complex, m
+        Response amplitudes of the solution, and of the last period in time.
+    time, response : (n,) float, s and m
+        The last period of the response.
+    periods, steps_per_period, sectors : int
+    drift : float
+        Change of the response over the last period, relative to its size: how settled it is.
+    seconds : float
+    """
+
+    frequency: float
+    expected: NDArray
+    settled: NDArray
+    time: NDArray
+    response: NDArray
+    periods: int
+    steps_per_period: int
+    sectors: int
+    drift: float
+    seconds: float
+
+    @property
+    def distance(self) -> float:
+        """Distance of the vibration (all harmonics of the response besides the mean), relative to its size."""
+        size = float(np.linalg.norm(self.expected[1:]))
+        return float(np.linalg.norm((self.settled - self.expected)[1:])) / max(size, 1e-300)
+
+    def __str__(self) -> str:
+        return (
+            f"time integration at {self.frequency:.6g} Hz: distance {self.distance:.2e} from harmonic balance "
+            f"(|X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m); {self.periods} periods of "
+            f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period, {self.seconds:.1f} s"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the last period in time and the harmonic-balance solution."""
+        from bdamper.plotting import plot_verification
+
+        return plot_verification(self, ax)
+
+
+class Ring:
+    """All sectors with their contacts, ready to be marched in time.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+        Separable law; each harmonic described by the modes of its own nodal diameter.
+    n_blades, engine_order : int
+
+    Raises
+    ------
+    SettingError
+        If the settings describe something else than a structure in time: another contact law, one basis for harmonics of
+        several nodal diameters, coordinates without inertia.
+    """
+
+    def __init__(self, system: HarmonicSystem, n_blades: int, engine_order: int) -> None:
+        arrays = system.arrays
+        if not np.isin(arrays["law"], SEPARABLE_LAWS).all():
+            raise SettingError("verify: expected the separable contact law, found another")
+        if (np.asarray(arrays["mass"]) <= 0.0).any():
+            raise SettingError("verify: expected inertia in every coordinate, found coordinates without")
+        self.system = system
+        self.n = n_blades // gcd(n_blades, engine_order) if engine_order else 1
+        self.wave = engine_order // gcd(n_blades, engine_order) if engine_order else 0  # nodal diameter on self.n sectors
+        self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
+        for l, basis in enumerate(system.bases):
+            if not len(basis.omega2):
+                continue
+            d = (l * self.wave) % self.n
+            same = self.families.get(d, self.families.get((self.n - d) % self.n))
+            if same is None:
+                self.families[d] = l
+            elif not _same_basis(system.bases[same], basis, conjugate=d not in self.families):
+                raise SettingError("verify: expected each harmonic to have the modes of its own nodal diameter")
+        if self.n > 1 and len({b.nodal_diameter for b in system.bases if len(b.omega2)}) == 1 and system.n_harmonics > 0:
+            diameters = {min((l * engine_order) % n_blades, -(l * engine_order) % n_blades) for l in range(len(system.bases))}
+            if len(diameters) > 1:
+                raise SettingError("verify: expected single_basis=False, found one basis for several nodal diameters")
+        k = np.arange(self.n)
+        self.blocks = []  # (harmonic, slice of coordinates, phases, factor)
+        start = 0
+        for d, l in self.families.items():
+            m = len(system.bases[l].omega2)
+            factor = 1.0 if d == 0 or 2 * d == self.n else 2.0
+            self.blocks.append((l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor))
+            start += m
+        self.n_coordinates = start
+        self.real = np.concatenate(
+            [np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks]
+        )
+        self.omega2 = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks])
+        ratio = np.concatenate([system.bases[l].damping_ratio for l, *_ in self.blocks])
+        self.damping = 2.0 * ratio * np.sqrt(self.omega2)
+        # one matrix from all coordinates to all points of all sectors, and back
+        n_rows = 3 * system.n_points
+        out = np.zeros((self.n * n_rows, start), complex)
+        for l, s, phases, _ in self.blocks:
+            G = np.asarray(system.bases[l].G).reshape(n_rows, -1)
+            out[:, s] = (phases[:, None, None] * G).reshape(self.n * n_rows, -1)
+        factors = np.concatenate([np.full(s.stop - s.start, f) for _, s, _, f in self.blocks])
+        # real arithmetic: x = A [Re eta; Im eta], modal force = B F
+        self.A = np.ascontiguousarray(np.hstack([out.real, -out.imag]))
+        scaled = factors[:, None] / self.n * out.conj().T
+        self.B = np.ascontiguousarray(np.vstack([scaled.real, scaled.imag]))
+        self.B[start:][self.real] = 0.0
+
+    def forcing(self, omega: float, t: float) -> NDArray:
+        """(2 n_coordinates,) real and imaginary modal excitation."""
+        out = np.zeros(2 * self.n_coordinates)
+        for l, s, _, _ in self.blocks:
+            for harmonic in range(self.system.n_harmonics + 1):
+                if self._family(harmonic)[0] != l or not len(self.system.bases[harmonic].omega2):
+                    continue
+                e = self.system.amplitudes(self.system.force, harmonic) * np.exp(1j * harmonic * omega * t)
+                e = e.conj() if self._family(harmonic)[1] else e
+                out[s] += e.real
+                out[s.start + self.n_coordinates : s.stop + self.n_coordinates] += e.imag
+        out[self.n_coordinates :][self.real] = 0.0
+        return out
+
+    def _family(self, harmonic: int) -> tuple[int, bool]:
+        """Harmonic whose modes describe this one, and whether it runs the other way round."""
+        d = (harmonic * self.wave) % self.n
+        if d in self.families:
+            return self.families[d], False
+        return self.families[(self.n - d) % self.n], True
+
+    def state(self, u: NDArray, omega: float, t: float) -> tuple[NDArray, NDArray]:
+        """Coordinates and velocities (2 n_coordinates,) of a harmonic-balance solution at one instant."""
+        q = np.zeros(self.n_coordinates, complex)
+        v = np.zeros(self.n_coordinates, complex)
+        where = {l: s for l, s, _, _ in self.blocks}
+        for harmonic in range(self.system.n_harmonics + 1):
+            if not len(self.system.bases[harmonic].omega2):
+                continue
+            l, reversed_ = self._family(harmonic)
+            a = self.system.amplitudes(np.asarray(u), harmonic) * np.exp(1j * harmonic * omega * t)
+            b = 1j * harmonic * omega * a
+            q[where[l]] += a.conj() if reversed_ else a
+            v[where[l]] += b.conj() if reversed_ else b
+        q[self.real], v[self.real] = q[self.real].real, v[self.real].real
+        return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
+
+    def motion(self, q: NDArray) -> NDArray:
+        """(n_sectors, n_points, 3, ...) relative motion."""
+        x = (self.A @ q).reshape(self.n, self.system.n_points, 3, *q.shape[1:])
+        shift = self.system.points.shift
+        return x + shift.reshape(shift.shape + (1,) * (q.ndim - 1))
+
+    def force(self, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
+        """Contact force and slider after the law was applied, for motion x and slider w before."""
+        p = self.system.points
+        extra = (1,) * (x.ndim - 3)
+        kt, kn = p.kt.reshape(p.kt.shape + extra), p.kn.reshape(p.kn.shape + extra)
+        mu, n0 = p.mu.reshape(p.mu.shape + extra), p.n0.reshape(p.n0.shape + extra)
+        normal = np.maximum(n0 + kn * x[:, :, 2], 0.0)
+        limit = np.where(kt > 0.0, (mu * normal)[:, :, None] / np.where(kt > 0.0, kt, 1.0), 0.0)
+        w = np.clip(w, x[:, :, :2] - limit, x[:, :, :2] + limit)
+        F = np.concatenate([kt * (x[:, :, :2] - w), normal[:, :, None]], axis=2)
+        return F, w
+
+    def highest_frequency(self) -> float:
+        """rad/s, with every contact closed and stuck."""
+        p = self.system.points
+        k = np.tile(np.concatenate([p.kt, p.kn[:, None]], axis=1).ravel(), self.n)
+        stiffness = np.diag(np.tile(self.omega2, 2)) + self.B @ (k[:, None] * self.A)
+        return float(np.sqrt(np.abs(np.linalg.eigvals(stiffness)).max()))
+
+    def steps_for(self, omega: float, accuracy: float = 0.1) -> int:
+        """Steps per period, so that ``step * highest frequency`` stays below ``accuracy`` (2 is the limit of stability)."""
+        return int(np.ceil(TWO_PI / omega * self.highest_frequency() / accuracy / 64.0)) * 64
+
+    def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
+        """Sliders at t = 0 of the solution: its motion marched over two periods from the given ones."""
+        p = self.system.points
+        w = np.tile(p.slider, (self.n, 1, 1)).astype(float)
+        period = TWO_PI / omega
+        for k in range(2 * n_steps + 1):
+            q, _ = self.state(u, omega, k * period / n_steps)
+            _, w = self.force(self.motion(q), w)
+        return w
+
+    def march(
+        self, q: NDArray, v: NDArray, w: NDArray, omega: float, n_steps: int, n_periods: int, row: NDArray | None = None
+    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Integrate whole periods; q, v (2 n_coordinates, ...), w (n_sectors, n_points, 2, ...).
+
+        Returns
+        -------
+        q, v, w at the end, and the response ``row @ q`` at every step (empty without a row).
+        """
+        h = TWO_PI / omega / n_steps
+        column = (slice(None),) + (None,) * (q.ndim - 1)
+        forcing = np.array([self.forcing(omega, k * h) for k in range(n_steps)])
+        omega2 = np.tile(self.omega2, 2)[column]
+        damping = np.tile(self.damping, 2)[column]
+        shape = (-1, *q.shape[1:])
+        F, w = self.force(self.motion(q), w)
+        a = forcing[0][column] - omega2 * q - damping * v - self.B @ F.reshape(shape)
+        response = []
+        for k in range(n_steps * n_periods):
+            if row is not None:
+                response.append(row @ q)
+            half = v + 0.5 * h * a
+            q = q + h * half
+            F, w = self.force(self.motion(q), w)
+            rest = forcing[(k + 1) % n_steps][column] - omega2 * q - self.B @ F.reshape(shape)
+            v = (half + 0.5 * h * rest) / (1.0 + 0.5 * h * damping)
+            a = rest - damping * v
+        return q, v, w, np.array(response)
+
+    def response_row(self) -> NDArray:
+        """(2 n_coordinates,) row of the response on the reference sector."""
+        out = np.zeros(2 * self.n_coordinates)
+        for l, s, _, _ in self.blocks:
+            r = np.asarray(self.system.response_rows[l], complex)
+            out[s] = r.real
+            out[s.start + self.n_coordinates : s.stop + self.n_coordinates] = -r.imag
+        return out
+
+
+def _same_basis(a: object, b: object, conjugate: bool) -> bool:
+    Ga, Gb = np.asarray(a.G), np.asarray(b.G)  # type: ignore[attr-defined]
+    if Ga.shape != Gb.shape:
+        return False
+    Gb = Gb.conj() if conjugate else Gb
+    return bool(np.allclose(Ga, Gb, rtol=1e-12, atol=1e-12 * np.abs(Ga).max(initial=0.0)))
+
+
+def verify_solution(
+    system: HarmonicSystem,
+    u: NDArray,
+    omega: float,
+    n_blades: int,
+    engine_order: int,
+    *,
+    periods: int = 100,
+    steps_per_period: int | None = None,
+) -> Verification:
+    """March from a harmonic-balance solution and compare the last period with it.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    u : (n_unknowns,) float
+    omega : float, rad/s
+    n_blades, engine_order : int
+    periods : int
+    steps_per_period : int, optional
+        By default such that the step resolves the stiffest contact.
+    """
+    if periods < 1:
+        raise SettingError(f"periods: expected at least 1, found {periods}")
+    started = time.perf_counter()
+    ring = Ring(system, n_blades, engine_order)
+    n = steps_per_period or max(256, ring.steps_for(omega))
+    if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
+        raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
+    w = ring.initial_slider(u, omega, n)
+    q, v = ring.state(u, omega, 0.0)
+    row = ring.response_row()
+    if periods > 1:
+        q, v, w, _ = ring.march(q, v, w, omega, n, periods - 1)
+    first = q
+    q, v, w, response = ring.march(q, v, w, omega, n, 1, row)
+    theta = TWO_PI * np.arange(n) / n
+    l = np.arange(system.n_harmonics + 1)
+    settled = 2.0 / n * np.exp(-1j * np.outer(l, theta)) @ response
+    settled[0] *= 0.5
+    expected = np.asarray(system.response(np.asarray(u)[None])[0])
+    size = max(float(np.abs(response).max()), 1e-300)
+    return Verification(
+        frequency=omega / TWO_PI,
+        expected=expected,
+        settled=settled,
+        time=theta / omega,
+        response=response,
+        periods=periods,
+        steps_per_period=n,
+        sectors=ring.n,
+        drift=float(abs(row @ (q - first))) / size,
+        seconds=time.perf_counter() - started,
+    )
