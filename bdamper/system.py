@@ -137,6 +137,7 @@ class HarmonicSystem:
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
         mode, n_time = _evaluation_code(evaluation, self.n_harmonics)
+        self.exact = mode == 0
         damping = [b.damping for b in bases]
         self.arrays = {
             "n_mode": self.n_mode,
