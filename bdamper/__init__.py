@@ -14,6 +14,7 @@ from bdamper.reference import reference_model
 from bdamper.response import Curve, Fold, load_curve
 from bdamper.study import Excitation, Response, Study
 from bdamper.system import Cost, Sampled
+from bdamper.timedomain import Verification
 
 __version__ = "0.1.0"
 
@@ -36,6 +37,7 @@ __all__ = [
     "Sampled",
     "SettingError",
     "Study",
+    "Verification",
     "load_curve",
     "load_model",
     "load_optimal_curve",

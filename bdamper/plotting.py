@@ -21,6 +21,7 @@ from bdamper.errors import SettingError
 from bdamper.io.import_report import ImportReport
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
+from bdamper.timedomain import Verification
 
 MARKERS = "osD^v<>pP*hX"
 PAPER: dict[Any, Any] = {
@@ -755,3 +756,16 @@ def plot_points_3d(model: Any, path: Any, values: NDArray, *, label: str = "") -
         on_face.set_title("crosses: a gap at rest", fontsize=8.0)
         figure.colorbar(dots, ax=on_face, orientation="horizontal", label=label)
     save_figure(figure, path)
+
+
+def plot_verification(verification: Verification, ax: Axes | None = None) -> Axes:
+    """One settled period in time beside the harmonic-balance solution."""
+    ax = ax or new_axes()
+    theta = 2.0 * np.pi * verification.frequency * verification.time
+    l = np.arange(len(verification.expected))
+    expected = (np.exp(1j * np.outer(theta, l)) @ verification.expected).real
+    ax.plot(theta / (2.0 * np.pi), 1e6 * verification.response, label=f"time integration, {verification.periods} periods")
+    ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", label="harmonic balance")
+    ax.set(xlabel="time, periods", ylabel="response, um", title=f"{verification.frequency:.6g} Hz")
+    ax.legend()
+    return ax

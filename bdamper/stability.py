@@ -186,10 +186,10 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     linear = np.diag(system.bases[0].omega2)
     for d in fixed:
         linear = linear + p.kt[d.point, d.axis] * np.outer(G[d.point, d.axis], G[d.point, d.axis])
-    closed_always = np.array(
-        [len(lift) == 0 and p.n0[i] + p.kn[i] * (x[i, 2] @ _basis(0.0, system.n_harmonics)) > 0.0 for i, lift in enumerate(lifts)]
-    )
-    for i in np.flatnonzero(closed_always):
+    at_zero = _basis(0.0, system.n_harmonics)
+    for i, lift in enumerate(lifts):
+        if len(lift) or p.n0[i] + p.kn[i] * (x[i, 2] @ at_zero) <= 0.0:
+            continue
         linear = linear + p.kn[i] * np.outer(G[i, 2], G[i, 2])
 
     M = np.eye(2 * n + m)
@@ -225,13 +225,13 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
                 stiffness += sign * p.mu[d.point] * p.kn[d.point] * np.outer(g, G[d.point, 2])
             before[j] = now
         A[n : 2 * n, :n] = -stiffness
-        active = [j for j in range(m) if before[j] == STICK]
+        active = [int(j) for j in range(m) if before[j] == STICK]
         keep = np.concatenate([np.arange(2 * n), 2 * n + np.array(active, int)])
         step = expm(A[np.ix_(keep, keep)] * ((end - theta) / omega))
         M[keep] = step @ M[keep]
     # a slider that does not stick at the end of the period is no part of the state
-    for j in range(m):
-        if before[j] != STICK:
+    for j, state in enumerate(before):
+        if state != STICK:
             M[2 * n + j] = 0.0
     return M
 
@@ -273,11 +273,11 @@ def shooting_monodromy(
     scale = np.concatenate([np.full(n, size), np.full(n, size * omega), np.full(w.size, size)])
     scale[2 * n :] *= np.abs(system.bases[0].G).max()
     total = 2 * n + w.size
-    start = np.concatenate([q[:n], v[:n], w.ravel()])[:, None] + np.hstack([np.zeros((total, 1)), np.diag(scale), -np.diag(scale)])
+    disturbances = np.hstack([np.zeros((total, 1)), np.diag(scale), -np.diag(scale)])
+    start = np.concatenate([q[:n], v[:n], w.ravel()])[:, None] + disturbances
     zero = np.zeros((n, start.shape[1]))
-    q_end, v_end, w_end, _ = ring.march(
-        np.vstack([start[:n], zero]), np.vstack([start[n : 2 * n], zero]), start[2 * n :].reshape(*w.shape, -1), omega, n_steps, 1
-    )
+    q0, v0 = np.vstack([start[:n], zero]), np.vstack([start[n : 2 * n], zero])
+    q_end, v_end, w_end, _ = ring.march(q0, v0, start[2 * n :].reshape(*w.shape, -1), omega, n_steps, 1)
     end = np.vstack([q_end[:n], v_end[:n], w_end.reshape(w.size, -1)])
     return (end[:, 1 : total + 1] - end[:, total + 1 :]) / (2.0 * scale), end[:, 0] - start[:, 0]
 

@@ -46,6 +46,7 @@ from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
 from bdamper.reduced_contact import without_separation
 from bdamper.response import Curve
+from bdamper.stability import stability_of_points
 from bdamper.stiffness import StiffnessReport, contact_stiffness, report
 from bdamper.system import (
     LAW_NORMAL,
@@ -62,6 +63,7 @@ from bdamper.system import (
 if TYPE_CHECKING:
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
+from bdamper.timedomain import Verification, verify_solution
 
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
@@ -534,6 +536,7 @@ class Study:
         options: ContinuationOptions | None = None,
         progress: bool = False,
         search_branches: bool | Sequence[float] = False,
+        stability: bool = False,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -550,6 +553,8 @@ class Study:
         search_branches : bool or sequence of float
             Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
             the preload, 0.7 and 1.4 by default.
+        stability : bool
+            Judge the stability of every point (:meth:`with_stability`).
 
         Returns
         -------
@@ -587,7 +592,61 @@ class Study:
                         follow_both(system, start, (low, high), options, meter, on_point, pieces)
         except KeyboardInterrupt:
             pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        return self._curve(system, pieces, ending(pieces, low, high), preload, meter, options, tuple(log))
+        curve = self._curve(system, pieces, ending(pieces, low, high), preload, meter, options, tuple(log))
+        return self.with_stability(curve) if stability and len(curve) else curve
+
+    def with_stability(self, curve: Curve) -> Curve:
+        """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
+
+        Parameters
+        ----------
+        curve : Curve
+            Tracked by this study.
+        """
+        self._check_curve(curve)
+        result = stability_of_points(self.system(curve.preload), curve.unknowns, 2.0 * np.pi * curve.frequency)
+        note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+        return replace(curve, stable=result.stable, stability_note=note)
+
+    def verify(
+        self, curve: Curve, index: int | None = None, *, periods: int = 100, steps_per_period: int | None = None
+    ) -> Verification:
+        """March in time from a point of a tracking curve and compare where the motion settles.
+
+        All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
+        (:mod:`bdamper.timedomain`).
+
+        Parameters
+        ----------
+        curve : Curve
+            Tracked by this study.
+        index : int, optional
+            Of the point; the largest response by default.
+        periods : int
+            Periods of the excitation to march.
+        steps_per_period : int, optional
+            By default what the stiffest contact asks for.
+        """
+        self._check_curve(curve)
+        i = curve.peak.index if index is None else int(index)
+        if not -len(curve) <= i < len(curve):
+            raise SettingError(f"index: expected a point of the curve, 0 to {len(curve) - 1}, found {index}")
+        return verify_solution(
+            self.system(curve.preload),
+            curve.unknowns[i],
+            2.0 * np.pi * float(curve.frequency[i]),
+            self.model.n_blades,
+            int(self.engine_order),
+            periods=periods,
+            steps_per_period=steps_per_period,
+        )
+
+    def _check_curve(self, curve: Curve) -> None:
+        if curve.kind != "tracking" or curve.model_hash != self.model.hash:
+            raise SettingError("curve: expected a tracking curve of this model, found another")
+        n = self.system(curve.preload).n_unknowns
+        if curve.unknowns.shape[1] != n:
+            raise SettingError(f"curve: expected one of this study with {n} unknowns, found {curve.unknowns.shape[1]}")
 
     def _follow_from(
         self,

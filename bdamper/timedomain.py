@@ -118,7 +118,8 @@ class Ring:
             elif not _same_basis(system.bases[same], basis, conjugate=d not in self.families):
                 raise SettingError("verify: expected each harmonic to have the modes of its own nodal diameter")
         if self.n > 1 and len({b.nodal_diameter for b in system.bases if len(b.omega2)}) == 1 and system.n_harmonics > 0:
-            diameters = {min((l * engine_order) % n_blades, -(l * engine_order) % n_blades) for l in range(len(system.bases))}
+            orders = [l * engine_order for l in range(len(system.bases))]
+            diameters = {min(order % n_blades, -order % n_blades) for order in orders}
             if len(diameters) > 1:
                 raise SettingError("verify: expected single_basis=False, found one basis for several nodal diameters")
         k = np.arange(self.n)
