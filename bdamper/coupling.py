@@ -281,6 +281,28 @@ class Coupling:
             out += self._placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
         return 0.5 * (out + out.conj().T)
 
+    def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Elastic modes that the model has but the coupling does not retain.
+
+        Returns
+        -------
+        G : (3 n_points, n) complex
+            Relative motion.
+        omega2, damping_ratio : (n,) float
+        """
+        G, omega2, ratio = [], [], []
+        for body in self.model.bodies.values():
+            if body.kind == "ground":
+                continue
+            basis, conjugate, _ = self._basis(body, harmonic)
+            rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), self.modes[body.name])
+            modes = basis.contact_modes[..., rest]
+            placed = self._placed(body, modes.conj() if conjugate else modes, harmonic)
+            G.append(placed.reshape(3 * self.n_points, len(rest)))
+            omega2.append(basis.omega2[rest])
+            ratio.append(basis.damping_ratio[rest])
+        return np.concatenate(G, axis=1), np.concatenate(omega2), np.concatenate(ratio)
+
     def load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and elastic displacement (n_points, 3) of (u1, u2, v), per newton of static load.
 

@@ -276,14 +276,12 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
     """
     system = study.system(0.0)
     basis = system.bases[1]
-    elastic = np.sort(basis.omega2[basis.omega2 > 0.0])
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
     springs = study._stuck_springs(study.static(1.0 if np.any(study._load[0]) else 0.0))
-    matrix = system.linear_matrix(0.0, springs)
-    poles = np.linalg.eigvalsh(0.5 * (matrix + matrix.conj().T))
-    poles = np.sqrt(np.maximum(poles, 0.0)) / (2.0 * np.pi)
+    poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free
     margin = 0.1 * free + 0.3 * (stuck - free)
@@ -294,25 +292,23 @@ def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *,
     """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none."""
     system = study.system(preload)
     springs = study._stuck_springs(study.static(preload)) if stuck else None
-    matrix = system.linear_matrix(0.0, springs)
-    poles, vectors = np.linalg.eigh(0.5 * (matrix + matrix.conj().T))
+    poles, vectors = system.linear_modes(springs)
     basis = system.bases[1]
-    loss = (np.abs(vectors) ** 2).T @ (basis.damping_ratio * np.sqrt(basis.omega2))
+    loss = 0.5 * (np.abs(vectors) ** 2).T @ basis.damping
+    matrix = system.linear_matrix(0.0, springs)
     c, s = system.slices(1)
     force = system.force[c] - 1j * system.force[s]
-    springless = 2j * basis.damping_ratio * np.sqrt(basis.omega2)
 
     def negative(w: float) -> float:
-        Z = matrix + np.diag(w * springless - w**2)
+        Z = matrix + np.diag(1j * w * basis.damping - w**2 * basis.mass)
         return -abs(np.linalg.solve(Z, force) @ system.response_rows[1])
 
     best = Limit(np.nan, np.nan)
     low, high = (2.0 * np.pi * f for f in frequency)
-    for pole, width in zip(poles, loss):
-        w = np.sqrt(max(float(pole), 0.0))
+    for w, width in zip(poles, loss):
         if not low < w < high:
             continue
-        half = 3.0 * max(float(width), 1e-9 * w)
+        half = 3.0 * max(float(width), 1e-9 * float(w))
         found = minimize_scalar(
             negative, bounds=(w - half, w + half), method="bounded", options={"xatol": 1e-9 * w, "maxiter": 200}
         )

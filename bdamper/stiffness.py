@@ -11,22 +11,17 @@ patch-averaged displacement for patch-averaged force, and looks for a positive d
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
     into the stiffness: it enters the analysis as what it is, an initial distance of the surfaces.)
-    The static contact forces come from the condensed contact problem on the full flexibility (below) or from the user's
+    The static contact forces come from the condensed contact problem (:mod:`bdamper.staticcontact`) or from the user's
     own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the face, or
     the quotient is not positive, the division says nothing; the value of ``"unit_traction"`` stands in, and the report
     counts it.
-
-Condensed static contact on the full flexibility ``R`` (nodal diameter 0), with the rigid-body motion ``eta`` of free
-bodies: displacement ``x = -R F + Psi eta + e_load``, equilibrium ``Psi^T F = f_load``, and at each point one of stick
-(``x = 0`` in all directions), slip (``F_t = ± mu N``, ``x_n = 0``) and open (``F = 0``).  The states are iterated as in
-the paper's section 3.1.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,9 +29,12 @@ from numpy.typing import NDArray
 from bdamper.coupling import Coupling
 from bdamper.errors import ModelError, SettingError
 from bdamper.model import ContactStiffness
+from bdamper.residual import ResidualModes, ResidualSet
+from bdamper.staticcontact import solve_static_contact, static_contact_problem
 
-Method = Literal["unit_traction", "eq4"]
-METHODS = ("unit_traction", "eq4")
+METHODS = ("residual_modes", "unit_traction", "eq4")
+CERTIFIED = 1e-10
+"""Largest violation of the contact conditions in a static solution that is used."""
 SMALL_FORCE = 0.05
 """Share of the largest force component below which Eqs (4), (10) are not divided by it."""
 
@@ -73,25 +71,24 @@ class StiffnessReport:
 
 
 @dataclass(frozen=True)
-class StaticForces:
-    """Solution of the condensed static contact problem, per newton of load.
+class PerArea:
+    """Contact stiffness per area, N/m3: one number, or three for t1, t2 and n."""
+
+    stiffness: float | tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Stiffness of all interfaces, with the residual coordinates that belong to it.
 
     Parameters
     ----------
-    force : (n_points, 3) float
-        T1, T2, N at the contact points, N positive in compression.
-    status : (n_points, 2) int
-        0 stick, 1 slip +, 2 slip -, 3 open, for the two tangential directions.
-    complementarity, equilibrium : float
-        Largest violation of the contact conditions and of equilibrium, relative to the load.
-    iterations : int
+    stiffness : dict of interface name to ContactStiffness
+    residual : ResidualSet, optional
     """
 
-    force: NDArray
-    status: NDArray
-    complementarity: float
-    equilibrium: float
-    iterations: int
+    stiffness: dict[str, ContactStiffness]
+    residual: ResidualSet | None = None
 
 
 def report(interface: str, contact: ContactStiffness) -> StiffnessReport:
@@ -152,161 +149,38 @@ def paper_equations(displacement: NDArray, force: NDArray, substitute: ContactSt
     return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
 
 
-def static_forces(coupling: Coupling, friction: NDArray, max_iterations: int = 100) -> StaticForces:
-    """Condensed static contact problem on the full flexibility at nodal diameter 0, for a load of 1 N.
-
-    Parameters
-    ----------
-    coupling : Coupling
-        Interfaces and bodies; every mode of the model is taken into account through the flexibility.
-    friction : (n_points,) float
-
-    Raises
-    ------
-    ModelError
-        If there is no load, or the states of the points do not settle.
-    """
-    n = coupling.n_points
-    bare = _without_elastic_modes(coupling)
-    flexibility = bare.residual_flexibility(0).real
-    rigid = bare.basis(0).G.real.reshape(3 * n, -1)
-    load, offset = bare.load()
-    if not np.any(load):
-        raise ModelError("static contact: expected a load on a free body, the model has none")
-    status = np.zeros((n, 2), int)
-    seen: list[bytes] = []
-    force = np.zeros((n, 3))
-    for iteration in range(max_iterations):
-        force, motion = _solve_states(flexibility, rigid, load, offset, status, friction)
-        new = _next_states(force, motion, status, friction)
-        if np.array_equal(new, status):
-            balance = np.abs(rigid.T @ force.ravel() - load).max() / np.abs(load).max()
-            return StaticForces(force, status, _violation(force, motion, status, friction), float(balance), iteration + 1)
-        key = new.tobytes()
-        # a cycle of states is left by changing only the point that violates its state most
-        status = _one_change(force, motion, status, new, friction) if key in seen else new
-        seen.append(key)
-    raise ModelError(
-        f"static contact: the contact states did not settle in {max_iterations} iterations; "
-        "give the contact stiffness or the finite element contact forces instead"
-    )
-
-
-def _without_elastic_modes(coupling: Coupling) -> Coupling:
-    """Only rigid-body modes retained, so that the residual flexibility is the full one."""
-    modes = {}
-    for body in coupling.model.bodies.values():
-        if body.kind == "ground":
-            continue
-        modes[body.name] = np.arange(6) if body.kind == "free" else np.arange(0)
-    return Coupling(coupling.model, coupling.interfaces, modes, coupling.engine_order, coupling.single_basis)
-
-
-def _solve_states(
-    flexibility: NDArray, rigid: NDArray, load: NDArray, offset: NDArray, status: NDArray, friction: NDArray
-) -> tuple[NDArray, NDArray]:
-    """Forces (n, 3) and relative motion (n, 3) for given states.
-
-    ``F = S f`` with free components ``f`` (sticking tangential and closed normal ones; a slipping component follows its
-    normal force), and ``x = 0`` is asked for exactly where a component is free.
-    """
-    n = len(status)
-    closed = (status != 3).all(axis=1)
-    free = np.concatenate([(status == 0) & closed[:, None], closed[:, None]], axis=1)
-    index = np.flatnonzero(free.ravel())
-    expand = np.zeros((3 * n, len(index)))
-    expand[index, np.arange(len(index))] = 1.0
-    column = np.full(3 * n, -1)
-    column[index] = np.arange(len(index))
-    for p in np.flatnonzero(closed):
-        for d in range(2):
-            if status[p, d] in (1, 2):
-                expand[3 * p + d, column[3 * p + 2]] = friction[p] * (1.0 if status[p, d] == 1 else -1.0)
-    m = rigid.shape[1]
-    # x = offset + Psi eta - R F; forces oppose the motion, so F is the force that the interface puts up against x
-    system = np.zeros((len(index) + m, len(index) + m))
-    system[: len(index), : len(index)] = -(flexibility @ expand)[index]
-    system[: len(index), len(index) :] = rigid[index]
-    system[len(index) :, : len(index)] = rigid.T @ expand
-    right = np.concatenate([-offset.ravel()[index], load])
-    # forces and rigid-body coordinates differ by many orders: both get units in which the matrix is of order one
-    unit = np.concatenate([np.full(len(index), 1.0), np.full(m, np.abs(flexibility).max() / np.abs(rigid).max())])
-    rows = np.concatenate([np.full(len(index), np.abs(flexibility).max()), np.full(m, np.abs(rigid).max())])
-    solution = unit * np.linalg.lstsq(system / rows[:, None] * unit, right / rows, rcond=1e-14)[0]
-    force = expand @ solution[: len(index)]
-    motion = offset.ravel() + rigid @ solution[len(index) :] - flexibility @ force
-    return force.reshape(n, 3), motion.reshape(n, 3)
-
-
-def _next_states(force: NDArray, motion: NDArray, status: NDArray, friction: NDArray) -> NDArray:
-    new = status.copy()
-    closed = (status != 3).all(axis=1)
-    size = np.abs(force).max()
-    reach = np.abs(motion).max()
-    tensile = closed & (force[:, 2] < -1e-12 * size)
-    closing = ~closed & (motion[:, 2] > 1e-12 * reach)
-    limit = friction * np.maximum(force[:, 2], 0.0)
-    for d in range(2):
-        t, x = force[:, d], motion[:, d]
-        stuck = closed & (status[:, d] == 0)
-        new[stuck & (t > limit + 1e-12 * size), d] = 1
-        new[stuck & (t < -limit - 1e-12 * size), d] = 2
-        # friction must oppose the slip that it goes with
-        new[closed & (status[:, d] == 1) & (x < -1e-12 * reach), d] = 0
-        new[closed & (status[:, d] == 2) & (x > 1e-12 * reach), d] = 0
-    new[tensile] = 3
-    new[closing] = 0
-    return new
-
-
-def _violation(force: NDArray, motion: NDArray, status: NDArray, friction: NDArray) -> float:
-    size, reach = np.abs(force).max(), max(float(np.abs(motion).max()), 1e-300)
-    closed = (status != 3).all(axis=1)
-    limit = friction * force[:, 2]
-    worst = max(0.0, float(np.max(-force[closed, 2], initial=0.0)) / size)
-    worst = max(worst, float(np.max(np.abs(force[:, :2]) - limit[:, None], initial=0.0, where=closed[:, None])) / size)
-    worst = max(worst, float(np.max(motion[~closed, 2], initial=0.0)) / reach)
-    return max(worst, float(np.max(np.abs(motion[closed, 2]), initial=0.0)) / reach)
-
-
-def _one_change(force: NDArray, motion: NDArray, status: NDArray, new: NDArray, friction: NDArray) -> NDArray:
-    changed = np.flatnonzero((new != status).any(axis=1))
-    excess = np.abs(force[changed, :2]).max(axis=1) - friction[changed] * force[changed, 2]
-    weight = np.maximum(excess / np.abs(force).max(), np.abs(motion[changed]).max(axis=1) / np.abs(motion).max())
-    pick = changed[int(np.argmax(weight))]
-    out = status.copy()
-    out[pick] = new[pick]
-    return out
-
-
 def contact_stiffness(
     coupling: Coupling,
-    method: Method | float | Mapping[str, NDArray],
+    method: str | float | ResidualModes | PerArea | Mapping[str, NDArray],
     friction: NDArray,
-    harmonic: int = 1,
-) -> dict[str, ContactStiffness]:
+) -> Contact:
     """Stiffness at the contact points of every interface of a coupling.
 
     Parameters
     ----------
     coupling : Coupling
-    method : {"unit_traction", "eq4"}, float or mapping
-        A number (N/m) for every point and direction, or for each interface an array that broadcasts to (n_points, 3).
+    method : one of METHODS, ResidualModes, float, PerArea or mapping
+        A name; residual modes with other settings than the default; or what the user gives: N/m for every point and
+        direction, N/m3 for every direction, or for each interface an array that broadcasts to (n_points, 3).
     friction : (n_points,) float
-        Friction coefficients, for the static contact solution of ``"eq4"``.
-    harmonic : int
-        Harmonic whose nodal diameter the residual flexibility is taken at.
+        Friction coefficients.
 
     Raises
     ------
     SettingError
-        If the method is not known, or values given by the user are not positive and finite.
+        If the method is not known, or values given by the user are not finite and non-negative.
+    ModelError
+        If a flexibility that the method needs is missing or not positive.
     """
     if isinstance(method, str) and method not in METHODS:
         raise SettingError(f"contact_stiffness: expected one of {METHODS}, numbers or a mapping, found '{method}'")
+    if method == "residual_modes":
+        method = ResidualModes()
+    if isinstance(method, ResidualModes):
+        return _with_residual_modes(coupling, method, friction)
     if not isinstance(method, str):
-        return _from_user(coupling, method)
-    residual = coupling.residual_flexibility(harmonic)
+        return Contact(_from_user(coupling, method))
+    residual = coupling.residual_flexibility(1)
     out = {}
     forces = None
     for name in coupling.interfaces:
@@ -319,7 +193,24 @@ def contact_stiffness(
                 forces = _forces_for_paper(coupling, friction)
                 left_out = (residual.real @ forces.ravel()).reshape(-1, 3)
             out[name] = paper_equations(left_out[rows], forces[rows], out[name])
-    return out
+    return Contact(out)
+
+
+def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
+    has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
+    static = _forces_for_paper(coupling, friction) if has_load and options.patterns != "all" else None
+    residual_set = ResidualSet.make(coupling, friction, options, static)
+    D = residual_set.flexibility
+    residual = coupling.residual_flexibility(1)
+    out = {}
+    for name in coupling.interfaces:
+        rows = coupling.rows(name)
+        block = slice(3 * rows.start, 3 * rows.stop)
+        rest = unit_traction(residual[block, block], coupling.model.interfaces[name].area).stiffness
+        here = D[rows]
+        k = np.divide(1.0, here, out=rest.copy(), where=here > 0.0)
+        out[name] = ContactStiffness(k, "residual_modes")
+    return Contact(out, residual_set)
 
 
 def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
@@ -333,7 +224,11 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         return out
     only_faces = replace(coupling, interfaces=tuple(faces))
     rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in faces])
-    out[rows] = static_forces(only_faces, friction[rows]).force
+    problem = static_contact_problem(only_faces, friction[rows], np.zeros(len(rows)))
+    solution = solve_static_contact(problem)[0]
+    if solution.certificate.worst > CERTIFIED:
+        raise ModelError(f"static contact: expected violations below {CERTIFIED:g}, found {solution.certificate}")
+    out[rows] = solution.force
     return out
 
 
@@ -341,7 +236,7 @@ def _is_friction(coupling: Coupling, name: str) -> bool:
     return coupling.model.interfaces[name].kind == "friction"
 
 
-def _from_user(coupling: Coupling, value: float | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
+def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
     if isinstance(value, Mapping):
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
@@ -349,7 +244,9 @@ def _from_user(coupling: Coupling, value: float | Mapping[str, NDArray]) -> dict
     out = {}
     for name in coupling.interfaces:
         n = coupling.model.interfaces[name].n_points
-        given = value[name] if isinstance(value, Mapping) else value
+        given: Any = value[name] if isinstance(value, Mapping) else value
+        if isinstance(given, PerArea):
+            given = coupling.model.interfaces[name].area[:, None] * np.asarray(given.stiffness, float)
         try:
             k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
         except ValueError as error:

@@ -45,9 +45,10 @@ from bdamper.errors import SettingError
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
 from bdamper.reduced_contact import without_separation
+from bdamper.residual import ResidualModes
 from bdamper.response import Curve
 from bdamper.stability import stability_of_points
-from bdamper.stiffness import StiffnessReport, contact_stiffness, report
+from bdamper.stiffness import Contact, PerArea, StiffnessReport, contact_stiffness, report
 from bdamper.system import (
     LAW_NORMAL,
     LAW_SEPARABLE,
@@ -175,7 +176,7 @@ class Study:
     friction_coefficient: float | Mapping[str, float] = 0.3
     response: Response | None = None
     harmonics: int | tuple[int, ...] = 1
-    contact_stiffness: str | float | Mapping[str, NDArray] = "unit_traction"
+    contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] = "unit_traction"
     blade_modes: int = 10
     damper_modes: int = 0
     rigid_modes: tuple[str, ...] = RIGID_NAMES
@@ -210,7 +211,7 @@ class Study:
         for name, mu in self._friction_by_interface().items():
             if not (np.isfinite(mu) and mu >= 0.0):
                 raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
-        _ = self.bases  # the nodal diameters that the harmonics need
+        _ = self._modal_bases  # the nodal diameters that the harmonics need
 
     def _take_effects(self, effects: Effects) -> None:
         own = {f.name: f.default for f in fields(self)}
@@ -298,14 +299,24 @@ class Study:
     @cached_property
     def _static_basis(self) -> HarmonicBasis:
         """Modes of the static state."""
-        return self.coupling.basis(0)
+        return self._with_residual(self.coupling.basis(0), 0)
+
+    def _with_residual(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
+        residual = self._contact.residual
+        return basis if residual is None else residual.basis(harmonic).join(basis)
+
+    @cached_property
+    def _modal_bases(self) -> list[HarmonicBasis]:
+        return [
+            self.coupling.basis(l) if l in self._active else self.coupling.no_basis()
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
 
     @cached_property
     def bases(self) -> list[HarmonicBasis]:
-        """Modes of each harmonic, from the mean on."""
+        """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
         bases = [
-            self.coupling.basis(l) if l in self._active else self.coupling.no_basis()
-            for l in range(self.harmonic_numbers[-1] + 1)
+            self._with_residual(b, l) if l in self._active else b for l, b in enumerate(self._modal_bases)
         ]
         if self.damping_ratio is not None:
             bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]
@@ -320,22 +331,26 @@ class Study:
         return mu
 
     @cached_property
-    def stiffness(self) -> dict[str, ContactStiffness]:
-        """Contact stiffness of each interface."""
+    def _contact(self) -> Contact:
         method = self.contact_stiffness
-        if method == "model":
+        if isinstance(method, str) and method == "model":
             missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
             if missing:
                 raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
-            return {name: self.coupling.model.contact[name] for name in self.coupling.interfaces}
-        if self.contact_points is not None and not isinstance(method, str):
+            return Contact({name: self.coupling.model.contact[name] for name in self.coupling.interfaces})
+        if self.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
             # numbers are given for the points of the model
             whole = method if isinstance(method, Mapping) else dict.fromkeys(self.coupling.interfaces, method)
             method = {
                 name: united_stiffness(self.model.interfaces[name], self.contact_points, np.asarray(k, float))
                 for name, k in whole.items()
             }
-        return contact_stiffness(self.coupling, method, self.friction)  # type: ignore[arg-type]
+        return contact_stiffness(self.coupling, method, self.friction)
+
+    @cached_property
+    def stiffness(self) -> dict[str, ContactStiffness]:
+        """Contact stiffness of each interface."""
+        return self._contact.stiffness
 
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
@@ -362,12 +377,18 @@ class Study:
 
     @cached_property
     def _load(self) -> tuple[NDArray, NDArray]:
-        return self.coupling.load()
+        force, shift = self.coupling.load()
+        return np.pad(force, (0, self._static_basis.n_modes - len(force))), shift
+
+    def _location_modes(self, location: str, harmonic: int) -> NDArray:
+        """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
+        modes = self.coupling.location_modes(location, harmonic)
+        return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
 
     @cached_property
     def _force_rows(self) -> NDArray:
         """(n_modes,) complex modal excitation at harmonic 1."""
-        modes = self.coupling.location_modes(self.excitation.location, 1)
+        modes = self._location_modes(self.excitation.location, 1)
         force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
         return (_direction(self.excitation.direction, "excitation direction") @ modes).conj() * force
 
@@ -375,7 +396,7 @@ class Study:
     def _response_rows(self) -> list[NDArray]:
         direction = _direction(self._response.direction, "response direction")
         rows = [
-            direction @ self.coupling.location_modes(self._response.location, l) if l in self._active else np.zeros(0)
+            direction @ self._location_modes(self._response.location, l) if l in self._active else np.zeros(0)
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
         rows[0] = rows[0].real

@@ -23,14 +23,16 @@ if TYPE_CHECKING:
 FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
 
 
+_CONTACT = ("_contact", "stiffness")
+_EXCITATION = ("coupling", "bases", "friction", *_CONTACT, "_k", "_gap", "_kt", "_load", "_response_rows")
 _KEPT = {
     "friction_coefficient": ("coupling",),
-    "excitation.amplitude": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
-    "excitation.phase": ("coupling", "bases", "friction", "stiffness", "_k", "_gap", "_kt", "_load", "_response_rows"),
-    "damping_ratio": ("coupling", "friction", "stiffness"),
+    "excitation.amplitude": _EXCITATION,
+    "excitation.phase": _EXCITATION,
+    "damping_ratio": ("coupling", "friction", *_CONTACT),
     "contact_stiffness_factor": ("coupling", "friction"),
-    "damping_factor": ("friction", "stiffness"),
-    "damper_mass_factor": ("friction", "stiffness"),
+    "damping_factor": ("friction",),
+    "damper_mass_factor": ("friction", *_CONTACT),
 }
 """Parts of a study, made once and kept, that a change of a setting leaves as they are."""
 
@@ -74,7 +76,7 @@ def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
     if "friction_coefficient" in names and old.contact_stiffness != "eq4":
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
-        kept |= {"stiffness"}.intersection(*others)
+        kept |= set(_CONTACT).intersection(*others)
     for part in kept:
         if part in old.__dict__:
             new.__dict__.setdefault(part, old.__dict__[part])
