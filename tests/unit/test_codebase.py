@@ -29,7 +29,7 @@ PYTHON_LEVELS = [
     {"checks", "wedge", "fe", "reduction", "aggregation"},
     {"io"},
     {"reference", "coupling"},
-    {"stiffness", "staticcontact", "preload", "system", "misfit", "reduced_contact"},
+    {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit", "reduced_contact"},
     {"continuation", "branches", "stability", "timedomain"},
     {"response"},
     {"peaks"},
