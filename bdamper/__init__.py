@@ -1,9 +1,11 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
+from bdamper.adaptive import AdaptivePeak
 from bdamper.continuation import ContinuationOptions
 from bdamper.coupling import RIGID_NAMES
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
+from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.model import Model
 from bdamper.optimal import OptimalCurve, load_optimal_curve
@@ -20,6 +22,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "RIGID_NAMES",
+    "AdaptivePeak",
+    "Advice",
     "BdamperError",
     "ContinuationOptions",
     "Cost",
@@ -38,6 +42,7 @@ __all__ = [
     "SettingError",
     "Study",
     "Verification",
+    "load_advice",
     "load_curve",
     "load_model",
     "load_optimal_curve",

@@ -18,6 +18,7 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
 from bdamper.errors import SettingError
+from bdamper.indicator import Advice
 from bdamper.io.import_report import ImportReport
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
@@ -768,4 +769,43 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", label="harmonic balance")
     ax.set(xlabel="time, periods", ylabel="response, um", title=f"{verification.frequency:.6g} Hz")
     ax.legend()
+
+
+def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Bars of the changes that effects would make to a peak, if they were switched on.
+
+    Parameters
+    ----------
+    advice : Advice
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Estimated changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and
+        logarithmic beyond; effects that must be on are hatched, the tolerance is a grey band.
+    """
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        effects = advice.effects[::-1]
+        place = np.arange(len(effects))
+        tolerance = 100.0 * advice.tolerance
+        ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
+        dark, light = colours(2)
+        for values, offset, colour, label in (
+            ([e.amplitude_change for e in effects], 0.2, dark, "amplitude"),
+            ([e.frequency_change for e in effects], -0.2, light, "frequency"),
+        ):
+            change = 100.0 * np.nan_to_num(np.array(values, float))
+            hatch = ["///" if e.reliability == "must be on" else "" for e in effects]
+            style = {"color": colour, "edgecolor": "k", "linewidth": 0.4, "label": label}
+            ax.barh(place + offset, change, height=0.38, hatch=hatch, **style)
+        ax.set_xscale("symlog", linthresh=tolerance)
+        ax.set_yticks(place, [e.name for e in effects])
+        ax.axvline(0.0, color="k", linewidth=0.6)
+        ax.set_xlabel("Estimated change of the peak (%)")
+        ax.set_title(title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz", fontsize=9.0)
+        ax.legend(fontsize=7.0)
     return ax

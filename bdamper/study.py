@@ -60,11 +60,13 @@ from bdamper.system import (
     PointArrays,
     Sampled,
 )
+from bdamper.timedomain import Verification, verify_solution
 
 if TYPE_CHECKING:
+    from bdamper.adaptive import AdaptivePeak
+    from bdamper.indicator import Advice
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
-from bdamper.timedomain import Verification, verify_solution
 
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
@@ -558,6 +560,8 @@ class Study:
         progress: bool = False,
         search_branches: bool | Sequence[float] = False,
         stability: bool = False,
+        effects: Literal["all", "auto"] = "all",
+        tolerance: float = 0.01,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -576,6 +580,10 @@ class Study:
             the preload, 0.7 and 1.4 by default.
         stability : bool
             Judge the stability of every point (:meth:`with_stability`).
+        effects : {"all", "auto"}
+            "auto": harmonics of the study are on only where they matter; see :func:`bdamper.adaptive.adaptive_curve`.
+        tolerance : float
+            Relative, for "auto".
 
         Returns
         -------
@@ -583,6 +591,12 @@ class Study:
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.  A branch that does not reach the other end is complemented by one from there.
         """
+        if effects not in ("all", "auto"):
+            raise SettingError(f'effects: expected "all" or "auto", found {effects!r}')
+        if effects == "auto":
+            from bdamper.adaptive import adaptive_curve
+
+            return adaptive_curve(self, preload, frequency, tolerance=tolerance, options=options)
         options = options or ContinuationOptions()
         low, high = _check_interval(frequency)
         preload = self._check_preload(preload)
@@ -796,6 +810,31 @@ class Study:
     ) -> OptimumPoint:
         """The preload of least resonance amplitude; see :func:`bdamper.optimal.optimal_curve`."""
         return self.optimal_curve(preload, n, frequency=frequency, mode=mode, options=options).optimum
+
+    # ---- effects ----
+
+    def advise(
+        self,
+        preload: float,
+        frequency: tuple[float, float],
+        *,
+        against: Effects | None = None,
+        tolerance: float = 0.01,
+    ) -> Advice:
+        """Which of the effects that are off would change the highest peak; see :func:`bdamper.indicator.advise`."""
+        from bdamper.indicator import advise
+
+        return advise(self, preload, frequency, against=against, tolerance=tolerance)
+
+    def adaptive_peak(
+        self, preload: float, frequency: tuple[float, float], *, tolerance: float = 0.01
+    ) -> AdaptivePeak:
+        """The highest peak with no more harmonics than it calls for; see :func:`bdamper.adaptive.adaptive_peak`."""
+        from bdamper.adaptive import adaptive_peak
+
+        return adaptive_peak(self, preload, frequency, tolerance=tolerance)
+
+    # ---- linear limits ----
 
     def free(self, frequency: tuple[float, float]) -> Curve:
         """Response without any contact: the limit of no preload.

@@ -136,7 +136,7 @@ class HarmonicSystem:
         self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
-        mode, n_time = _evaluation_code(evaluation, self.n_harmonics)
+        mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics)
         self.exact = mode == 0
         damping = [b.damping for b in bases]
         self.arrays = {
@@ -196,6 +196,14 @@ class HarmonicSystem:
         ramp[: self.n_mean] = 0.0
         out._parameter = {"ramp": ramp, "omega": float(omega)}
         out.watched = []
+        return out
+
+    def with_force(self, force: NDArray) -> HarmonicSystem:
+        """The same equations under another modal force."""
+        out = copy(self)
+        out.force = np.ascontiguousarray(force, float)
+        out.arrays = {**self.arrays, "force": out.force}
+        out.core = _core.System(**out.arrays, evaluation=self.evaluation_code[0], n_time=self.evaluation_code[1])
         return out
 
     def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
