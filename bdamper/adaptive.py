@@ -183,12 +183,29 @@ class _Search:
             guesses = [embed_between(full, study, rich, system, self.preload, estimate.y)] if estimate.size < 0.3 else []
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
+                found = self.climbed(peak, harmonics, wanted)
+            if found is None:
                 found = self.neighbourhood(peak, wanted)
             elif abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 found = higher_nearby(system, found)
             if found is None:
                 raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with harmonics {_names(wanted)}")
             peak, harmonics = found, wanted
+
+    def climbed(self, peak: Peak, harmonics: tuple[int, ...], wanted: tuple[int, ...]) -> Peak | None:
+        """The peak with the wanted harmonics by way of fewer."""
+        old, before = self.variant(harmonics)
+        way = [wanted[:n] for n in range(len(harmonics) + 1, len(wanted), max(1, (len(wanted) - len(harmonics)) // 2))]
+        for on in [*way, wanted]:
+            study, system = self.variant(on)
+            start = embed_between(old, study, before, system, self.preload, peak.y)
+            found = carried_over(system, [start], start, peak.scale[-1])
+            if found is None:
+                if on == wanted:
+                    return None
+                continue
+            peak, old, before = found, study, system
+        return peak
 
     def neighbourhood(self, peak: Peak, harmonics: tuple[int, ...]) -> Peak | None:
         """The highest maximum of a curve around a peak of the coarse curve, followed from its flanks."""
@@ -231,28 +248,26 @@ class _Search:
 
 
 def carried_over(system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float) -> Peak | None:
-    """The peak of a system near that of a simpler one.
+    """The peak of a system near that of a simpler one, ``start``.
 
-    At the phase of the simpler peak, which follows a resonance that moves, Newton is tried from each guess; then the
-    residual at ``start`` is taken away in steps, each solution the guess for the next.
+    Newton is tried from each guess at the phase of the simpler peak, which follows a resonance that moves, and at its
+    frequency; with line search if it fails without.
     """
     _, normal, _ = amplitude_and_phase(system, start[:-1])
     scale = peak_scale(system, start, width)
-    plane = np.append(normal, 0.0) * scale
-    plane /= np.linalg.norm(plane)
-    options = LOOSE
-    on_curve: NDArray | None = None
-    for guess in guesses:
-        c = system.correct(guess, plane, scale, 1e-6, options.max_iterations)
-        if c.status == OK and _near(c.y, start, scale):
-            on_curve = c.y
-            break
-    if on_curve is None:
-        on_curve = _homotopy(system, start, plane, scale)
-    if on_curve is None:
-        return None
-    peak = find_peak(system, on_curve, options=options, walk=False)
-    return peak if peak.converged else None
+    phase = np.append(normal, 0.0) * scale
+    phase /= np.linalg.norm(phase)
+    fixed = np.zeros(len(start))
+    fixed[-1] = 1.0
+    for search, iterations in ((False, LOOSE.max_iterations), (True, 25)):
+        for plane in (phase, fixed):
+            for guess in guesses if not search else guesses[-1:]:
+                c = system.correct(guess, plane, scale, 1e-6, iterations, search)
+                if c.status == OK and _near(c.y, start, scale):
+                    peak = find_peak(system, c.y, options=LOOSE, walk=False)
+                    if peak.converged:
+                        return peak
+    return None
 
 
 def higher_nearby(system: HarmonicSystem, peak: Peak, share: float = 0.93) -> Peak:
@@ -285,26 +300,6 @@ def _near(y: NDArray, start: NDArray, scale: NDArray) -> bool:
     return abs(y[-1] / start[-1] - 1.0) < 0.2 and float(np.linalg.norm((y - start)[:-1] / scale[:-1])) < 2.0
 
 
-def _homotopy(system: HarmonicSystem, start: NDArray, plane: NDArray, scale: NDArray) -> NDArray | None:
-    """Solution at the phase of a point, reached by lowering the residual that the point has."""
-    r, _, _ = system.evaluate(start[:-1], start[-1])
-    y, done, step = start, 0.0, 0.25
-    failed = 0
-    while done < 1.0:
-        now = min(1.0, done + step)
-        eased = system.with_force(system.force + (1.0 - now) * r) if now < 1.0 else system
-        c = eased.correct(y, plane, scale, 1e-6, 12)
-        if c.status == OK and float(np.linalg.norm((c.y - y)[:-1] / scale[:-1])) < 1.0:
-            y, done = c.y, now
-            step *= 1.5
-            continue
-        step *= 0.5
-        failed += 1
-        if failed > 6 or step < 0.02:
-            return None
-    return y
-
-
 class _Lost(Exception):
     """A peak could not be followed into a richer study."""
 
@@ -327,8 +322,7 @@ def adaptive_peak(
     -------
     AdaptivePeak
     """
-    if not 0.0 < tolerance < 1.0:
-        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
+    _check_tolerance(tolerance)
     begin = time.perf_counter()
     search = _Search(study, float(preload), frequency, tolerance)
     best: tuple[Peak, tuple[int, ...], Estimate | None] | None = None
@@ -360,6 +354,11 @@ def adaptive_peak(
         float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(harmonics)[0]), peak.y, *change,
         tolerance, peak.residual, "converged", "", tuple(search.log), seconds,
     )  # fmt: skip
+
+
+def _check_tolerance(tolerance: float) -> None:
+    if not 0.0 < tolerance < 1.0:
+        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
 
 
 def _names(harmonics: tuple[int, ...]) -> str:
@@ -396,6 +395,7 @@ def adaptive_curve(
         their harmonics and the largest estimated error that remains.  Branches are the pieces that were followed in one
         go; where one ends and the next begins they differ by less than the tolerance.
     """
+    _check_tolerance(tolerance)
     begin = time.perf_counter()
     search = _Search(study, float(preload), frequency, tolerance)
     everything = search.own.harmonic_numbers

@@ -1,0 +1,189 @@
+"""Adaptive against everything on, over many models, modes, engine orders and preloads.
+
+    python -m benchmarks.agreement_effects [--cases 300] [--out agreement_effects.jsonl] [--part 0/1]
+
+For each case (:mod:`tests.effect_cases`): the highest peak of a tracking curve with everything on, the same from a coarse
+curve whose maxima are refined, and the adaptive one at a tolerance of 1 %; then advice on a random choice of effects that
+are off, against what each of them changes when it is switched on.  Numbers are drawn until there are so many cases with a
+static state, a complete curve with everything on and a maximum inside the interval; what is passed over is counted.  Times
+are processor time of this process.  A run can be interrupted and resumed; results go to the file one line a case.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.indicator import advise, highest_peaks
+from bdamper.peaks import coarse_options
+from tests.effect_cases import Case, draw, everything_on, found, scene, study_of
+
+TOLERANCE = 0.01
+
+
+def sparse(case: Case) -> bd.Effects:
+    """A random choice of effects that are off."""
+    full, rng = everything_on(case), np.random.default_rng([7, case.number])
+    chosen = replace(full, harmonics=1)
+    if rng.random() < 0.4:
+        chosen = replace(chosen, bias=False)
+    contact = rng.random()
+    if contact < 0.25:
+        chosen = replace(chosen, separation=False)
+    elif contact < 0.4:
+        chosen = replace(chosen, variable_normal_load=False)
+    chosen = replace(chosen, rotation=tuple(a for a in "XYZ" if rng.random() >= 0.25))
+    chosen = replace(chosen, translation=tuple(a for a in "XYZ" if a == "Y" or rng.random() >= 0.1))
+    if rng.random() < 0.4:
+        chosen = replace(chosen, damper_modes=0)
+    if rng.random() < 0.4:
+        chosen = replace(chosen, constraints=False)
+    if rng.random() < 0.4:
+        chosen = replace(chosen, harmonic_nodal_diameters=False)
+    if rng.random() < 0.4:
+        chosen = replace(chosen, blade_modes=full.blade_modes // 2)
+    if rng.random() < 0.4:
+        chosen = replace(chosen, contact_points=max(2, case.points // 2))
+    return chosen
+
+
+def timed(work: Callable[[], Any]) -> tuple[Any, float]:
+    begin = time.process_time()
+    out = work()
+    return out, time.process_time() - begin
+
+
+def searched(study: bd.Study, preload: float, interval: tuple[float, float]) -> tuple[Any, str]:
+    """Highest peak of a coarse curve with refined maxima."""
+    curve = study.track(preload, interval, options=coarse_options())
+    if not len(curve):
+        return None, curve.status
+    peaks = highest_peaks(study.system(preload), curve)
+    return (peaks[0] if peaks else None), curve.status
+
+
+def run(case: Case) -> dict[str, Any]:
+    """All that is measured on one case."""
+    out: dict[str, Any] = {"number": case.number, "case": str(case)}
+    study = study_of(case)
+    place = scene(study, case)
+    if place is None:
+        return {**out, "note": "no static state or no stuck resonance"}
+    preload, interval = place
+    out |= {"preload": preload, "interval": interval}
+    curve, seconds = timed(lambda: study.track(preload, interval, options=bd.ContinuationOptions(max_points=1500)))
+    out |= {"status": curve.status, "reason": curve.reason, "seconds_full": seconds, "points": len(curve)}
+    if not curve.complete:
+        return {**out, "note": f"curve with everything on: {curve.status}"}
+    top = curve.peak
+    if curve.point_kind[top.index] != "maximum":
+        return {**out, "note": "no maximum inside the interval"}
+    out |= {"amplitude": top.amplitude, "frequency": top.frequency, "folds": len(curve.folds)}
+    out["shares"] = [float(x) for x in curve.shares[top.index]]
+    (peak, _), out["seconds_search"] = timed(lambda: searched(study, preload, interval))
+    out["search"] = [peak.amplitude, peak.frequency] if peak else None
+    auto, out["seconds_auto"] = timed(lambda: study.adaptive_peak(preload, interval, tolerance=TOLERANCE))
+    out["auto"] = [auto.amplitude, auto.frequency] if auto.converged else None
+    out |= {"harmonics": list(auto.effects.harmonic_numbers), "error_bound": auto.error_bound, "log": list(auto.log)}
+    out["advice"] = advice(case, preload, (0.9 * interval[0], 1.15 * interval[1]))
+    return out
+
+
+def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[list[Any]]:
+    """Estimates and true changes for effects that are off."""
+    effects, full = sparse(case), everything_on(case)
+    study = study_of(case, effects)
+    peak, _ = searched(study, preload, interval)
+    if peak is None:
+        return []
+    given = advise(study, preload, interval, against=full, tolerance=TOLERANCE, peak=peak)
+    rows = []
+    for name, one in effects.missing(full).items():
+        true, status = searched(study.with_effects(one), preload, interval)
+        change = [true.amplitude / peak.amplitude - 1.0, true.frequency / peak.frequency - 1.0] if true else None
+        item = given[name]
+        rows.append(
+            [name, item.amplitude_change, item.frequency_change, item.defect, item.reliability, change, status]
+        )
+    return rows
+
+
+def disagrees(row: dict[str, Any]) -> bool:
+    if row["auto"] is None:
+        return True
+    return any(abs(a / row[key] - 1.0) > TOLERANCE for a, key in zip(row["auto"], ("amplitude", "frequency")))
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """What the issue of agreement comes to."""
+    good = [r for r in rows if "note" not in r]
+    wrong = [r for r in good if disagrees(r)]
+    total = {key: sum(r[key] for r in good) for key in ("seconds_full", "seconds_search", "seconds_auto")}
+    lines = [
+        f"cases: {len(good)}; passed over: {dict(Counter(r['note'] for r in rows if 'note' in r))}",
+        f"adaptive within {100 * TOLERANCE:g} % of everything on: {len(good) - len(wrong)} of {len(good)} "
+        f"({100 * (1 - len(wrong) / max(len(good), 1)):.2f} %)",
+        f"processor time: tracking curves {total['seconds_full']:.1f} s, coarse search with everything on "
+        f"{total['seconds_search']:.1f} s, adaptive {total['seconds_auto']:.1f} s: "
+        f"{total['seconds_auto'] / max(total['seconds_full'], 1e-9):.3f} and "
+        f"{total['seconds_auto'] / max(total['seconds_search'], 1e-9):.3f}",
+    ]
+    for r in wrong:
+        other = "none" if r["search"] is None else f"{r['search'][0]:.5g} at {r['search'][1]:.6g}"
+        mine = "none" if r["auto"] is None else f"{r['auto'][0]:.5g} m at {r['auto'][1]:.6g} Hz"
+        lines.append(
+            f"  {r['case']}: everything on {r['amplitude']:.5g} m at {r['frequency']:.6g} Hz ({r['points']} points, "
+            f"{r['folds']} folds; coarse search {other}), adaptive {mine}"
+        )
+        lines += [f"      {line}" for line in r["log"]]
+    table: Counter[tuple[str, str]] = Counter()
+    missed = []
+    unknown = 0
+    for r in good:
+        for row in r["advice"]:
+            if row[5] is None:
+                unknown += 1
+                continue
+            change = max(abs(c) for c in row[5])
+            table[row[4], "below 1 %" if change < 0.01 else "1 to 5 %" if change <= 0.05 else "above 5 %"] += 1
+            if row[4] == "small" and change > 0.05:
+                missed.append((r, row))
+    lines.append(f"advice: {sum(table.values())} effects, {len(missed)} called small that change the peak by more than 5 %")
+    for kind in ("small", "significant", "must be on"):
+        lines.append(f"  {kind}: " + ", ".join(f"{k} {table[kind, k]}" for k in ("below 1 %", "1 to 5 %", "above 5 %")))
+    lines.append(f"  without a peak to compare with: {unknown}")
+    for r, row in missed:
+        lines.append(f"  missed: {r['case']}: {row}")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=300)
+    parser.add_argument("--out", default="agreement_effects.jsonl")
+    parser.add_argument("--part", default="0/1", help="i/n: only the numbers i, i + n, i + 2 n, ...")
+    given = parser.parse_args()
+    first, step = (int(x) for x in given.part.split("/"))
+    rows = found(given.out)
+    done = {r["number"] for r in rows}
+    number = first
+    while sum("note" not in r for r in rows) < given.cases:
+        if number not in done:
+            row = run(draw(number))
+            rows.append(row)
+            with open(given.out, "a") as file:
+                file.write(json.dumps(row) + "\n")
+        number += step
+    print(summary(sorted(rows, key=lambda r: r["number"])))
+
+
+if __name__ == "__main__":
+    main()

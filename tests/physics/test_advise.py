@@ -1,0 +1,131 @@
+"""Which effects a scene calls for: findings of Cigeroglu, An and Menq (2009), section 4, on the reference bladed disk."""
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from benchmarks.agreement_effects import TOLERANCE, disagrees, run
+from tests.effect_cases import draw
+
+MODE_1 = {"excitation": bd.Excitation("tip"), "frequency": (250.0, 400.0)}
+MODE_2 = {"excitation": bd.Excitation("tip", "axial"), "frequency": (560.0, 760.0)}
+
+
+@pytest.fixture(scope="module")
+def model():
+    return bd.reference_model("bladed_disk", 24)
+
+
+def study(model, mode, **effects):
+    return bd.Study(
+        model, mode["excitation"], engine_order=5, friction_coefficient=0.4, effects=bd.Effects(**effects)
+    )
+
+
+def test_at_high_preload_one_harmonic_is_enough_and_nothing_separates(model):
+    cheap = study(model, MODE_1, harmonics=1, separation=False, bias=False)
+    advice = cheap.advise(50e3, MODE_1["frequency"], against=bd.Effects(harmonics=5))
+    assert {e.name for e in advice.effects} == {"harmonics", "separation", "bias"}
+    assert all(e.reliability == "small" for e in advice.effects)
+    curve = study(model, MODE_1, harmonics=3).track(50e3, MODE_1["frequency"])
+    assert curve.shares[:, 2].max() == 0.0
+    assert curve.peak.amplitude == pytest.approx(advice.amplitude, rel=1e-6)
+
+
+def test_at_low_preload_the_first_mode_calls_for_rotation_and_further_harmonics(model):
+    cheap = study(model, MODE_1, harmonics=1, rotation=())
+    advice = cheap.advise(500.0, MODE_1["frequency"], against=bd.Effects(harmonics=5))
+    assert advice["rotation Z"].reliability != "small" and advice["harmonics"].reliability != "small"
+    largest = max(("rotation X", "rotation Y", "rotation Z"), key=lambda name: abs(advice[name].amplitude_change))
+    assert largest == "rotation Z"
+    # the paper's Fig. 14: without rotation the amplitude is underestimated and the frequency shift overestimated
+    assert advice["rotation Z"].amplitude_change > 0.0 > advice["rotation Z"].frequency_change
+    turned = study(model, MODE_1, harmonics=1, rotation=("Z",)).track(500.0, MODE_1["frequency"])
+    assert turned.peak.amplitude > 1.05 * advice.amplitude and turned.peak.frequency < 0.95 * advice.frequency
+    assert len(turned.folds) >= 2 and len(cheap.track(500.0, MODE_1["frequency"]).folds) == 0
+
+
+@pytest.mark.parametrize("preload", [2000.0, 20e3])
+def test_the_second_mode_does_not_call_for_separation(model, preload):
+    cheap = study(model, MODE_2, harmonics=1, separation=False)
+    advice = cheap.advise(preload, MODE_2["frequency"], against=bd.Effects(harmonics=1))
+    assert advice["separation"].reliability == "small"
+    peak = study(model, MODE_2, harmonics=1).track(preload, MODE_2["frequency"]).peak
+    assert peak.amplitude == pytest.approx(advice.amplitude, rel=TOLERANCE)
+
+
+def test_separation_is_called_for_where_it_matters(model):
+    """In the first mode the faces do separate, and the indicator sees it."""
+    cheap = study(model, MODE_1, harmonics=1, separation=False)
+    advice = cheap.advise(500.0, MODE_1["frequency"], against=bd.Effects(harmonics=1))
+    assert advice["separation"].reliability != "small"
+
+
+def test_estimates_have_the_size_of_the_change_where_they_are_reliable(model):
+    """Elastic damper modes and further harmonics in the second mode: a few percent, estimated to a quarter."""
+    cheap = study(model, MODE_2, harmonics=1)
+    rich = bd.Effects(harmonics=5, damper_modes=2)
+    advice = cheap.advise(2000.0, MODE_2["frequency"], against=rich)
+    for name, effects in bd.Effects.of(cheap).missing(rich).items():
+        true = cheap.with_effects(effects).track(2000.0, MODE_2["frequency"]).peak.amplitude / advice.amplitude - 1.0
+        assert abs(true) > 0.01
+        assert advice[name].reliability == "significant"
+        assert advice[name].amplitude_change == pytest.approx(true, rel=0.25)
+
+
+# ---- adaptive against everything on ----
+
+FULL = int(os.environ.get("BDAMPER_HARD", "0"))
+NUMBERS = range(min(FULL, 440)) if FULL else (2, 12, 20, 25, 30, 5, 54)
+
+
+def test_adaptive_agrees_with_everything_on_and_advice_misses_nothing_large():
+    """A sample by default; BDAMPER_HARD=440 runs the numbers that ``benchmarks.agreement_effects`` needs for 300 cases."""
+    rows = [r for r in map(run, map(draw, NUMBERS)) if "note" not in r]
+    assert len(rows) >= 5
+    wrong = [r["case"] for r in rows if disagrees(r)]
+    assert len(wrong) <= 0.01 * len(rows), wrong
+    missed = [
+        (r["case"], row)
+        for r in rows
+        for row in r["advice"]
+        if row[5] is not None and row[4] == "small" and max(abs(c) for c in row[5]) > 0.05
+    ]
+    assert not missed
+
+
+def test_adaptive_simulation_pays_for_one_harmonic_where_that_is_enough(model):
+    full = study(model, MODE_1, harmonics=5)
+    stuck = full.adaptive_peak(50e3, MODE_1["frequency"])
+    assert stuck.converged and stuck.effects.harmonic_numbers == (1,) and stuck.error_bound < 1e-6
+    assert len(stuck.y) == full.with_effects(replace(bd.Effects.of(full), harmonics=1)).system(50e3).n_unknowns + 1
+    slipping = full.adaptive_peak(500.0, MODE_1["frequency"])
+    assert slipping.converged and len(slipping.effects.harmonic_numbers) > 1
+    truth = full.track(500.0, MODE_1["frequency"]).peak
+    assert slipping.amplitude == pytest.approx(truth.amplitude, rel=TOLERANCE)
+    assert slipping.frequency == pytest.approx(truth.frequency, rel=TOLERANCE)
+
+
+@pytest.mark.parametrize("preload", [2000.0, 50e3])
+def test_an_adaptive_curve_is_the_curve_with_everything_on(model, preload):
+    full = study(model, MODE_2, harmonics=3)
+    curve = full.track(preload, MODE_2["frequency"], effects="auto", tolerance=TOLERANCE)
+    truth = full.track(preload, MODE_2["frequency"])
+    note = curve.settings["adaptive"]
+    assert curve.complete and note["estimated_error"] <= TOLERANCE
+    assert bool(note["intervals"]) == (preload < 10e3)
+    assert curve.unknowns.shape[1] == truth.unknowns.shape[1]
+    assert curve.peak.amplitude == pytest.approx(truth.peak.amplitude, rel=TOLERANCE)
+    assert curve.peak.frequency == pytest.approx(truth.peak.frequency, rel=TOLERANCE)
+    # every point solves the equations of its own harmonics, and those of all to the tolerance
+    system = full.system(preload)
+    for i in range(0, len(curve), 7):
+        u, omega = curve.unknowns[i], 2.0 * np.pi * curve.frequency[i]
+        c = system.correct_at(u, omega, np.append(np.full(len(u), np.abs(u).max()), omega), 1e-9, 20)
+        assert c.status == 0
+        a, b = abs(system.response(u)[1]), abs(system.response(c.y[:-1])[1])
+        assert a == pytest.approx(b, rel=0.05)
+

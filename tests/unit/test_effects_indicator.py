@@ -1,0 +1,171 @@
+"""The dual-weighted indicator, the embedding it rests on, and the results that carry it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.adaptive import adaptive_peak
+from bdamper.indicator import Estimate, embed, estimate_change, fullest, highest_peaks
+from bdamper.peaks import coarse_options, find_peak
+from tests import models
+
+INTERVAL = (720.0, 880.0)
+
+
+@pytest.fixture(scope="module")
+def full():
+    model = models.wedge_model(1, n_points=6, harmonics=5)
+    return bd.Study(
+        model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
+    )
+
+
+def peak_of(study, preload):
+    curve = study.track(preload, INTERVAL, options=coarse_options())
+    return highest_peaks(study.system(preload), curve)[0]
+
+
+@pytest.fixture(scope="module")
+def peak(full):
+    return peak_of(full, 40.0)
+
+
+def test_estimate_is_the_derivative_of_the_peak(full, peak):
+    """A small force in addition: the estimated peak differs from the true one by the square of it."""
+    rng = np.random.default_rng(0)
+    system = full.system(40.0)
+    direction = rng.standard_normal(system.n_unknowns) * np.abs(system.force).max()
+    direction[: system.n_mean] = 0.0
+    error = []
+    for size in (4e-4, 2e-4, 1e-4):
+        other = system.with_force(system.force + size * direction)
+        e = estimate_change(other, peak.y)
+        true = find_peak(other, peak.y)
+        assert true.converged
+        change = true.amplitude / peak.amplitude - 1.0
+        assert abs(change) > 1e-5
+        error.append(abs(e.amplitude - change))
+        assert e.amplitude == pytest.approx(change, rel=0.1)
+    assert error[0] / error[1] > 3.0 and error[1] / error[2] > 3.0
+
+
+def test_a_solution_of_the_system_itself_has_no_change(full, peak):
+    e = estimate_change(full.system(40.0), peak.y)
+    assert e.size < 1e-7 and e.reliability(0.01) == "small"
+
+
+def test_shares_of_the_harmonics_make_up_the_estimate(full):
+    cheap = full.with_effects(replace(bd.Effects.of(full), harmonics=1))
+    p = peak_of(cheap, 40.0)
+    e = estimate_change(full.system(40.0), embed(cheap, full, 40.0, p.y))
+    assert abs(e.amplitude) > 1e-3
+    assert e.shares.sum() == pytest.approx(e.amplitude, rel=1e-6)
+    # the equations of the cheap system are solved: only those of the new harmonics contribute
+    assert np.abs(e.shares[:2]).max() < 1e-6 and np.abs(e.shares[2:]).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"harmonics": 1}, {"rotation": ("X", "Z")}, {"damper_modes": 0}, {"blade_modes": 2}, {"bias": False},
+        {"contact_points": 3},
+    ],
+    ids=str,
+)
+def test_embedding_keeps_what_both_have(full, changes):
+    cheap = full.with_effects(replace(bd.Effects.of(full), **changes))
+    a, b = cheap.system(40.0), full.system(40.0)
+    rng = np.random.default_rng(1)
+    y = np.append(1e-6 * rng.standard_normal(a.n_unknowns), 5000.0)
+    z = embed(cheap, full, 40.0, y)
+    assert z[-1] == 5000.0
+    for l in range(1, a.n_harmonics + 1):
+        old = dict(zip(a.bases[l].coordinates, a.amplitudes(y[:-1], l)))
+        new = dict(zip(b.bases[l].coordinates, b.amplitudes(z[:-1], l)))
+        assert {c: new[c] for c in old} == old
+        assert all(value == 0.0 for c, value in new.items() if c not in old)
+    mean = z[: b.n_mean] - full.static(40.0).q
+    if a.n_mean:
+        moved = dict(zip(a.bases[0].coordinates, y[: a.n_mean] - cheap.static(40.0).q))
+        np.testing.assert_allclose(mean, [moved.get(c, 0.0) for c in b.bases[0].coordinates], atol=1e-18)
+    else:
+        np.testing.assert_array_equal(mean, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "defect", "expected"),
+    [
+        (0.002, 0.001, "small"),
+        (0.002, 0.009, "must be on"),
+        (0.05, 0.01, "significant"),
+        (0.05, 0.03, "must be on"),
+        (0.2, 0.0, "must be on"),
+        (np.nan, 0.0, "must be on"),
+    ],
+)
+def test_reliability(amplitude, defect, expected):
+    assert Estimate(amplitude, 0.0, defect, np.zeros(1), np.zeros(1)).reliability(0.01) == expected
+
+
+def test_advice_prints_plots_and_saves(full, tmp_path):
+    cheap = full.with_effects(replace(bd.Effects.of(full), harmonics=1, blade_modes=3))
+    advice = cheap.advise(40.0, INTERVAL, against=bd.Effects.of(full))
+    assert {e.name for e in advice.effects} == {"harmonics", "blade modes"}
+    text = str(advice)
+    assert "harmonics" in text and "may miss" in text and advice["harmonics"].reliability in text
+    richer = full.with_effects(replace(bd.Effects.of(full), blade_modes=3)).system(40.0)
+    assert (advice["harmonics"].unknowns, advice["harmonics"].points) == (richer.n_unknowns, richer.n_points)
+    assert set(advice.called_for) <= {"harmonics", "blade modes"}
+    with pytest.raises(KeyError, match="no advice on 'separation'"):
+        advice["separation"]
+    advice.save(tmp_path / "advice.h5")
+    assert bd.load_advice(tmp_path / "advice.h5") == advice
+    ax = advice.plot()
+    assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
+    full.track(1e3, INTERVAL).save(tmp_path / "curve.h5")
+    with pytest.raises(bd.BdamperError, match="bdamper-advice"):
+        bd.load_advice(tmp_path / "curve.h5")
+
+
+def test_fullest_asks_for_what_the_model_has(full):
+    rich = fullest(full)
+    assert rich.harmonics == 5 and rich.damper_modes == 2 and rich.blade_modes == 5
+    assert bd.Effects.of(full).missing(rich).keys() == {"harmonics", "damper modes", "blade modes"}
+
+
+def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
+    gentle = replace(full, excitation=bd.Excitation("tip", amplitude=1e-4))
+    found, truth = gentle.adaptive_peak(200.0, INTERVAL), peak_of(gentle, 200.0)
+    assert found.converged and found.effects.harmonics == (1,)
+    assert found.amplitude == pytest.approx(truth.amplitude, rel=1e-5)
+    assert "harmonics 1;" in str(found)
+
+
+def test_adaptive_peak_of_a_slipping_contact_is_that_of_the_study(full):
+    found, truth = full.adaptive_peak(40.0, INTERVAL), peak_of(full, 40.0)
+    assert found.converged and found.error_bound <= 0.005
+    assert found.amplitude == pytest.approx(truth.amplitude, rel=0.01)
+    tight = full.adaptive_peak(40.0, INTERVAL, tolerance=1e-6)
+    assert tight.effects.harmonics == 3 and tight.error_bound == 0.0
+    assert tight.amplitude == pytest.approx(truth.amplitude, rel=1e-4)
+
+
+def test_no_peak_is_said_to_be_none(full):
+    found = full.adaptive_peak(1e4, (720.0, 760.0))
+    assert not found.converged and "no maximum" in found.reason and np.isnan(found.amplitude)
+    with pytest.raises(bd.BdamperError, match="no peak between 720 and 760 Hz"):
+        full.advise(1e4, (720.0, 760.0))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1.0, -1.0, float("nan")])
+def test_tolerance_is_checked(full, tolerance):
+    for ask in (adaptive_peak, type(full).advise, lambda *a, **k: full.track(*a[1:], effects="auto", **k)):
+        with pytest.raises(bd.SettingError, match="tolerance: expected between 0 and 1"):
+            ask(full, 40.0, INTERVAL, tolerance=tolerance)
+
+
+def test_effects_of_a_curve_are_all_or_auto(full):
+    with pytest.raises(bd.SettingError, match='effects: expected "all" or "auto", found \'cheap\''):
+        full.track(40.0, INTERVAL, effects="cheap")
