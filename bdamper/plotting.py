@@ -769,6 +769,7 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", label="harmonic balance")
     ax.set(xlabel="time, periods", ylabel="response, um", title=f"{verification.frequency:.6g} Hz")
     ax.legend()
+    return ax
 
 
 def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
