@@ -1,0 +1,560 @@
+"""Ansys MAPDL: matrices of a ``.full`` file, mesh and components of a ``.cdb`` archive, modes of a ``.rst`` file.
+
+Binary files consist of records: the number of 32-bit words, a word of flags, the words, and their number again.  The
+highest byte of the flags tells integers (0x80) from floating-point numbers, single from double precision (0x40), and three
+compressed forms: zlib (0x20), windows of non-zero values (0x10), and a bit for each non-zero value (0x08).  Pointers
+count words from the start of the file, or from that of a data set.  The first record is the standard header, the second
+the header of the kind of file; positions in it are those of the include files ``fdfull.inc`` and ``fdresu.inc`` that come
+with the program.
+
+Only what an import needs is read, with every length checked against the file: damaged files are refused, not followed.
+
+A ``.full`` file keeps rows for components that are fixed; they are empty but for a one and are dropped.  The modes of a
+cyclic analysis come as real shapes of the base sector, two for each wave; neither their pairing nor their direction is
+relied on (:mod:`bdamper.reduction.waves`).  They are scaled to a modal mass of one over base and duplicate sector, which
+is what ``a + i b`` of a pair has over one sector.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.matrices import triangle_to_full
+from bdamper.io.reading import check_count, reading
+
+FilePath = str | os.PathLike[str]
+
+_INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
+_HEADER = 103  # the second record starts here
+_FULL, _RESULT = 4, 12  # kinds of binary files
+
+_SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Records
+
+
+class _Binary:
+    """Records of a binary file that is held in memory."""
+
+    def __init__(self, source: Path, kind: int) -> None:
+        self.source = source
+        self.data = source.read_bytes()
+        head = self.record(0, "standard header")
+        if len(head) < 2 or head.dtype.kind != "i":
+            raise mismatch(str(source), "a binary file of Ansys", "another beginning")
+        if int(head[0]) != kind:
+            names = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
+            found = names.get(int(head[0]), "another kind")
+            raise mismatch(str(source), f"a file of {names[kind]}: number {kind}", f"{int(head[0])}, {found}")
+
+    def record(self, word: int, item: str) -> NDArray:
+        """Numbers of the record at a word of the file."""
+        return self._record(word, item)[0]
+
+    def run(self, word: int, count: int, item: str) -> Iterator[NDArray]:
+        """So many records one after another."""
+        for k in range(count):
+            values, word = self._record(word, f"{item}, record {k + 1} of {count}")
+            yield values
+
+    def _record(self, word: int, item: str) -> tuple[NDArray, int]:
+        where = f"{self.source}: {item} at word {word}"
+        start = 4 * int(word)
+        if start < 0 or start + 12 > len(self.data):
+            raise mismatch(where, f"a record within {len(self.data) // 4} words", "a place outside: the file is truncated")
+        size, flags = struct.unpack_from("<iI", self.data, start)
+        end = start + 8 + 4 * size
+        if size < 0 or end + 4 > len(self.data):
+            raise mismatch(where, "a record that ends within the file", f"a length of {size} words: damaged or truncated")
+        if struct.unpack_from("<i", self.data, end)[0] != size:
+            raise mismatch(where, f"the length {size} again at its end", "another number: damaged")
+        kind = flags >> 24
+        code = {0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)]
+        dtype = np.dtype(code)
+        if kind & _ZLIB:
+            raise mismatch(where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "a compressed one")
+        raw = self.data[start + 8 : end]
+        if kind & _BITS:
+            values = self._bits(raw, dtype, where)
+        elif kind & _WINDOWS:
+            values = self._windows(raw, dtype, where)
+        else:
+            values = np.frombuffer(raw[: len(raw) // dtype.itemsize * dtype.itemsize], dtype)
+        return values, word + size + 3
+
+    @staticmethod
+    def _head(raw: bytes, where: str) -> tuple[int, int]:
+        if len(raw) < 8:
+            raise mismatch(where, "the head of a compressed record", "less than two words")
+        size, second = struct.unpack_from("<ii", raw, 0)
+        return check_count(size, where, "a length", largest=100_000_000), second
+
+    def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
+        """One bit for each of at most 32 values tells whether it follows or is zero."""
+        size, code = self._head(raw, where)
+        if size > 32:
+            raise mismatch(where, "at most 32 values in a record compressed by bits", size)
+        set_ = np.array([(code >> k) & 1 for k in range(size)], bool)
+        if 8 + int(set_.sum()) * dtype.itemsize > len(raw):
+            raise mismatch(where, f"{int(set_.sum())} values", "fewer: damaged")
+        out = np.zeros(size, dtype)
+        out[set_] = np.frombuffer(raw, dtype, int(set_.sum()), 8)
+        return out
+
+    def _windows(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
+        """Single values at positive places; at others a run of values, or of one value if its length is negative."""
+        size, count = self._head(raw, where)
+        step = max(dtype.itemsize, 4)
+        out = np.zeros(size, dtype)
+        at = 8
+        for _ in range(count):
+            if at + 4 > len(raw):
+                raise mismatch(where, f"{count} windows", "the end of the record")
+            place = struct.unpack_from("<i", raw, at)[0]
+            at += 4
+            length, constant = 1, False
+            if place <= 0:
+                if at + 4 > len(raw):
+                    raise mismatch(where, "the length of a window", "the end of the record")
+                length = struct.unpack_from("<i", raw, at)[0]
+                at += 4
+                place, constant = -place, length < 0
+                length = abs(length)
+            taken = 1 if constant else length
+            stored = step if taken == 1 else taken * dtype.itemsize
+            if place + length > size or at + taken * dtype.itemsize > len(raw):
+                raise mismatch(where, f"windows within {size} values", f"one of {length} from {place}")
+            values = np.frombuffer(raw, dtype, taken, at)
+            out[place : place + length] = values[0] if constant else values
+            at += stored
+        return out
+
+
+def _long(low: int, high: int) -> int:
+    """A pointer of 64 bits from two words."""
+    return (int(high) << 32) + (int(low) & 0xFFFFFFFF)
+
+
+class _Header:
+    """The second record, by positions that count from one; short headers end in zeros."""
+
+    def __init__(self, values: NDArray, item: str) -> None:
+        if values.dtype.kind != "i":
+            raise mismatch(item, "whole numbers", str(values.dtype))
+        self.values = values
+
+    def __getitem__(self, position: int) -> int:
+        return int(self.values[position - 1]) if position <= len(self.values) else 0
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Matrices
+
+
+@dataclass(frozen=True)
+class FullMatrices:
+    """What a ``.full`` file holds.
+
+    Parameters
+    ----------
+    stiffness, mass : (n_eq, n_eq) sparse
+        Both triangles, of the free components only.
+    dofs : (n_eq, 2) int
+        Node number and component (1, 2, 3) of each row.
+    dropped : int
+        Rows of fixed components that were left out.
+    """
+
+    stiffness: sp.csr_matrix
+    mass: sp.csr_matrix
+    dofs: NDArray
+    dropped: int
+
+
+def read_full(path: FilePath) -> FullMatrices:
+    """Stiffness and mass of a ``.full`` file, without its empty rows.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a matrix file of Ansys (.full)") as source:
+        file = _Binary(source, _FULL)
+        head = _Header(file.record(_HEADER, "header"), str(source))
+        if head[1] != -4:
+            raise mismatch(f"{source}: header", "a symbolically assembled matrix (-4)", head[1])
+        n_eq = check_count(head[2], f"{source}: header", "a number of equations", 1, len(file.data))
+        n_nodes = check_count(head[33], f"{source}: header", "a number of nodes", 1, len(file.data))
+        if head[14]:
+            raise mismatch(f"{source}: header", "symmetric matrices", "unsymmetric ones")
+        if head[11]:
+            raise mismatch(f"{source}: header", "a consistent mass matrix (LUMPM,OFF)", "a lumped one")
+        if head[21]:
+            raise mismatch(f"{source}: header", "no constraint equations in the matrices", f"{head[21]} of them")
+        dof_names, node_numbers = file.run(206, 2, "degrees of freedom and nodes")
+        counts, constraint = file.run(_long(head[36], head[37]), 2, "degrees of freedom of each node")
+        dofs = _full_dofs(source, dof_names, node_numbers, counts, n_nodes, n_eq)
+        if len(constraint) < n_eq:
+            raise mismatch(f"{source}: table of fixed components", f"{n_eq} entries", len(constraint))
+        matrices = [
+            _full_matrix(file, _long(*words), n_eq, name)
+            for name, words in (("stiffness", (head[19], head[20])), ("mass", (head[27], head[28])))
+        ]
+    keep = np.flatnonzero(constraint[:n_eq] >= 0)
+    empty = matrices[0].diagonal()[keep] == 0.0
+    keep = keep[~empty]
+    if len(keep) == 0:
+        raise mismatch(str(path), "free components", "none")
+    kept = [m[keep][:, keep].tocsr() for m in matrices]
+    wrong = dofs[keep, 1] > 3
+    if wrong.any():
+        raise mismatch(f"{path}: degrees of freedom", "UX, UY, UZ only", f"number {dofs[keep][wrong][0, 1]}")
+    return FullMatrices(kept[0], kept[1], dofs[keep], n_eq - len(keep))
+
+
+def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArray, n_nodes: int, n_eq: int) -> NDArray:
+    """Node number and component of each equation."""
+    if min(len(numbers), len(counts)) < n_nodes:
+        raise mismatch(f"{source}: nodes", f"{n_nodes} nodes", min(len(numbers), len(counts)))
+    numbers, counts = numbers[:n_nodes].astype(np.int64), counts[:n_nodes].astype(np.int64)
+    if counts.min() < 0 or counts.max() > len(dof_names) or counts.sum() != n_eq:
+        raise mismatch(f"{source}: degrees of freedom of each node", f"{n_eq} in all", int(counts.sum()))
+    first = np.repeat(np.cumsum(counts) - counts, counts)
+    place = np.arange(n_eq) - first
+    return np.column_stack([np.repeat(numbers, counts), dof_names.astype(np.int64)[place]])
+
+
+def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
+    """One triangle, row by row: columns, then values."""
+    item = f"{name} matrix"
+    if word <= 0:
+        raise mismatch(f"{file.source}: {item}", "a matrix", "none in the file")
+    rows, columns, values = [], [], []
+    records = file.run(word, 2 * n_eq, item)
+    for row in range(n_eq):
+        column, value = next(records), next(records)
+        where = f"{file.source}: {item}, row {row + 1}"
+        if column.dtype.kind != "i" or value.dtype.kind != "f" or len(column) != len(value):
+            raise mismatch(where, "a record of columns and one of as many values", f"{len(column)} and {len(value)}")
+        if len(column) and (column.min() < 1 or column.max() > n_eq):
+            raise mismatch(where, f"columns 1 to {n_eq}", int(column.max()))
+        rows.append(np.full(len(column), row))
+        columns.append(column.astype(np.int64) - 1)
+        values.append(value.astype(float))
+    i, j, entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
+    if not np.isfinite(entries).all():
+        raise mismatch(f"{file.source}: {item}", "finite numbers", "others")
+    return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
+
+
+def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = None) -> FEBody:
+    """A body from matrices, the archive with its mesh and components, and optionally the modes of a cyclic analysis.
+
+    Parameters
+    ----------
+    full : path-like
+        ``.full`` file of the sector without cyclic symmetry, or of the damper.
+    archive : path-like
+        ``.cdb`` file (CDWRITE,DB) of the same model.
+    results : path-like, optional
+        ``.rst`` file to compare with.
+    """
+    body, matrices = read_cdb(archive), read_full(full)
+    modes = read_rst(results).modes if results is not None else ()
+    notes = (*body.notes, f"{matrices.dropped} rows of fixed components dropped from {full}")
+    return replace(
+        body,
+        stiffness=matrices.stiffness,
+        mass=matrices.mass,
+        dofs=matrices.dofs,
+        modes=modes,
+        source=f"{full}, {archive}",
+        notes=notes,
+    )
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Archive
+
+
+def _widths(text: str, item: str) -> list[tuple[str, int]]:
+    """Fields of a Fortran format like (3i9,6e21.13e3): letter and width, repeated."""
+    fields: list[tuple[str, int]] = []
+    for count, letter, width in re.findall(r"(\d*)([ie])(\d+)", text.lower()):
+        repeat = check_count(int(count or 1), item, "a repetition of fields", 1, 100)
+        fields += repeat * [(letter, check_count(int(width), item, "a width of fields", 1, 100))]
+    if not fields:
+        raise mismatch(item, "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
+    return fields
+
+
+def _integers(line: str, width: int, item: str) -> list[int]:
+    text = line.rstrip()
+    try:
+        return [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
+    except ValueError:
+        raise mismatch(item, f"whole numbers, {width} columns each", f"'{text[:60]}'") from None
+
+
+def read_cdb(path: FilePath) -> FEBody:
+    """Nodes, solid elements and components of nodes of an archive (CDWRITE).
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "an archive of Ansys (.cdb)") as source, open(source, encoding="latin-1") as file:
+        return _Archive(source, file.read().splitlines()).body()
+
+
+class _Archive:
+    def __init__(self, source: Path, lines: list[str]) -> None:
+        self.source, self.lines, self.at = source, lines, 0
+        self.numbers: list[int] = []
+        self.positions: list[list[float]] = []
+        self.angles: list[list[float]] = []
+        self.types: dict[int, str] = {}
+        self.elements: dict[int, list[list[int]]] = {}
+        self.sets: dict[str, NDArray] = {}
+        self.skipped: dict[str, int] = {}
+
+    def _item(self) -> str:
+        return f"{self.source}: line {self.at + 1}"
+
+    def _next(self, what: str) -> str:
+        if self.at >= len(self.lines):
+            raise mismatch(str(self.source), what, "the end of the file")
+        self.at += 1
+        return self.lines[self.at - 1]
+
+    def body(self) -> FEBody:
+        while self.at < len(self.lines):
+            words = [w.strip() for w in self.lines[self.at].split(",")]
+            self.at += 1
+            key = words[0].upper()
+            if key == "NBLOCK":
+                self._nodes()
+            elif key == "EBLOCK":
+                self._elements("SOLID" in (w.upper() for w in words))
+            elif key == "CMBLOCK" and len(words) >= 4:
+                self._component(words)
+            elif key == "ET" and len(words) >= 3 and words[1].isdigit():
+                self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
+        if not self.numbers:
+            raise mismatch(str(self.source), "a block of nodes (NBLOCK)", "none")
+        numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
+        axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
+        return FEBody(
+            numbers,
+            nodes,
+            elements=tuple(np.array(e, np.int64) for e in self.elements.values()),
+            node_sets=self.sets,
+            node_axes=axes,
+            source=str(self.source),
+            notes=tuple(
+                f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()
+            ),
+        )
+
+    def _nodes(self) -> None:
+        fields = _widths(self._next("the format of NBLOCK"), self._item())
+        integer = next((w for letter, w in fields if letter == "i"), 9)
+        n_integers = sum(letter == "i" for letter, _ in fields)
+        real = next((w for letter, w in fields if letter == "e"), 21)
+        start = integer * n_integers
+        while True:
+            line = self._next("the end of NBLOCK (-1)")
+            if line.startswith(("N,", "-1")) or not line.strip():
+                break
+            try:
+                number = int(line[:integer])
+                text = line[start:].rstrip()
+                values = [float(text[k : k + real]) for k in range(0, len(text), real)]
+            except ValueError:
+                raise mismatch(f"{self.source}: line {self.at}", "a node", f"'{line[:60]}'") from None
+            if number < 0:
+                break
+            if len(values) > 6 or not np.isfinite(values).all():
+                raise mismatch(f"{self.source}: line {self.at}", "at most six finite numbers", f"'{line[:60]}'")
+            values += [0.0] * (6 - len(values))
+            self.numbers.append(number)
+            self.positions.append(values[:3])
+            self.angles.append(values[3:])
+
+    def _elements(self, solid: bool) -> None:
+        width = _widths(self._next("the format of EBLOCK"), self._item())[0][1]
+        while True:
+            line = self._next("the end of EBLOCK (-1)")
+            if line.strip().startswith("-1"):
+                return
+            item = f"{self.source}: line {self.at}"
+            words = _integers(line, width, item)
+            if not solid or len(words) < 12:
+                raise mismatch(item, "an element of a block of SOLID form", f"'{line[:60]}'")
+            kind, count, nodes = words[1], words[8], words[11:]
+            while len(nodes) < count:
+                nodes += _integers(self._next("the nodes of an element"), width, item)
+            name = self.types.get(kind, "")
+            known = _SOLIDS.get(name, count if not name else 0)
+            if known not in (4, 8, 10, 20) or len(nodes) != count:
+                self.skipped[name or f"{count} nodes"] = self.skipped.get(name or f"{count} nodes", 0) + 1
+                continue
+            if 0 in nodes or count != known:  # nodes between corners left out
+                n_corner = 8 if known in (8, 20) else 4
+                nodes, known = nodes[:n_corner], n_corner
+            self.elements.setdefault(known, []).append(nodes)
+
+    def _component(self, words: list[str]) -> None:
+        name, kind = words[1].strip(), words[2].strip().upper()
+        count = re.match(r"\d+", words[3].strip())
+        item = self._item()
+        if count is None:
+            raise mismatch(item, "a number of items in CMBLOCK", f"'{words[3][:20]}'")
+        total = check_count(int(count[0]), item, "a number of items", 0, 50_000_000)
+        width = _widths(self._next("the format of CMBLOCK"), item)[0][1]
+        found: list[int] = []
+        while len(found) < total:
+            more = _integers(self._next(f"{total} items of component '{name}'"), width, f"{self.source}: line {self.at}")
+            if not more:
+                raise mismatch(f"{self.source}: line {self.at}", f"{total} items of component '{name}'", len(found))
+            found += more
+        members: list[NDArray] = []
+        for number in found[:total]:
+            if number < 0:
+                if not members or -number < members[-1][-1] or -number - members[-1][-1] > 50_000_000:
+                    raise mismatch(item, f"ranges in component '{name}'", number)
+                members.append(np.arange(members[-1][-1] + 1, -number + 1))
+                if len(members[-1]) == 0:
+                    members.pop()
+            else:
+                members.append(np.array([number]))
+        if kind.startswith("NODE") and members:
+            self.sets[name] = np.concatenate(members)
+
+
+def _node_axes(angles: NDArray) -> NDArray:
+    """(3, 3) rows: axes of a node turned by its angles (degrees) about Z, then about its X, then about its Y."""
+    c, s = np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))
+    about_z = np.array([[c[0], -s[0], 0.0], [s[0], c[0], 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, c[1], -s[1]], [0.0, s[1], c[1]]])
+    about_y = np.array([[c[2], 0.0, s[2]], [0.0, 1.0, 0.0], [-s[2], 0.0, c[2]]])
+    return (about_z @ about_x @ about_y).T
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Results
+
+
+def read_rst(path: FilePath) -> FEBody:
+    """Nodes, solid elements and modes of a modal analysis, cyclic or not.
+
+    Returns
+    -------
+    FEBody
+        Its modes are standing waves of the base sector, two for each wave of a nodal diameter between 0 and N/2, in the
+        axes of the file.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a result file of Ansys (.rst)") as source:
+        file = _Binary(source, _RESULT)
+        head = _Header(file.record(_HEADER, "header"), str(source))
+        largest = len(file.data)
+        n_nodes = check_count(head[3], f"{source}: header", "a number of nodes", 1, largest)
+        n_sets = check_count(head[9], f"{source}: header", "a number of result sets", 1, largest)
+        room = check_count(head[4], f"{source}: header", "room for result sets", n_sets, largest)
+        pointers = {
+            name: _long(head[low], head[high])
+            for name, low, high in (
+                ("sets", 11, 41),
+                ("frequencies", 12, 42),
+                ("nodes", 15, 46),
+                ("geometry", 16, 47),
+                ("harmonic indices", 17, 44),
+            )
+        }
+        index = file.record(pointers["sets"], "index of result sets")
+        if len(index) < 2 * room or index.dtype.kind != "i":
+            raise mismatch(f"{source}: index of result sets", f"{2 * room} whole numbers", len(index))
+        places = [_long(index[k], index[room + k]) for k in range(n_sets)]
+        frequency = file.record(pointers["frequencies"], "frequencies")[:n_sets].astype(float)
+        numbers = file.record(pointers["nodes"], "node numbers")[:n_nodes].astype(np.int64)
+        diameter = np.zeros(n_sets, int)
+        n_sectors = head[21]
+        if n_sectors > 1 and pointers["harmonic indices"] > 0:
+            diameter = np.abs(file.record(pointers["harmonic indices"], "harmonic indices")[:n_sets].astype(int))
+        if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
+            raise mismatch(str(source), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
+        body, axes = _rst_mesh(file, pointers["geometry"])
+        shapes = np.stack([_rst_shape(file, places[k], numbers, axes, k) for k in range(n_sets)], axis=2)
+    modes = []
+    for d in np.unique(diameter):
+        of = np.flatnonzero(diameter == d)
+        of = of[np.argsort(frequency[of], kind="stable")]
+        modes.append(Modes(int(d), frequency[of], numbers, shapes[:, :, of], np.ones(len(of)), str(path)))
+    notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
+    return replace(body, modes=tuple(modes), notes=notes)
+
+
+def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
+    """Nodes and solid elements; axes of the nodes that have their own."""
+    head = _Header(file.record(word, "geometry header"), str(file.source))
+    n_nodes = check_count(head[4], f"{file.source}: geometry", "a number of nodes", 1, len(file.data))
+    n_elements = check_count(head[5], f"{file.source}: geometry", "a number of elements", 0, len(file.data))
+    table = np.empty((n_nodes, 7))
+    for k, row in enumerate(file.run(_long(head[27], head[28]) or head[9], n_nodes, "nodes")):
+        if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
+            raise mismatch(f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row))
+        table[k] = row[:7]
+    numbers = table[:, 0].astype(np.int64)
+    groups: dict[int, list[NDArray]] = {}
+    if n_elements:
+        place = _long(head[29], head[30]) or head[11]
+        offsets = file.record(place, "index of elements")
+        words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
+        for k in range(n_elements):
+            if k >= len(words):
+                raise mismatch(f"{file.source}: index of elements", f"{n_elements} entries", len(words))
+            element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
+            if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
+                groups.setdefault(len(element), []).append(element)
+    body = FEBody(numbers, table[:, 1:4], elements=tuple(np.array(g) for g in groups.values()), source=str(file.source))
+    return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
+
+
+def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int) -> NDArray:
+    """(n_nodes, 3) displacements of one result set in the axes of the file."""
+    item = f"{file.source}: result set {k + 1}"
+    head = _Header(file.record(word, f"result set {k + 1}"), item)
+    n = check_count(head[3], item, "a number of nodes", 1, len(file.data))
+    per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
+    names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
+    if names[:3] != [1, 2, 3]:
+        raise mismatch(item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
+    place = word + (_long(head[105], head[106]) or head[11])
+    values = file.record(place, f"displacements of result set {k + 1}").astype(float)
+    if len(values) < n * per_node or n != len(numbers):
+        raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
+    out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
+    out[out == 2.0**100] = 0.0
+    if not np.isfinite(out).all():
+        raise mismatch(item, "finite displacements", "others")
+    for j, number in enumerate(numbers.tolist()):
+        if number in axes:
+            out[j] = axes[number].T @ out[j]
+    return out
