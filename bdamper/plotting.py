@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from bdamper.errors import SettingError
 from bdamper.indicator import Advice
 from bdamper.io.import_report import ImportReport
+from bdamper.io.measurement import Measurement
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
 from bdamper.timedomain import Verification
@@ -143,6 +144,25 @@ def plot_curves(
         if ax.get_legend_handles_labels()[0]:
             ax.legend(ncols=2, fontsize=7.0)
     return ax
+
+
+def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: float = 1.0, **style: Any) -> Axes:
+    """Lay a measured response over curves.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    ax : Axes, optional
+        Those of the curves.
+    scale : float
+        To the unit of the curves.
+    style
+        Passed on to the line.
+    """
+    axes = new_axes() if ax is None else ax
+    look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
+    axes.plot(measurement.frequency, scale * measurement.amplitude, **{**look, "label": measurement.name, **style})
+    return axes
 
 
 def plot_import_report(report: ImportReport) -> Figure:

@@ -1,10 +1,15 @@
 """Reading and writing of models, and models from the files of finite element programs."""
 
+from bdamper.io.ansys import read_ansys, read_cdb, read_full, read_rst
 from bdamper.io.build import BuiltModel, ContactFaces, build_model
+from bdamper.io.calculix import read_calculix, read_frd, read_inp
 from bdamper.io.fe_body import UNITS, FEBody, MassProperties, Modes, Receptance, Units
 from bdamper.io.import_report import ImportReport
 from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read_matrix, read_nodes, read_set
+from bdamper.io.measurement import Measurement, load_measurement
 from bdamper.io.model_file import load_model, save_model
+from bdamper.io.nastran import read_bdf, read_nastran, read_op2, read_op4
+from bdamper.io.unv import read_measurements, read_unv
 
 __all__ = [
     "UNITS",
@@ -13,16 +18,31 @@ __all__ = [
     "FEBody",
     "ImportReport",
     "MassProperties",
+    "Measurement",
     "Modes",
     "Receptance",
     "Units",
     "build_model",
+    "load_measurement",
     "load_model",
     "read_abaqus_matrix",
+    "read_ansys",
     "read_arrays",
+    "read_bdf",
+    "read_calculix",
+    "read_cdb",
     "read_dofs",
+    "read_frd",
+    "read_full",
+    "read_inp",
     "read_matrix",
+    "read_measurements",
+    "read_nastran",
     "read_nodes",
+    "read_op2",
+    "read_op4",
+    "read_rst",
     "read_set",
+    "read_unv",
     "save_model",
 ]

@@ -193,7 +193,7 @@ def read_full(path: FilePath) -> FullMatrices:
     """
     with reading(path, "a matrix file of Ansys (.full)") as source:
         file = _Binary(source, _FULL)
-        head = _Header(file.record(_HEADER, "header"), str(source))
+        head = _Header(file.record(_HEADER, "header"), f"{source}: header")
         if head[1] != -4:
             raise mismatch(f"{source}: header", "a symbolically assembled matrix (-4)", head[1])
         n_eq = check_count(head[2], f"{source}: header", "a number of equations", 1, len(file.data))
@@ -473,7 +473,7 @@ def read_rst(path: FilePath) -> FEBody:
     """
     with reading(path, "a result file of Ansys (.rst)") as source:
         file = _Binary(source, _RESULT)
-        head = _Header(file.record(_HEADER, "header"), str(source))
+        head = _Header(file.record(_HEADER, "header"), f"{source}: header")
         largest = len(file.data)
         n_nodes = check_count(head[3], f"{source}: header", "a number of nodes", 1, largest)
         n_sets = check_count(head[9], f"{source}: header", "a number of result sets", 1, largest)
@@ -513,7 +513,7 @@ def read_rst(path: FilePath) -> FEBody:
 
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     """Nodes and solid elements; axes of the nodes that have their own."""
-    head = _Header(file.record(word, "geometry header"), str(file.source))
+    head = _Header(file.record(word, "geometry header"), f"{file.source}: geometry header")
     n_nodes = check_count(head[4], f"{file.source}: geometry", "a number of nodes", 1, len(file.data))
     n_elements = check_count(head[5], f"{file.source}: geometry", "a number of elements", 0, len(file.data))
     table = np.empty((n_nodes, 7))

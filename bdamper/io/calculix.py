@@ -410,7 +410,7 @@ class _Frd:
             elif key.startswith("3C"):
                 self._element_block()
             elif key.startswith("1PHID"):
-                diameter = int(line[10:].split()[0])
+                diameter = max(int(line[10:].split()[0]), 0)  # -1 without cyclic symmetry
             elif key.startswith("1PMODE"):
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):

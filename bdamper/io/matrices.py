@@ -36,11 +36,11 @@ def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
     with reading(path, "a matrix as .npz, .npy, .mat or .mtx", library=True) as source:
         kind = source.suffix.lower()
         if kind == ".npz":
-            return _square(_from_npz(source, name), str(source))
+            return square_matrix(_from_npz(source, name), str(source))
         if kind == ".npy":
-            return _square(np.load(source, allow_pickle=False), str(source))
+            return square_matrix(np.load(source, allow_pickle=False), str(source))
         if kind == ".mat":
-            return _square(_from_mat(source, name), str(source))
+            return square_matrix(_from_mat(source, name), str(source))
         if kind in (".mtx", ".mm", ".gz"):
             with open(source, "rb") as file:
                 head = file.read(14)
@@ -50,7 +50,7 @@ def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
                     check_count(count, f"{source}: size line", "a count")
                 if entries > 2 * source.stat().st_size:
                     raise mismatch(f"{source}: size line", "as many entries as the file has room for", entries)
-                return _square(scipy.io.mmread(source), str(source))
+                return square_matrix(scipy.io.mmread(source), str(source))
             return read_abaqus_matrix(source)[0]
         raise mismatch(str(source), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
 
@@ -85,7 +85,8 @@ def _from_mat(source: os.PathLike[str], name: str | None) -> sp.spmatrix | NDArr
     return content[name]
 
 
-def _square(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
+def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
+    """A square matrix of finite real numbers with indices in range, or an error that names ``item``."""
     if not sp.issparse(matrix):
         matrix = np.asarray(matrix)
         if matrix.dtype.kind not in "fiu" or matrix.ndim != 2:
@@ -232,7 +233,7 @@ def read_arrays(
         if isinstance(given, str | os.PathLike):
             found.append(_with_table(given))
         else:
-            found.append((_square(given, source or "matrix"), None))
+            found.append((square_matrix(given, source or "matrix"), None))
     (k, k_dofs), (m, m_dofs) = found
     if dofs is None:
         dofs = k_dofs

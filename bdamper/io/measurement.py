@@ -1,0 +1,99 @@
+"""A measured response, to lay over computed curves."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.errors import BdamperError, mismatch
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Amplitude over frequency, as measured.
+
+    Parameters
+    ----------
+    name : str
+    frequency : (n,) float, Hz
+    response : (n,) complex
+        In the unit of the file; ``amplitude`` is its modulus.
+    node, direction : int
+        Where and along which axis (±1, ±2, ±3 for X, Y, Z).
+    unit : str
+        As the file has it; displacements in metres fit the curves.
+    source : str
+    """
+
+    name: str
+    frequency: NDArray
+    response: NDArray
+    node: int = 0
+    direction: int = 0
+    unit: str = ""
+    source: str = ""
+
+    def __post_init__(self) -> None:
+        n = len(self.frequency)
+        if np.shape(self.response) != (n,) or n == 0:
+            raise mismatch(
+                self.source or self.name, "as many responses as frequencies, at least one", np.shape(self.response)
+            )
+        if not (np.isfinite(self.frequency).all() and np.isfinite(self.response).all()):
+            raise mismatch(self.source or self.name, "finite frequencies and responses", "others")
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n,) float."""
+        return np.abs(self.response)
+
+    def __str__(self) -> str:
+        k = int(np.argmax(self.amplitude))
+        return (
+            f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, "
+            f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
+        )
+
+    def plot(self, ax: Axes | None = None, scale: float = 1.0, **style: Any) -> Axes:
+        """Draw ``scale * amplitude`` as small open circles; see :func:`bdamper.plotting.plot_measurement`."""
+        from bdamper.plotting import plot_measurement
+
+        return plot_measurement(self, ax=ax, scale=scale, **style)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write it to an HDF5 file."""
+        with h5py.File(path, "w") as file:
+            file.attrs["format"] = "bdamper-measurement"
+            file.attrs["version"] = 1
+            file["frequency"], file["response"] = self.frequency, self.response
+            for key in ("name", "node", "direction", "unit", "source"):
+                file.attrs[key] = getattr(self, key)
+
+
+def load_measurement(path: str | os.PathLike[str]) -> Measurement:
+    """Read a measurement that :meth:`Measurement.save` wrote.
+
+    Raises
+    ------
+    BdamperError
+        If the file is not such a file.
+    """
+    try:
+        with h5py.File(path, "r") as file:
+            if file.attrs.get("format") != "bdamper-measurement":
+                raise mismatch(str(path), "a file of the format 'bdamper-measurement'", file.attrs.get("format", "none"))
+            text: dict[str, Any] = {key: str(file.attrs[key]) for key in ("name", "unit", "source")}
+            where: dict[str, Any] = {key: int(file.attrs[key]) for key in ("node", "direction")}
+            return Measurement(frequency=file["frequency"][()], response=file["response"][()], **text, **where)
+    except (FileNotFoundError, BdamperError):
+        raise
+    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
+        raise mismatch(str(path), "a readable HDF5 file", error) from error

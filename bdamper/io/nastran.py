@@ -1,0 +1,283 @@
+"""Nastran by pyNastran (extra ``bdamper[nastran]``): bulk data, matrices of OP4 files or DMIG cards, modes of OP2 files.
+
+OP4 matrices of the g-set have six rows for each grid point, in ascending order of their numbers; rows that are empty
+(rotations of solid elements, fixed components written out) are dropped.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from io import StringIO
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import BdamperError, mismatch
+from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.matrices import square_matrix
+from bdamper.io.reading import check_count, reading
+
+FilePath = str | os.PathLike[str]
+
+_SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
+
+
+def _library(module: str, name: str) -> Any:
+    try:
+        import importlib
+
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise BdamperError(
+            f"Nastran files need pyNastran with a NumPy that it supports: install the extra bdamper[nastran] ({error})"
+        ) from error
+
+
+def read_op4(path: FilePath) -> dict[str, sp.csr_matrix]:
+    """All square matrices of an OP4 file, by name.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    reader = _library("pyNastran.op4.op4", "OP4")
+    with reading(path, "an OP4 file", library=True) as source:
+        _check_op4_sizes(source)
+        content = reader(debug=False).read_op4(str(source))
+        out = {}
+        for name, value in content.items():
+            data = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
+            if data is not None and len(data.shape) == 2 and data.shape[0] == data.shape[1]:
+                dense_symmetric = _mirrored(sp.csr_matrix(data))
+                out[name] = square_matrix(dense_symmetric, f"{source}: {name}")
+        if not out:
+            raise mismatch(
+                str(source), "a square matrix", f"{ {k: getattr(v, 'shape', None) for k, v in content.items()} }"
+            )
+    return out
+
+
+def _check_op4_sizes(source: Any) -> None:
+    """Sizes in the heads of a text file, before a library makes room for them."""
+    size = os.stat(source).st_size
+    with open(source, "rb") as file:
+        head = file.read(64)
+    text = head.decode("ascii", errors="replace")
+    if text[:16].replace("-", " ").replace(" ", "").isdigit():
+        columns, rows = abs(int(text[:8])), abs(int(text[8:16]))
+        for count in (columns, rows):
+            check_count(count, f"{source}: head", "a size of a matrix", 1, max(1000, size))
+
+
+def _mirrored(matrix: sp.csr_matrix) -> sp.csr_matrix:
+    """Both triangles where only one is stored."""
+    coordinates = matrix.tocoo()
+    stored = np.all(coordinates.row <= coordinates.col) or np.all(coordinates.row >= coordinates.col)
+    if stored and not np.all(coordinates.row == coordinates.col):
+        return (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
+    return matrix
+
+
+def read_bdf(path: FilePath) -> FEBody:
+    """Grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    bdf = _library("pyNastran.bdf.bdf", "BDF")
+    with reading(path, "a bulk data file of Nastran", library=True) as source:
+        model = bdf(debug=None)
+        text = source.read_text(encoding="latin-1")
+        if re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE):
+            model.read_bdf(str(source), xref=False, encoding="latin-1")
+        else:  # bulk data alone, with or without the lines around them
+            cards = re.split(r"^\s*BEGIN\s+BULK.*$", text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
+            model.read_bdf(StringIO(cards), punch=True, xref=False)
+        if not model.nodes:
+            raise mismatch(str(source), "grid points (GRID)", "none")
+        labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
+        numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
+        if not np.isfinite(nodes).all():
+            raise mismatch(f"{source}: GRID", "finite positions", "others")
+        groups: dict[int, list[list[int]]] = {}
+        skipped: dict[str, int] = {}
+        for element in model.elements.values():
+            corners = _SOLIDS.get(element.type)
+            if corners is None:
+                skipped[element.type] = skipped.get(element.type, 0) + 1
+                continue
+            own = [n for n in element.nodes if n not in (None, 0)]
+            if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
+                own = own[:corners]
+            groups.setdefault(len(own), []).append(own)
+        axes = _displacement_axes(model, numbers, nodes)
+        sets = {
+            f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids
+        }
+        notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
+        body = FEBody(
+            numbers,
+            nodes,
+            elements=tuple(np.array(g, np.int64) for g in groups.values()),
+            node_sets=sets,
+            node_axes=axes,
+            source=str(source),
+            notes=notes,
+        )
+        return _with_dmig(body, model, str(source))
+
+
+def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:
+    """Axes of displacements of grid points with a coordinate system of their own (rectangular or cylindrical)."""
+    out = {}
+    for number, position in zip(numbers.tolist(), nodes):
+        key = model.nodes[number].Cd()
+        if key == 0:
+            continue
+        system = model.coords[key]
+        system.setup_no_xref(model)
+        axes = np.array(system.beta(), float)
+        if system.type in ("CORD1C", "CORD2C"):
+            radial = axes @ (position - np.asarray(system.origin, float)) * [1.0, 1.0, 0.0]
+            if not np.linalg.norm(radial) > 0.0:
+                raise mismatch(f"GRID {number}", "a place off the axis of its cylindrical axes", "one on it")
+            r = radial / np.linalg.norm(radial)
+            axes = np.array([r, np.cross([0.0, 0.0, 1.0], r), [0.0, 0.0, 1.0]]) @ axes
+        elif system.type not in ("CORD1R", "CORD2R"):
+            raise mismatch(f"GRID {number}", "rectangular or cylindrical axes of displacement", system.type)
+        out[number] = axes
+    return out
+
+
+def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
+    """Stiffness and mass of DMIG cards, if both are there."""
+    names = {name.upper(): name for name in model.dmig}
+    pair = [next((names[n] for n in names if n in wanted), None) for wanted in (("KAAX", "K2GG"), ("MAAX", "M2GG"))]
+    if None in pair:
+        return body
+    tables = []
+    for name in pair:
+        matrix, rows, columns = model.dmig[name].get_matrix(is_sparse=True, apply_symmetry=True)
+        own, other = (np.array([table[k] for k in range(len(table))], np.int64) for table in (rows, columns))
+        tables.append((own, other, sp.coo_matrix(matrix)))
+    dofs = np.unique(np.concatenate([t for own, other, _ in tables for t in (own, other)]), axis=0)
+    index = {pair: k for k, pair in enumerate(map(tuple, dofs.tolist()))}
+    n = len(dofs)
+    made = []
+    for own, other, matrix in tables:
+        row = np.array([index[tuple(p)] for p in own.tolist()])[matrix.row]
+        column = np.array([index[tuple(p)] for p in other.tolist()])[matrix.col]
+        full = _mirrored(sp.csr_matrix((matrix.data.real, (row, column)), shape=(n, n)))
+        made.append(square_matrix(full, source))
+    return _without_empty(replace(body, stiffness=made[0], mass=made[1], dofs=dofs))
+
+
+def _without_empty(body: FEBody) -> FEBody:
+    """Rows that neither matrix uses are dropped."""
+    assert body.stiffness is not None and body.mass is not None and body.dofs is not None
+    used = np.asarray(abs(body.stiffness).sum(axis=1)).ravel() + np.asarray(abs(body.mass).sum(axis=1)).ravel() > 0.0
+    keep = np.flatnonzero(used)
+    dropped = len(used) - len(keep)
+    notes = (*body.notes, f"{dropped} empty rows dropped") if dropped else body.notes
+    return replace(
+        body,
+        stiffness=body.stiffness[keep][:, keep],
+        mass=body.mass[keep][:, keep],
+        dofs=body.dofs[keep],
+        notes=notes,
+    )
+
+
+def read_nastran(
+    bulk: FilePath,
+    stiffness: FilePath | None = None,
+    mass: FilePath | None = None,
+    names: tuple[str, str] = ("KGG", "MGG"),
+    modes: tuple[Modes, ...] = (),
+) -> FEBody:
+    """A body from bulk data and matrices.
+
+    Parameters
+    ----------
+    bulk : path-like
+        Bulk data; its DMIG matrices are used if no files of matrices are given.
+    stiffness, mass : path-like, optional
+        OP4 files of the g-set; both matrices may be in one.
+    names : (str, str)
+        Of the matrices in these files.
+    modes : tuple of Modes
+        See :func:`read_op2`.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    body = read_bdf(bulk)
+    if stiffness is not None:
+        found = []
+        for path, name in ((stiffness, names[0]), (mass if mass is not None else stiffness, names[1])):
+            content = read_op4(path)
+            if name not in content:
+                raise mismatch(str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
+            found.append(content[name])
+        expected = 6 * len(body.numbers)
+        for matrix, path in zip(found, (stiffness, mass or stiffness)):
+            if matrix.shape[0] != expected:
+                wanted = f"{expected} rows: six for each of {len(body.numbers)} grid points"
+                raise mismatch(str(path), wanted, f"{matrix.shape[0]}")
+        ordered = np.sort(body.numbers)
+        dofs = np.column_stack([np.repeat(ordered, 6), np.tile(np.arange(1, 7), len(ordered))])
+        body = _without_empty(replace(body, stiffness=found[0], mass=found[1], dofs=dofs, source=f"{stiffness}, {bulk}"))
+    return replace(body, modes=modes)
+
+
+def read_op2(
+    path: FilePath, nodal_diameter: int = 0, subcase: int | None = None, axes: Mapping[int, NDArray] | None = None
+) -> Modes:
+    """Real modes of an OP2 file.
+
+    Parameters
+    ----------
+    path : path-like
+    nodal_diameter : int
+        That of the modes; a pair of equal frequencies makes one wave.
+    subcase : int, optional
+        The first one by default.
+    axes : mapping of node number to (3, 3) float, optional
+        ``FEBody.node_axes`` of the bulk data: displacements are written in the axes of each grid point.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    op2 = _library("pyNastran.op2.op2", "OP2")
+    with reading(path, "an OP2 file with real eigenvectors", library=True) as source:
+        model = op2(debug=None)
+        model.read_op2(str(source), build_dataframe=False, skip_undefined_matrices=True)
+        if not model.eigenvectors:
+            raise mismatch(str(source), "eigenvectors", "none")
+        cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
+        if subcase is None:
+            subcase = sorted(cases)[0]
+        if subcase not in cases:
+            raise mismatch(str(source), f"a subcase out of {sorted(cases)}", subcase)
+        found = cases[subcase]
+        grid = found.node_gridtype[:, 1] == 1
+        shapes = np.moveaxis(np.asarray(found.data)[:, grid, :3], 0, 2).astype(float)
+        numbers = found.node_gridtype[grid, 0].astype(np.int64)
+        for k, number in enumerate(numbers.tolist()):
+            if axes and number in axes:
+                shapes[k] = np.asarray(axes[number]).T @ shapes[k]
+        frequency = np.asarray(found.mode_cycles, float)
+        mass = None
+        for table in model.eigenvalues.values():
+            generalised = np.asarray(getattr(table, "generalized_mass", np.empty(0)), float)
+            if len(generalised) == len(frequency) and np.all(generalised > 0.0):
+                mass = generalised
+        return Modes(nodal_diameter, frequency, numbers, shapes, mass, str(source))

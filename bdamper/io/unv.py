@@ -1,0 +1,208 @@
+"""Universal files (UNV, UFF): nodes (15, 2411), elements (2412), modes (55, 2414), measured functions (58).
+
+Read by pyuff (extra ``bdamper[unv]``), but for elements: 2412 spreads the nodes of elements of second order over several
+lines.  Numbers in these files have single precision as a rule: modes are good to some 1e-6.  Nothing in them says which
+nodal diameter a mode has, so the caller does.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.errors import BdamperError, mismatch
+from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.measurement import Measurement
+from bdamper.io.reading import reading
+
+FilePath = str | os.PathLike[str]
+
+_LINEAR = {111: 4, 112: 6, 115: 8}
+# Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
+# corners, then the top like the bottom; the places of the corners are enough, the others follow from their positions.
+_QUADRATIC = {118: (10, (0, 2, 4, 9)), 113: (15, (0, 2, 4, 9, 11, 13)), 116: (20, (0, 2, 4, 6, 12, 14, 16, 18))}
+_SUPPORTED = (15, 55, 58, 2411, 2412, 2414)
+
+
+def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
+    """Data sets of the given kinds, by pyuff."""
+    try:
+        import pyuff
+    except ImportError as error:
+        raise BdamperError("universal files need pyuff: install the extra bdamper[unv]") from error
+    import contextlib
+    import io
+
+    with contextlib.redirect_stdout(io.StringIO()):  # the library prints
+        file = pyuff.UFF(str(source))
+        kinds = [int(k) for k in np.atleast_1d(file.get_set_types()) if np.isfinite(k)]
+        out = []
+        for k, kind in enumerate(kinds):
+            if kind in wanted:
+                try:
+                    data = file.read_sets(k)
+                except Exception as error:
+                    raise mismatch(f"{source}: data set {k + 1} of type {kind}", "a readable data set", error) from error
+                if isinstance(data, dict):
+                    out.append(data)
+    return out
+
+
+def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody:
+    """Nodes, solid elements and modes of a universal file.
+
+    Parameters
+    ----------
+    path : path-like
+    nodal_diameters : int or mapping of mode number to int
+        Nodal diameter of the modes; modes that a mapping leaves out are not read.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a universal file", library=True) as source:
+        numbers: list[NDArray] = []
+        positions: list[NDArray] = []
+        found: dict[int, list[tuple[float, float, NDArray, NDArray]]] = {}
+        for data in _sets(source, (15, 55, 2411, 2414)):
+            if data["type"] in (15, 2411):
+                numbers.append(np.asarray(data["node_nums"], float))
+                positions.append(np.column_stack([np.asarray(data[k], float) for k in "xyz"]))
+            else:
+                mode = _mode(data, f"{source}: data set of type {data['type']}")
+                if mode is None:
+                    continue
+                number, *rest = mode
+                d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(number, -1)
+                if d >= 0:
+                    found.setdefault(d, []).append(tuple(rest))  # type: ignore[arg-type]
+        if not numbers:
+            raise mismatch(str(source), "nodes (data set 15 or 2411)", "none")
+        labels = np.concatenate(numbers).astype(np.int64)
+        elements = _elements(source)
+    modes = tuple(_collected(d, group, str(path)) for d, group in sorted(found.items()))
+    return FEBody(labels, np.concatenate(positions), elements=elements, modes=modes, source=str(path))
+
+
+def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, NDArray] | None:
+    """Number, frequency (Hz), modal mass (0 if unknown), nodes and shape (n, 3) of a normal or complex mode."""
+    if data["type"] == 55:
+        if data.get("analysis_type") not in (2, 3, 7):
+            return None
+        keys = ("r1", "r2", "r3")
+        if data["analysis_type"] == 2:
+            frequency, mass = float(data["freq"]), float(data["modal_m"])
+        else:
+            frequency, mass = abs(data["eig"]) / (2.0 * np.pi), 0.0
+        number = int(data["mode_n"])
+    else:
+        if data.get("analysis_type") not in (2, 3, 7):
+            return None
+        if data.get("dataset_location") != 1:
+            return None
+        keys = ("x", "y", "z")
+        data = {**data, **_components(data, item)}
+        frequency, mass = float(data["record12_field2"]), float(data["record12_field4"])
+        number = int(data["record10_field6"])
+    if any(key not in data for key in keys):
+        raise mismatch(item, "three displacements at every node", f"{[k for k in keys if k in data]}")
+    nodes = np.asarray(data["node_nums"]).astype(np.int64)
+    shape = np.column_stack([np.asarray(data[key]) for key in keys])
+    if shape.shape != (len(nodes), 3):
+        raise mismatch(item, f"values of {len(nodes)} nodes", f"{shape.shape}")
+    return number, frequency, mass, nodes, shape
+
+
+def _components(data: dict[str, Any], item: str) -> dict[str, NDArray]:
+    """Displacements x, y, z of data set 2414, real or as pairs of real and imaginary parts."""
+    rows = data["data_at_node"]
+    if len({len(row) for row in rows}) != 1:
+        raise mismatch(item, "as many values at every node", sorted({len(row) for row in rows}))
+    values = np.array(rows, float)
+    if int(data["data_type"]) in (5, 6):
+        values = values[:, 0::2] + 1j * values[:, 1::2]
+    if values.shape[1] < 3:
+        raise mismatch(item, "three displacements at every node", f"{values.shape[1]}")
+    return {key: values[:, k] for k, key in enumerate("xyz")}
+
+
+def _collected(d: int, group: list[tuple[float, float, NDArray, NDArray]], source: str) -> Modes:
+    nodes = group[0][2]
+    if any(not np.array_equal(nodes, g[2]) for g in group):
+        raise mismatch(f"{source}: modes of nodal diameter {d}", "the same nodes in every mode", "others")
+    order = np.argsort([g[0] for g in group], kind="stable")
+    frequency = np.array([group[k][0] for k in order])
+    mass = np.array([group[k][1] for k in order])
+    shapes = np.stack([group[k][3] for k in order], axis=2)
+    return Modes(d, frequency, nodes, shapes, mass if np.all(mass > 0.0) else None, source)
+
+
+def _elements(source: Path) -> tuple[NDArray, ...]:
+    """Solid elements of all data sets 2412."""
+    groups: dict[int, list[list[int]]] = {}
+    lines = source.read_text(encoding="latin-1").splitlines()
+    inside = False
+    at = 0
+    while at < len(lines):
+        text = lines[at].strip()
+        at += 1
+        if not inside:
+            inside = text == "2412" and at >= 2 and lines[at - 2].strip() == "-1"
+            continue
+        if text == "-1":
+            inside = False
+            continue
+        item = f"{source}: line {at}"
+        try:
+            head = [int(w) for w in text.split()]
+            kind, count = head[1], head[5]
+            if kind in (11, 21, 22, 23, 24):
+                at += 1
+            nodes: list[int] = []
+            while len(nodes) < count:
+                nodes += [int(w) for w in lines[at].split()]
+                at += 1
+        except (ValueError, IndexError):
+            raise mismatch(item, "an element of data set 2412", f"'{text[:60]}'") from None
+        if kind in _LINEAR and len(nodes) == _LINEAR[kind]:
+            groups.setdefault(len(nodes), []).append(nodes)
+        elif kind in _QUADRATIC and len(nodes) == _QUADRATIC[kind][0]:
+            corners = _QUADRATIC[kind][1]
+            between = [n for k, n in enumerate(nodes) if k not in corners]
+            groups.setdefault(len(nodes), []).append([nodes[k] for k in corners] + between)
+    return tuple(np.array(g, np.int64) for g in groups.values())
+
+
+def read_measurements(path: FilePath) -> tuple[Measurement, ...]:
+    """Functions over frequency (data set 58) of a universal file.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a universal file", library=True) as source:
+        out: list[Measurement] = []
+        for data in _sets(source, (58,)):
+            if int(data.get("abscissa_spec_data_type", 18)) != 18:
+                continue  # not over frequency
+            name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
+            out.append(
+                Measurement(
+                    name,
+                    np.asarray(data["x"], float),
+                    np.asarray(data["data"]).astype(complex),
+                    int(data.get("rsp_node", 0)),
+                    int(data.get("rsp_dir", 0)),
+                    str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", ""),
+                    str(source),
+                )
+            )
+        if not out:
+            raise mismatch(str(source), "functions over frequency (data set 58)", "none")
+    return tuple(out)
