@@ -185,6 +185,49 @@ def _step(
     return q, status, max_iterations, float(np.abs(r).max()) / size
 
 
+def _creep(
+    system: StaticSystem, load: float, state: PreloadState, tolerance: float, max_steps: int = 400
+) -> tuple[NDArray, NDArray, int, float]:
+    """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
+
+    For steps in which no set of states repeats itself.  ``D`` is the stiffness with every point closed and stuck, so a
+    unit of time is the time constant; implicit steps that grow while Newton converges fast.
+
+    Returns
+    -------
+    coordinates, sliders, iterations and residual
+    """
+    force = load * system.force + system.constant_force
+    shift = load * system.shift
+    G = system.G.reshape(-1, system.G.shape[2])
+    size = max(float(np.abs(force).max()), 1e-300)
+    springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
+    D = np.diag(system.stiffness) + G.T @ (springs * G)
+    q, w = state.q.copy(), state.slider.copy()
+    dt, iterations, norm = 0.1, 0, np.inf
+    for _ in range(max_steps):
+        trial = q.copy()
+        for k in range(12):
+            F, status, slider, _ = _law(system, (G @ trial).reshape(-1, 3) + shift, w)
+            r = system.stiffness * trial + G.T @ F.ravel() - force
+            total = r + D @ (trial - q) / dt
+            iterations += 1
+            if float(np.abs(total).max()) <= 0.1 * tolerance * size:
+                break
+            J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
+            trial = trial + _solve(J + D / dt, -total)
+        else:
+            dt *= 0.25
+            if dt < 1e-8:
+                break
+            continue
+        q, w, norm = trial, slider, float(np.abs(r).max()) / size
+        if norm <= tolerance:
+            return q, w, iterations, norm
+        dt *= 2.0 if k < 6 else 1.0
+    return q, w, iterations, norm
+
+
 def static_state(
     system: StaticSystem,
     load: float,
@@ -244,12 +287,19 @@ def static_state(
                 break
         if not residual <= tolerance:
             fraction *= 0.5
-            if fraction < 1e-3 / steps:
+            if fraction >= 0.1 / steps:
+                continue
+            fraction = 1.0 / steps
+            now = min(1.0, done + fraction)
+            at = first + now * target
+            q, before, iterations, residual = _creep(system, at, state, tolerance)
+            if not residual <= tolerance:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
-            continue
+        else:
+            before = state.slider
         x = (system.G @ q) + at * system.shift
-        force, status, slider, closing = _law(system, x, state.slider)
+        force, status, slider, closing = _law(system, x, before)
         state = PreloadState(
             at, q, slider, force, closing, status, residual, state.steps + 1, state.iterations + iterations, True
         )

@@ -39,6 +39,9 @@ def shift(x, delta):
 
 def roots(f):
     """Angles in [0, 2 pi) at which the trigonometric polynomial f crosses zero."""
+    f = np.asarray(f, float)
+    while len(f) > 1 and np.abs(f[-2:]).max() <= 1e-15 * np.abs(f[1:]).max():
+        f = f[:-2]  # a vanishing leading coefficient would throw the companion matrix off
     n = len(f) // 2
     z = np.zeros(2 * n + 1, complex)
     z[n] = f[0]
