@@ -15,8 +15,17 @@ from bdamper.prescribed import prescribe_preload
 from bdamper.reference import reference_model
 from bdamper.response import Curve, Fold, load_curve
 from bdamper.study import Excitation, Response, Study
+from bdamper.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
 from bdamper.system import Cost, Sampled
 from bdamper.timedomain import Verification
+from bdamper.uncertainty import (
+    RobustOptimum,
+    UncertainCurve,
+    draw,
+    load_uncertain_curve,
+    robust_optimum,
+    uncertain_curve,
+)
 
 __version__ = "0.1.0"
 
@@ -34,19 +43,30 @@ __all__ = [
     "Model",
     "ModelError",
     "OptimalCurve",
+    "OptimalTask",
     "Peak",
     "PeakOptions",
+    "PeakTask",
     "PreloadState",
     "Response",
+    "RobustOptimum",
     "Sampled",
     "SettingError",
     "Study",
+    "SweepResult",
+    "UncertainCurve",
     "Verification",
+    "draw",
     "load_advice",
     "load_curve",
     "load_model",
     "load_optimal_curve",
+    "load_sweep",
+    "load_uncertain_curve",
     "prescribe_preload",
     "reference_model",
+    "robust_optimum",
     "save_model",
+    "sweep",
+    "uncertain_curve",
 ]
