@@ -23,8 +23,8 @@ from bdamper.io.import_report import ImportReport
 from bdamper.io.measurement import Measurement
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
-from bdamper.timedomain import Verification
 from bdamper.sweep import SweepResult
+from bdamper.timedomain import Verification
 from bdamper.uncertainty import UncertainCurve
 
 MARKERS = "osD^v<>pP*hX"
@@ -263,6 +263,85 @@ def _unbroken(branch: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of points on one and the same branch."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(branch)) + 1, [len(branch)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts)]
+
+
+def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Axes:
+    """One answer of a sweep over its last setting, a line for each combination of the others.
+
+    Parameters
+    ----------
+    result : SweepResult
+    quantity : str
+    ax : matplotlib axes, optional
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    values = result.array(quantity)
+    if values.ndim != len(result.shape) or values.dtype.kind != "f":
+        raise SettingError(f"quantity: expected one number for each point, found '{quantity}' of shape {values.shape}")
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        name = result.names[-1]
+        last = result.shape[-1]
+        points = result.points[:last]
+        x = [point[name] for point in points]
+        numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
+        rows = values.reshape(-1, last)
+        for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
+            others = result.points[i * last]
+            label = ", ".join(f"{key} {others[key]:.4g}" if isinstance(others[key], float) else f"{key} {others[key]}"
+                              for key in result.names[:-1]) if len(result.shape) > 1 else None
+            ax.plot(x if numeric else [str(value) for value in x], row, color=colour,
+                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label)
+        if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
+            ax.set_xscale("log")
+        ax.set_xlabel(name.replace("_", " "))
+        ax.set_ylabel(quantity.replace("_", " "))
+        if len(result.shape) > 1:
+            ax.legend(fontsize=7.0)
+    return ax
+
+
+def plot_uncertain(
+    result: UncertainCurve,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "amplitude",
+    bands: Sequence[tuple[float, float]] = ((5.0, 95.0), (25.0, 75.0)),
+) -> Axes:
+    """Percentile bands of optimal curves over the preload.
+
+    Parameters
+    ----------
+    result : UncertainCurve
+    ax : matplotlib axes, optional
+    quantity : {"amplitude", "frequency"}
+    bands : sequence of (low, high)
+        Percentiles, the widest band first.
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        shades = np.linspace(0.85, 0.7, max(len(bands), 1))
+        for (low, high), shade in zip(bands, shades):
+            edge = result.percentile([low, high], quantity)
+            ax.fill_between(result.preload, edge[0], edge[1], color=str(shade), linewidth=0.0,
+                            label=f"{low:g} to {high:g} %")
+        ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
+        ax.set_xscale("log")
+        if quantity == "amplitude":
+            ax.set_yscale("log")
+        ax.set_xlabel("Preload (N)")
+        ax.set_ylabel("Resonance amplitude (m)" if quantity == "amplitude" else "Resonance frequency (Hz)")
+        ax.legend(fontsize=7.0)
+    return ax
 
 
 # ---- contact status ----
@@ -803,69 +882,11 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
     ax : matplotlib axes, optional
     title : str
 
-
-def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Axes:
-    """One answer of a sweep over its last setting, a line for each combination of the others.
-
-    Parameters
-    ----------
-    result : SweepResult
-    quantity : str
-    ax : matplotlib axes, optional
-
     Returns
     -------
     matplotlib axes
         Estimated changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and
         logarithmic beyond; effects that must be on are hatched, the tolerance is a grey band.
-    """
-    values = result.array(quantity)
-    if values.ndim != len(result.shape) or values.dtype.kind != "f":
-        raise SettingError(f"quantity: expected one number for each point, found '{quantity}' of shape {values.shape}")
-    with plt.rc_context(PAPER):
-        if ax is None:
-            ax = new_axes()
-        name = result.names[-1]
-        last = result.shape[-1]
-        points = result.points[:last]
-        x = [point[name] for point in points]
-        numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
-        rows = values.reshape(-1, last)
-        for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
-            others = result.points[i * last]
-            label = ", ".join(f"{key} {others[key]:.4g}" if isinstance(others[key], float) else f"{key} {others[key]}"
-                              for key in result.names[:-1]) if len(result.shape) > 1 else None
-            ax.plot(x if numeric else [str(value) for value in x], row, color=colour,
-                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label)
-        if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
-            ax.set_xscale("log")
-        ax.set_xlabel(name.replace("_", " "))
-        ax.set_ylabel(quantity.replace("_", " "))
-        if len(result.shape) > 1:
-            ax.legend(fontsize=7.0)
-    return ax
-
-
-def plot_uncertain(
-    result: UncertainCurve,
-    ax: Axes | None = None,
-    *,
-    quantity: str = "amplitude",
-    bands: Sequence[tuple[float, float]] = ((5.0, 95.0), (25.0, 75.0)),
-) -> Axes:
-    """Percentile bands of optimal curves over the preload.
-
-    Parameters
-    ----------
-    result : UncertainCurve
-    ax : matplotlib axes, optional
-    quantity : {"amplitude", "frequency"}
-    bands : sequence of (low, high)
-        Percentiles, the widest band first.
-
-    Returns
-    -------
-    matplotlib axes
     """
     with plt.rc_context(PAPER):
         if ax is None:
@@ -888,16 +909,5 @@ def plot_uncertain(
         ax.axvline(0.0, color="k", linewidth=0.6)
         ax.set_xlabel("Estimated change of the peak (%)")
         ax.set_title(title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz", fontsize=9.0)
-        shades = np.linspace(0.85, 0.7, max(len(bands), 1))
-        for (low, high), shade in zip(bands, shades):
-            edge = result.percentile([low, high], quantity)
-            ax.fill_between(result.preload, edge[0], edge[1], color=str(shade), linewidth=0.0,
-                            label=f"{low:g} to {high:g} %")
-        ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
-        ax.set_xscale("log")
-        if quantity == "amplitude":
-            ax.set_yscale("log")
-        ax.set_xlabel("Preload (N)")
-        ax.set_ylabel("Resonance amplitude (m)" if quantity == "amplitude" else "Resonance frequency (Hz)")
         ax.legend(fontsize=7.0)
     return ax
