@@ -111,6 +111,8 @@ class PreparedBody:
         if len(unique) < len(numbers):
             raise mismatch(f"{self.where}: nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
         self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
+        if np.abs(self.nodes).max() > 1e9:
+            raise mismatch(f"{self.where}: nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
 

@@ -113,11 +113,11 @@ BAD_TEXT = [
     ("k.mtx", "1, 1000000000, 1.0\n", "rows and columns counted from 1"),
     ("k.mtx", "\n", "at least one line of numbers, found none"),
     ("k.mtx", "%%MatrixMarket matrix coordinate real general\n3 3 400000000\n1 1 1.0\n", "size line"),
-    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "a matrix as"),
+    ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 2 2\n1 1 1.0\n", "expected 1 entries, .* found 2"),
     ("k.mtx", "%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1.0 2.0\n", "a real matrix"),
     ("k.mtx", "%%MatrixMarket matrix coordinate real general\n2 3 1\n1 1 1.0\n", r"a square matrix, found shape \(2, 3\)"),
     ("k.npz", "no archive", "a matrix as .npz"),
-    ("k.mat", "no MATLAB file", "a matrix as .npz"),
+    ("k.mat", "no MATLAB file", "a MATLAB file of version 5 to 7.2 .save -v7., found no such header"),
     ("k.dat", "1 1 1.0", "the ending .npz, .npy, .mat or .mtx, found '.dat'"),
 ]
 

@@ -1,0 +1,83 @@
+"""Real matrices from Matrix Market files.
+
+A small reader of its own, because the common one does not survive damaged files.  The first line names object, format,
+field and symmetry; comments start with ``%``; then come the sizes, then one entry a line, or the numbers by columns.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+from bdamper.io.reading import check_count
+
+
+def read_market(source: Path) -> sp.coo_matrix | NDArray:
+    """The matrix of a file; of a symmetric one, both triangles.
+
+    Raises
+    ------
+    ModelError
+    """
+    with open(source, encoding="latin-1") as file:
+        lines = file.read().split("\n")
+    words = lines[0].lower().split()
+    item = str(source)
+    if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
+        raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", lines[0][:60])
+    if words[3] not in ("real", "integer", "double"):
+        raise mismatch(f"{item}: line 1", "a real matrix", words[3])
+    if words[4] not in ("general", "symmetric"):
+        raise mismatch(f"{item}: line 1", "a general or symmetric matrix", words[4])
+    start = 1
+    while start < len(lines) and (not lines[start].strip() or lines[start].lstrip().startswith("%")):
+        start += 1
+    if start == len(lines):
+        raise mismatch(item, "a line of sizes", "the end of the file")
+    coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
+    try:
+        sizes = [int(w) for w in lines[start].split()]
+    except ValueError:
+        sizes = []
+    if len(sizes) != (3 if coordinate else 2):
+        raise mismatch(f"{item}: line {start + 1}", "the sizes of the matrix", lines[start][:60])
+    rows, columns = (check_count(n, f"{item}: size line", "a size") for n in sizes[:2])
+    if symmetric and rows != columns:
+        raise mismatch(f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
+    n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
+    count = sizes[2] if coordinate else n_values
+    body = [line for line in lines[start + 1 :] if line.strip()]
+    if count != len(body):
+        raise mismatch(f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
+    width = 3 if coordinate else 1
+    words = " ".join(body).split()
+    if len(words) != width * count:
+        raise mismatch(item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
+    try:
+        table = np.array(words, dtype=float).reshape(count, width)
+    except ValueError as error:
+        raise mismatch(item, "numbers after the sizes", error) from error
+    if not coordinate:
+        if not symmetric:
+            return table.reshape(columns, rows).T
+        out = np.zeros((rows, rows))
+        out.T[np.triu_indices(rows)] = table[:, 0]
+        return out + np.tril(out, -1).T
+    index = table[:, :2]
+    whole = np.isfinite(index).all() and np.all(index == np.floor(index))
+    if count and not (whole and index.min() >= 1 and np.all(index.max(axis=0) <= (rows, columns))):
+        raise mismatch(item, f"rows 1 to {rows} and columns 1 to {columns}", "others")
+    row, column = index.astype(np.int64).T - 1
+    value = table[:, 2]
+    if symmetric:
+        off = row != column
+        row, column, value = (
+            np.concatenate([row, column[off]]),
+            np.concatenate([column, row[off]]),
+            np.concatenate([value, value[off]]),
+        )
+    return sp.coo_matrix((value, (row, column)), shape=(rows, columns))

@@ -1,0 +1,114 @@
+"""Real matrices from MATLAB files of version 5 to 7.2.
+
+A small reader of its own, because the common one does not survive damaged files.  After a header of 128 bytes come data
+elements: a type and a length (eight bytes, or four for data of at most four bytes), then the data, padded to eight bytes.
+An element of type 15 holds others, compressed by zlib; one of type 14 is an array: flags with its class, dimensions,
+name, then numbers by columns, or rows, column pointers and numbers of a sparse one.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.errors import mismatch
+from bdamper.io.reading import LARGEST_COUNT, check_count
+
+_TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+_ARRAY, _COMPRESSED = 14, 15
+_SPARSE, _NUMERIC = 5, range(6, 16)
+_COMPLEX = 0x08
+_LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
+
+
+def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
+    """All real two-dimensional matrices of a file, by name; other variables are passed over.
+
+    Raises
+    ------
+    ModelError
+    """
+    data = source.read_bytes()
+    if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
+        found = "version 7.3, an HDF5 file" if data[:4] == b"\x89HDF" or b"MATLAB 7.3" in data[:128] else "no such header"
+        raise mismatch(str(source), "a MATLAB file of version 5 to 7.2 (save -v7)", found)
+    order = "<" if data[126:128] == b"IM" else ">"
+    if struct.unpack_from(order + "H", data, 124)[0] != 0x0100:
+        raise mismatch(str(source), "a MATLAB file of version 5 to 7.2 (save -v7)", "another version")
+    out: dict[str, NDArray | sp.spmatrix] = {}
+    for kind, content in _elements(data[128:], order, str(source)):
+        if kind == _COMPRESSED:
+            stream = zlib.decompressobj()
+            limit = _LARGEST_EXPANSION * len(content) + 64
+            inner = stream.decompress(content, limit)
+            for part, array in _elements(inner, order, str(source)):
+                if part == _ARRAY:
+                    _array(array, order, str(source), out)
+        elif kind == _ARRAY:
+            _array(content, order, str(source), out)
+    return out
+
+
+def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]:
+    at = 0
+    while at + 8 <= len(data):
+        kind, length = struct.unpack_from(order + "II", data, at)
+        if kind >> 16:  # a small element: length and type share the first word, the data are in the second
+            length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
+            if length > 4:
+                raise mismatch(item, "small elements of at most four bytes", length)
+        else:
+            start = at + 8
+            step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
+        if start + length > len(data):
+            raise mismatch(item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        yield kind, data[start : start + length]
+        at += step
+
+
+def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
+    kind, content = part
+    if kind not in _TYPES:
+        raise mismatch(item, "numbers", f"data of type {kind}")
+    dtype = np.dtype(order + _TYPES[kind])
+    if len(content) % dtype.itemsize:
+        raise mismatch(item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    return np.frombuffer(content, dtype)
+
+
+def _array(content: bytes, order: str, item: str, out: dict[str, NDArray | sp.spmatrix]) -> None:
+    parts = _elements(content, order, item)
+    head = [next(parts, None) for _ in range(3)]
+    if any(part is None for part in head):
+        return
+    flags = _numbers(head[0], order, item)  # type: ignore[arg-type]
+    size = _numbers(head[1], order, item)  # type: ignore[arg-type]
+    name = head[2][1].decode("ascii", errors="replace")  # type: ignore[index]
+    item = f"{item}: {name!r}"
+    kind = int(flags[0]) & 0xFF if len(flags) else 0
+    if len(flags) == 0 or int(flags[0]) >> 8 & _COMPLEX or len(size) != 2 or not (kind == _SPARSE or kind in _NUMERIC):
+        return
+    rows, columns = (check_count(int(n), item, "a size") for n in size)
+    rest = [_numbers(part, order, item) for part in parts]
+    if kind != _SPARSE:
+        if len(rest) != 1 or len(rest[0]) != rows * columns:
+            raise mismatch(item, f"{rows} x {columns} numbers", f"{sum(map(len, rest))}")
+        out[name] = rest[0].reshape(columns, rows).T.astype(float)
+        return
+    if len(rest) != 3 or len(rest[1]) != columns + 1:
+        raise mismatch(item, f"rows, {columns + 1} pointers and numbers of a sparse matrix", f"{[len(r) for r in rest]}")
+    row, pointer, value = rest[0].astype(np.int64), rest[1].astype(np.int64), rest[2].astype(float)
+    count = int(pointer[-1])
+    steps = np.diff(pointer)
+    if pointer[0] != 0 or np.any(steps < 0) or not 0 <= count <= min(len(row), len(value), LARGEST_COUNT):
+        raise mismatch(item, "ascending column pointers within the numbers", f"up to {count} of {len(value)}")
+    row, value = row[:count], value[:count]
+    if count and (row.min() < 0 or row.max() >= rows):
+        raise mismatch(item, f"rows 0 to {rows - 1}", f"{row.min()} to {row.max()}")
+    out[name] = sp.coo_matrix((value, (row, np.repeat(np.arange(columns), steps))), shape=(rows, columns))
