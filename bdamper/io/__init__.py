@@ -5,7 +5,7 @@ from bdamper.io.build import BuiltModel, ContactFaces, build_model
 from bdamper.io.calculix import read_calculix, read_frd, read_inp
 from bdamper.io.fe_body import UNITS, FEBody, MassProperties, Modes, Receptance, Units
 from bdamper.io.import_report import ImportReport
-from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read_matrix, read_nodes, read_set
+from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read_elements, read_matrix, read_nodes, read_set
 from bdamper.io.measurement import Measurement, load_measurement
 from bdamper.io.model_file import load_model, save_model
 from bdamper.io.nastran import read_bdf, read_nastran, read_op2, read_op4
@@ -32,6 +32,7 @@ __all__ = [
     "read_calculix",
     "read_cdb",
     "read_dofs",
+    "read_elements",
     "read_frd",
     "read_full",
     "read_inp",

@@ -15,6 +15,7 @@ from bdamper.io.fe_body import FEBody
 from bdamper.io.market import read_market
 from bdamper.io.matlab import read_mat
 from bdamper.io.reading import LARGEST_COUNT, check_count, reading
+from bdamper.reduction.facets import N_CORNER
 
 FilePath = str | os.PathLike[str]
 
@@ -196,13 +197,29 @@ def read_set(path: FilePath) -> NDArray:
         return whole[:, 0] if whole.shape[1] == 1 else whole
 
 
+def read_elements(path: FilePath) -> tuple[NDArray, ...]:
+    """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first."""
+    with reading(path, "CSV of the node numbers of solid elements") as source:
+        groups: dict[int, list[list[int]]] = {}
+        for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):
+            words = line.replace(",", " ").replace(";", " ").split()
+            if not words or words[0].startswith(("#", "*", "%")):
+                continue
+            if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
+                raise mismatch(f"{source}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
+            groups.setdefault(len(words), []).append([int(w) for w in words])
+        if not groups:
+            raise mismatch(str(source), "at least one element", "none")
+        return tuple(np.array(g, np.int64) for g in groups.values())
+
+
 def read_arrays(
     stiffness: FilePath | sp.spmatrix,
     mass: FilePath | sp.spmatrix,
     nodes: FilePath | tuple[NDArray, NDArray],
     dofs: FilePath | NDArray | None = None,
     sets: dict[str, FilePath | NDArray] | None = None,
-    elements: tuple[NDArray, ...] = (),
+    elements: FilePath | tuple[NDArray, ...] = (),
     source: str = "",
 ) -> FEBody:
     """A body from matrices, a node table, a dof table and sets, each given as arrays or as a file.
@@ -217,8 +234,8 @@ def read_arrays(
         See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
     sets : mapping of name to path-like or array, optional
         One-dimensional: node numbers; two-dimensional: faces of elements.
-    elements : tuple of int arrays
-        See :class:`FEBody`.
+    elements : path-like or tuple of int arrays
+        See :func:`read_elements` and :class:`FEBody`.
     source : str
         What messages call the body; the file of the stiffness by default.
     """
@@ -252,7 +269,7 @@ def read_arrays(
         k,
         m,
         None if dofs is None else np.asarray(dofs),
-        elements,
+        read_elements(elements) if isinstance(elements, str | os.PathLike) else elements,
         node_sets,
         face_sets,
         source=source,

@@ -64,16 +64,24 @@ def test_every_form_of_a_matrix(bar, tmp_path):
     np.savez(tmp_path / "dense.npz", K=k.toarray(), other=np.ones(3))
     np.save(tmp_path / "dense.npy", k.toarray())
     scipy.io.savemat(tmp_path / "both.mat", {"K": k, "M": bar.mass})
+    scipy.io.savemat(
+        tmp_path / "compressed.mat", {"K": k.toarray(), "text": "x", "z": np.ones(2) * 1j}, do_compression=True
+    )
+    scipy.io.savemat(tmp_path / "integers.mat", {"K": np.arange(9).reshape(3, 3)})
+    scipy.io.mmwrite(tmp_path / "array.mtx", k.toarray(), symmetry="general")
+    scipy.io.mmwrite(tmp_path / "triangle.mtx", k.toarray(), symmetry="symmetric")
     scipy.io.mmwrite(tmp_path / "market.mtx", sp.triu(k).tocoo(), symmetry="general")
     scipy.io.mmwrite(tmp_path / "symmetric.mtx", k.tocoo(), symmetry="symmetric")
     (tmp_path / "abaqus.mtx").write_text(coordinate_text(k))
     (tmp_path / "whole.mtx").write_text(coordinate_text(k, triangle=False))
     for name, key in (
         ("sparse.npz", None), ("dense.npz", "K"), ("dense.npy", None), ("both.mat", "K"), ("symmetric.mtx", None),
+        ("compressed.mat", "K"), ("array.mtx", None), ("triangle.mtx", None),
         ("abaqus.mtx", None), ("whole.mtx", None),
     ):  # fmt: skip
         found = read_matrix(tmp_path / name, key)
         assert abs(found - k).max() < 1e-9 * abs(k).max(), name
+    np.testing.assert_array_equal(read_matrix(tmp_path / "integers.mat").toarray(), np.arange(9).reshape(3, 3))
     upper = read_matrix(tmp_path / "market.mtx")
     assert abs(upper - sp.triu(k)).max() < 1e-9 * abs(k).max()  # a general matrix is taken as it stands
 
