@@ -12,8 +12,8 @@ The settings of the study are the answer that counts; what they would cost is sp
    to both sides of the peak;
 4. the peak is accepted once the estimated rest is below half of the tolerance, or nothing is left to switch on.
 
-A peak that cannot be followed into the richer study is looked for by following the richer curve through its
-neighbourhood, or, if that fails too, through the whole interval.
+If a peak cannot be carried over, if several maxima compete and one harmonic is not enough, or if the coarse curve does
+not reach through the interval, a curve is followed with everything on, and not coarsely.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation import ContinuationOptions, follow
+from bdamper.continuation import ContinuationOptions
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.indicator import TRUSTED, Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
-from bdamper.peaks import Peak, PeakOptions, coarse_options, find_peak, peak_scale, refine_maxima
+from bdamper.peaks import Peak, PeakOptions, coarse_options, find_peak, peak_scale
 from bdamper.system import OK, Cost, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -128,8 +128,9 @@ class _Search:
 
     def tracked(self, harmonics: tuple[int, ...]) -> tuple[list[Peak], str]:
         study, system = self.variant(harmonics)
-        curve = study.track(self.preload, self.frequency, options=coarse_options())
-        if not curve.complete:
+        coarse = harmonics == (1,)
+        curve = study.track(self.preload, self.frequency, options=coarse_options() if coarse else None)
+        if coarse and not curve.complete:
             curve = study.track(self.preload, self.frequency)
         self.curve = curve
         peaks = highest_peaks(system, curve, options=LOOSE)
@@ -184,9 +185,7 @@ class _Search:
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
                 found = self.climbed(peak, harmonics, wanted)
-            if found is None:
-                found = self.neighbourhood(peak, wanted)
-            elif abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
+            if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 found = higher_nearby(system, found)
             if found is None:
                 raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with harmonics {_names(wanted)}")
@@ -207,51 +206,12 @@ class _Search:
             peak, old, before = found, study, system
         return peak
 
-    def neighbourhood(self, peak: Peak, harmonics: tuple[int, ...]) -> Peak | None:
-        """The highest maximum of a curve around a peak of the coarse curve, followed from its flanks."""
-        study, system = self.variant(harmonics)
-        cheap, before = self.variant((1,))
-        left, right = self._flanks(peak)
-        limits = 2.0 * np.pi * self.curve.frequency[left], 2.0 * np.pi * self.curve.frequency[right]
-        maxima: list[Peak] = []
-        points = 0
-        if not limits[0] < limits[1]:
-            return None
-        for i, up in ((left, True), (right, False)):
-            y = np.append(self.curve.unknowns[i], 2.0 * np.pi * self.curve.frequency[i])
-            start = embed_between(cheap, study, before, system, self.preload, y)
-            path = follow(system, start, limits, up=up, options=replace(coarse_options(), max_points=150))
-            points += len(path.points)
-            maxima += refine_maxima(system, path.points, options=LOOSE)
-            if path.status == "complete":
-                break
-        self.log.append(
-            f"curve with harmonics {_names(harmonics)} from {limits[0] / (2 * np.pi):.5g} to "
-            f"{limits[1] / (2 * np.pi):.5g} Hz: {points} points, {len(maxima)} maxima"
-        )
-        return max(maxima, key=lambda p: p.amplitude, default=None)
-
-    def _flanks(self, peak: Peak, share: float = 0.8) -> tuple[int, int]:
-        """Points of the coarse curve on both sides of a peak at which the amplitude has fallen to a share of it."""
-        a, f = self.curve.amplitude, self.curve.frequency
-        top = int(np.argmin(np.abs(f / peak.frequency - 1.0) + np.abs(a / peak.amplitude - 1.0)))
-        left = right = top
-        while left > 0 and self.curve.branch[left - 1] == self.curve.branch[top] and a[left] > share * peak.amplitude:
-            left -= 1
-        while (
-            right < len(a) - 1
-            and self.curve.branch[right + 1] == self.curve.branch[top]
-            and a[right] > share * peak.amplitude
-        ):
-            right += 1
-        return (left, right) if f[left] <= f[right] else (right, left)
-
 
 def carried_over(system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float) -> Peak | None:
     """The peak of a system near that of a simpler one, ``start``.
 
-    Newton is tried from each guess at the phase of the simpler peak, which follows a resonance that moves, and at its
-    frequency; with line search if it fails without.
+    Newton is tried at the phase of the simpler peak, which follows a resonance that moves, from each guess and then with
+    line search; then at its frequency.
     """
     _, normal, _ = amplitude_and_phase(system, start[:-1])
     scale = peak_scale(system, start, width)
@@ -259,14 +219,14 @@ def carried_over(system: HarmonicSystem, guesses: list[NDArray], start: NDArray,
     phase /= np.linalg.norm(phase)
     fixed = np.zeros(len(start))
     fixed[-1] = 1.0
-    for search, iterations in ((False, LOOSE.max_iterations), (True, 25)):
-        for plane in (phase, fixed):
-            for guess in guesses if not search else guesses[-1:]:
-                c = system.correct(guess, plane, scale, 1e-6, iterations, search)
-                if c.status == OK and _near(c.y, start, scale):
-                    peak = find_peak(system, c.y, options=LOOSE, walk=False)
-                    if peak.converged:
-                        return peak
+    tries = [(guess, phase, False) for guess in guesses]
+    tries += [(start, phase, True), (start, fixed, False), (start, fixed, True)]
+    for guess, plane, search in tries:
+        c = system.correct(guess, plane, scale, 1e-6, 25 if search else LOOSE.max_iterations, search)
+        if c.status == OK and _near(c.y, start, scale):
+            peak = find_peak(system, c.y, options=LOOSE, walk=False)
+            if peak.converged:
+                return peak
     return None
 
 
@@ -337,10 +297,12 @@ def adaptive_peak(
     except _Lost as lost:
         search.log.append(str(lost))
         best = None
-    if best is None and search.own.harmonic_numbers != (1,):
-        everything = search.own.harmonic_numbers
+    everything = search.own.harmonic_numbers
+    several = len(peaks) > 1 and best is not None and best[1] != (1,)
+    if everything != (1,) and (best is None or several):
         peaks, reason = search.tracked(everything)
-        best = (peaks[0], everything, None) if peaks else None
+        if peaks and (best is None or peaks[0].amplitude > best[0].amplitude):
+            best = peaks[0], everything, None
     seconds = time.perf_counter() - begin
     if best is None:
         nothing = np.zeros(0)

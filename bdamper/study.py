@@ -18,7 +18,7 @@ from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -591,8 +591,7 @@ class Study:
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.  A branch that does not reach the other end is complemented by one from there.
         """
-        if effects not in ("all", "auto"):
-            raise SettingError(f'effects: expected "all" or "auto", found {effects!r}')
+        _check_auto(effects)
         if effects == "auto":
             from bdamper.adaptive import adaptive_curve
 
@@ -765,6 +764,30 @@ class Study:
 
     # ---- peaks ----
 
+    @overload
+    def peak(
+        self,
+        preload: float,
+        frequency: tuple[float, float] | None = ...,
+        *,
+        mode: int = ...,
+        options: PeakOptions | None = ...,
+        effects: Literal["all"] = ...,
+        tolerance: float = ...,
+    ) -> Peak: ...
+
+    @overload
+    def peak(
+        self,
+        preload: float,
+        frequency: tuple[float, float] | None = ...,
+        *,
+        mode: int = ...,
+        options: PeakOptions | None = ...,
+        effects: Literal["auto"],
+        tolerance: float = ...,
+    ) -> AdaptivePeak: ...
+
     def peak(
         self,
         preload: float,
@@ -772,8 +795,19 @@ class Study:
         *,
         mode: int = 1,
         options: PeakOptions | None = None,
-    ) -> Peak:
-        """The highest resonance peak at one preload; see :func:`bdamper.optimal.highest_peak`."""
+        effects: Literal["all", "auto"] = "all",
+        tolerance: float = 0.01,
+    ) -> Peak | AdaptivePeak:
+        """The highest resonance peak at one preload; see :func:`bdamper.optimal.highest_peak`.
+
+        With ``effects="auto"`` only those harmonics of the study are on that change it by more than the relative
+        ``tolerance``; see :func:`bdamper.adaptive.adaptive_peak`.
+        """
+        _check_auto(effects)
+        if effects == "auto":
+            from bdamper.optimal import resonance_interval
+
+            return self.adaptive_peak(preload, frequency or resonance_interval(self, mode), tolerance=tolerance)
         from bdamper.optimal import highest_peak
 
         return highest_peak(self, preload, frequency, mode=mode, options=options)
@@ -936,6 +970,11 @@ class Study:
         if options is not None:
             out["continuation"] = asdict(options)
         return out
+
+
+def _check_auto(effects: str) -> None:
+    if effects not in ("all", "auto"):
+        raise SettingError(f'effects: expected "all" or "auto", found {effects!r}')
 
 
 def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:

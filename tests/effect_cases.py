@@ -16,7 +16,7 @@ import bdamper as bd
 from bdamper.effects import Effects
 from tests import models
 
-HARMONICS = 5
+HARMONICS = 7
 
 
 @dataclass(frozen=True)
