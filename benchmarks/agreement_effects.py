@@ -1,6 +1,6 @@
 """Adaptive against everything on, over many models, modes, engine orders and preloads.
 
-    python -m benchmarks.agreement_effects [--cases 300] [--out agreement_effects.jsonl] [--part 0/1]
+    python -m benchmarks.agreement_effects [--cases 300] [--out agreement_effects.jsonl] [--part 0/1] [--again]
 
 For each case (:mod:`tests.effect_cases`): the highest peak of a tracking curve with everything on, the same from a coarse
 curve whose maxima are refined, and the adaptive one at a tolerance of 1 %; then advice on a random choice of effects that
@@ -90,11 +90,19 @@ def run(case: Case) -> dict[str, Any]:
     out["shares"] = [float(x) for x in curve.shares[top.index]]
     (peak, _), out["seconds_search"] = timed(lambda: searched(study, preload, interval))
     out["search"] = [peak.amplitude, peak.frequency] if peak else None
-    auto, out["seconds_auto"] = timed(lambda: study.adaptive_peak(preload, interval, tolerance=TOLERANCE))
-    out["auto"] = [auto.amplitude, auto.frequency] if auto.converged else None
-    out |= {"harmonics": list(auto.effects.harmonic_numbers), "error_bound": auto.error_bound, "log": list(auto.log)}
+    adapt(out, study)
     out["advice"] = advice(case, preload, (0.9 * interval[0], 1.15 * interval[1]))
     return out
+
+
+def adapt(row: dict[str, Any], study: bd.Study) -> None:
+    """Adds the adaptive peak to a result."""
+    study.system(row["preload"])
+    auto, row["seconds_auto"] = timed(
+        lambda: study.adaptive_peak(row["preload"], tuple(row["interval"]), tolerance=TOLERANCE)
+    )
+    row["auto"] = [auto.amplitude, auto.frequency] if auto.converged else None
+    row |= {"harmonics": list(auto.effects.harmonic_numbers), "error_bound": auto.error_bound, "log": list(auto.log)}
 
 
 def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[list[Any]]:
@@ -170,9 +178,16 @@ def main() -> None:
     parser.add_argument("--cases", type=int, default=300)
     parser.add_argument("--out", default="agreement_effects.jsonl")
     parser.add_argument("--part", default="0/1", help="i/n: only the numbers i, i + n, i + 2 n, ...")
+    parser.add_argument("--again", action="store_true", help="adaptive peaks of the results on file anew")
     given = parser.parse_args()
     first, step = (int(x) for x in given.part.split("/"))
     rows = found(given.out)
+    if given.again:
+        for row in rows:
+            if "note" not in row:
+                adapt(row, study_of(draw(row["number"])))
+        with open(given.out, "w") as file:
+            file.writelines(json.dumps(row) + "\n" for row in rows)
     done = {r["number"] for r in rows}
     number = first
     while sum("note" not in r for r in rows) < given.cases:

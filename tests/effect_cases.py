@@ -16,7 +16,7 @@ import bdamper as bd
 from bdamper.effects import Effects
 from tests import models
 
-HARMONICS = 7
+HARMONICS = 5
 
 
 @dataclass(frozen=True)
