@@ -195,7 +195,8 @@ static void bounds(int n, double r, const double *a, const double *b, double *la
     }
 }
 
-void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *lanes, int settle);
+void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *lanes);
+void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *lanes);
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
@@ -210,6 +211,7 @@ const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .multiply_pairs = multiply_pairs,
     .grid_values = grid_values,
     .bounds = bounds,
+    .settle = BD_JOIN(bd_lanes_settle_, BD_VARIANT),
     .march = BD_JOIN(bd_lanes_march_, BD_VARIANT),
     .lane_values = BD_JOIN(bd_lanes_values_, BD_VARIANT),
     .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),

@@ -24,12 +24,12 @@ typedef struct {
     double slope[BD_LANES];     /* mu/kt: half width of the sticking range for each newton */
     double w[BD_LANES];         /* slider at the start, and at the end */
     int origin[BD_LANES];       /* sample that set the slider, -1 if none did */
-    double part[4][BD_LANES];   /* dw = (part[0] b' + part[1] b) . du + (part[2] b' + part[3] b) . dg, b at that sample, */
-                                /* b' at the one before */
     double *stick, *slip;  /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
     double *held;          /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
     double *held_u, *held_g; /* (BD_LANES, n_coef, n_coef) its derivatives, or NULL */
     double *saved;         /* (n_power, BD_LANES) work */
+    double *lo, *hi;       /* (n_time, BD_LANES) work: the clip of each sample */
+    double *path;          /* (n_time, BD_LANES) work: the slider after each sample */
     unsigned char *state;  /* (n_time, BD_LANES) bd_state of each sample, or NULL */
 } bd_lanes;
 
@@ -52,8 +52,9 @@ typedef struct {
     void (*grid_values)(int n_coef, int n_time, const double *basis, int n_poly, const double *x, double *value);
     /* Largest of a - r b and smallest of a + r b over n samples, n a multiple of 8. */
     void (*bounds)(int n, double r, const double *a, const double *b, double *largest, double *smallest);
-    /* Marches one period; sums nothing on the first pass (settle = 1). */
-    void (*march)(bd_lanes *lanes, int settle);
+    /* Two periods: the first (settle) finds the slider and what set it, the second sums. */
+    void (*settle)(bd_lanes *lanes);
+    void (*march)(bd_lanes *lanes);
     /* values (n_time, BD_LANES) of polynomials (n_coef, BD_LANES). */
     void (*lane_values)(int n_coef, int n_time, const double *power, int n_power, const double *x, double *value);
     /* E (n_power, BD_LANES) = sum of powers over the samples at which g > 0. */

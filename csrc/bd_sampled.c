@@ -26,7 +26,7 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
     if (n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2) return BD_BAD_ARGUMENT;
     const size_t n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm), k = (size_t)n_time;
     const size_t lanes = BD_LANES;
-    const size_t n_double = k * n_power + 3 * n_coef * lanes + 3 * k * lanes + 4 * n_power * lanes + 3 * n_power +
+    const size_t n_double = k * n_power + 3 * n_coef * lanes + 6 * k * lanes + 4 * n_power * lanes + 3 * n_power +
                             lanes * n_coef + (2 * lanes + 1) * n_coef * n_coef;
     work->memory = calloc(n_double, sizeof(double));
     work->segment[0] = malloc(sizeof(bd_segment) * 2 * k);
@@ -44,6 +44,9 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
     work->u = p, p += k * lanes;
     work->g = p, p += k * lanes;
     work->limit = p, p += k * lanes;
+    work->lanes.lo = p, p += k * lanes;
+    work->lanes.hi = p, p += k * lanes;
+    work->lanes.path = p, p += k * lanes;
     work->contact = p, p += n_power * lanes;
     work->lanes.stick = p, p += n_power * lanes;
     work->lanes.slip = p, p += n_power * lanes;
@@ -187,13 +190,12 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
         lanes->slope[lane] = rubs ? element[lane].mu / element[lane].kt[d] : 0.0;
         lanes->w[lane] = rubs ? element[lane].w[d] : 0.0;
         lanes->origin[lane] = -1;
-        for (int q = 0; q < 4; ++q) lanes->part[q][lane] = 0.0;
         rubbing |= rubs;
     }
     if (!rubbing) return;
     work->kernel->lane_values((int)n_coef, work->n_time, work->power, n_power, work->x + (size_t)d * n_coef * BD_LANES,
                               work->u);
-    work->kernel->march(lanes, 1);
+    work->kernel->settle(lanes);
     int moving = 0;
     for (int lane = 0; lane < n; ++lane) moving |= lanes->slope[lane] > 0.0 && lanes->origin[lane] >= 0;
     if (moving) {
@@ -202,7 +204,7 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
         memset(lanes->held, 0, sizeof(double) * n_coef * BD_LANES);
         if (lanes->held_u) memset(lanes->held_u, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
         if (lanes->held_u) memset(lanes->held_g, 0, sizeof(double) * n_coef * n_coef * BD_LANES);
-        work->kernel->march(lanes, 0);
+        work->kernel->march(lanes);
         if (n == 1) list_parts(work, d);
     }
     for (int lane = 0; lane < n; ++lane) {

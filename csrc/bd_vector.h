@@ -5,6 +5,8 @@
 #include <stdint.h>
 #if defined(__AVX2__)
 #include <immintrin.h>
+#elif defined(__SSE2__)
+#include <emmintrin.h>
 #endif
 
 #if defined(__AVX512F__)
@@ -36,6 +38,28 @@ BD_INLINE bd_vec bd_all(double x) {
 /* mask ? a : b */
 BD_INLINE bd_vec bd_select(bd_mask mask, bd_vec a, bd_vec b) {
     return (bd_vec)((mask & (bd_mask)a) | (~mask & (bd_mask)b));
+}
+BD_INLINE bd_vec bd_max(bd_vec a, bd_vec b) {
+#if BD_WIDTH == 8
+    return (bd_vec)_mm512_max_pd((__m512d)a, (__m512d)b);
+#elif BD_WIDTH == 4
+    return (bd_vec)_mm256_max_pd((__m256d)a, (__m256d)b);
+#elif defined(__SSE2__)
+    return (bd_vec)_mm_max_pd((__m128d)a, (__m128d)b);
+#else
+    return bd_select((bd_mask)(a > b), a, b);
+#endif
+}
+BD_INLINE bd_vec bd_min(bd_vec a, bd_vec b) {
+#if BD_WIDTH == 8
+    return (bd_vec)_mm512_min_pd((__m512d)a, (__m512d)b);
+#elif BD_WIDTH == 4
+    return (bd_vec)_mm256_min_pd((__m256d)a, (__m256d)b);
+#elif defined(__SSE2__)
+    return (bd_vec)_mm_min_pd((__m128d)a, (__m128d)b);
+#else
+    return bd_select((bd_mask)(a < b), a, b);
+#endif
 }
 /* Whether any entry of a mask is set. */
 BD_INLINE int bd_any(bd_mask m) {
