@@ -7,8 +7,8 @@ A point that stays closed has the two-sided normal spring ``n0 + kn v``.  It is 
 so a second point with the normal turned round joins the first; it carries no force, and costs next to nothing, unless the
 contact would open.  Friction acts where there is pressure, ``|T| <= mu max(n0 + kn v, 0)``.
 
-With a constant friction limit the friction of a point is an element of its own that sees no normal motion and keeps the
-static normal load; the normal spring is two-sided as before.
+With a constant friction limit the core has laws of its own, which keep the static normal load and a two-sided normal
+spring.
 
 Friction points that are open in the static state stay open: they are left out.
 """
@@ -22,7 +22,10 @@ from numpy.typing import NDArray
 
 from bdamper.coupling import HarmonicBasis
 from bdamper.preload import OPEN, PreloadState
-from bdamper.system import LAW_NORMAL, PointArrays
+from bdamper.system import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, LAW_SEPARABLE, PointArrays
+
+CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
+"""The law of constant normal load that stands for each law of variable load."""
 
 
 def without_separation(
@@ -54,12 +57,12 @@ def without_separation(
     closed = ~(state.status == OPEN).any(axis=1)
     keep = np.flatnonzero(closed | ~friction_points)
     held = np.flatnonzero(closed & friction_points)
+    if constant_load:
+        return _with_constant_load(bases, points, state, keep, np.isin(keep, held))
     normal = np.array([0.0, 0.0, 1.0])
     # for each element of the new system: the point, the components of its motion that it sees, and its sense
     parts: list[tuple[NDArray, NDArray]] = [(keep, np.ones(3)), (held, -normal)]
     n_keep, n_held = len(keep), len(held)
-    if constant_load:
-        parts.append((held, normal))
     source = np.concatenate([index for index, _ in parts])
     mask = np.concatenate([np.tile(m, (len(index), 1)) for index, m in parts])
     new = PointArrays(
@@ -76,10 +79,24 @@ def without_separation(
     new.mu[n_keep:] = 0.0
     new.kt[n_keep:] = 0.0
     new.n0[reverse] *= -1.0
-    if constant_load:
-        friction = np.isin(keep, held)
-        mask[:n_keep][friction, 2] = 0.0
-        new.shift[:n_keep][friction, 2] = 0.0
-        new.kn[:n_keep][friction] = 0.0
-        new.n0[:n_keep][friction] = state.force[keep[friction], 2]
     return [replace(b, G=b.G[source] * mask[..., None]) for b in bases], new
+
+
+def _with_constant_load(
+    bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, keep: NDArray, friction: NDArray
+) -> tuple[list[HarmonicBasis], PointArrays]:
+    """The kept points, those of friction interfaces under the static normal load."""
+    law = points.law[keep].copy()
+    for i in np.flatnonzero(friction):
+        law[i] = CONSTANT.get(int(law[i]), LAW_CONSTANT if law[i] == LAW_NORMAL else int(law[i]))
+    new = PointArrays(
+        kt=points.kt[keep],
+        kn=points.kn[keep],
+        mu=points.mu[keep],
+        n0=points.n0[keep],
+        slider=points.slider[keep],
+        law=law,
+        shift=points.shift[keep],
+        load=state.force[keep, 2],
+    )
+    return [replace(b, G=b.G[keep]) for b in bases], new

@@ -26,7 +26,7 @@ STATUS_TEXT = {
     SINGULAR: "singular Jacobian",
     NOT_FINITE: "not finite",
 }
-LAW_SEPARABLE, LAW_NORMAL = 0, 1
+LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
 
 
 @dataclass(frozen=True)
@@ -44,6 +44,10 @@ class Sampled:
     n_time: int = 128
     interpolate: bool = True
 
+    def __post_init__(self) -> None:
+        if isinstance(self.n_time, bool) or not isinstance(self.n_time, (int, np.integer)) or self.n_time < 8:
+            raise SettingError(f"n_time: expected a whole number of samples, at least 8, found {self.n_time!r}")
+
 
 @dataclass(frozen=True)
 class PointArrays:
@@ -56,9 +60,14 @@ class PointArrays:
     mu, n0 : (n_points,) float
         Friction coefficient; normal load at zero closing (N), negative for a gap.
     slider : (n_points, 2) float, m
+        An infinite slider asks for that end of the interval of admissible ones where a point never slips.
     law : (n_points,) int
+        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
+        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
     shift : (n_points, 3) float, m
         Constant part of (u1, u2, v) that the modes do not carry.
+    load : (n_points,) float, N, optional
+        Normal load that limits friction under the laws of constant load; ``n0`` by default.
     """
 
     kt: NDArray
@@ -68,6 +77,7 @@ class PointArrays:
     slider: NDArray
     law: NDArray
     shift: NDArray
+    load: NDArray | None = None
 
 
 @dataclass(frozen=True)
@@ -136,7 +146,7 @@ class HarmonicSystem:
         self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
-        mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics)
+        mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
         self.exact = mode == 0
         damping = [b.damping for b in bases]
         self.arrays = {
@@ -153,8 +163,10 @@ class HarmonicSystem:
             "law": np.ascontiguousarray(points.law, np.intc),
             "shift": np.ascontiguousarray(points.shift, float),
             "force": self.force,
+            "load": np.ascontiguousarray(points.n0 if points.load is None else points.load, float),
         }
-        self.core = _core.System(**self.arrays, evaluation=mode, n_time=n_time)
+        self._evaluation = {"evaluation": mode, "n_time": n_time}
+        self.core = _core.System(**self.arrays, **self._evaluation)
         self.n_unknowns = self.core.n_unknown
         self.n_mean = int(self.n_mode[0])
         self.n_points = len(points.kn)
@@ -262,6 +274,35 @@ class HarmonicSystem:
         self.core.contact(np.ascontiguousarray(u, float), X, F, share)
         return X, F, share
 
+    def slider_interval(self, u: NDArray) -> NDArray:
+        """Sliders that a point which never slips may have: the interval of residual tractions.
+
+        Such a point rests with any slider from the largest ``u_d - mu N/kt`` to the smallest ``u_d + mu N/kt`` of the
+        cycle; its mean friction force is ``kt (mean of u_d - slider)``.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+
+        Returns
+        -------
+        (n_points, 2, 2) float, m
+            Lower and upper end for both tangential directions; NaN where the point slips, opens or has no friction.
+        """
+        law = self.arrays["law"]
+        one_d = (law == LAW_SEPARABLE) | (law == LAW_CONSTANT)
+        out = np.full((self.n_points, 2, 2), np.nan)
+        X, F = (np.empty((self.n_points, 3, 2 * self.n_harmonics + 1)) for _ in range(2))
+        share = np.empty((self.n_points, 5))
+        for end, far in enumerate((-np.inf, np.inf)):
+            w = np.where(one_d[:, None], far, self.arrays["w"])
+            core = _core.System(**{**self.arrays, "w": w}, **self._evaluation)
+            core.contact(np.ascontiguousarray(u, float), X, F, share)
+            rests = one_d[:, None] & (share[:, [0, 2]] == 1.0)
+            kt = np.where(rests, self.arrays["kt"], 1.0)
+            out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / kt, np.nan)
+        return out
+
     def linear_matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
         """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
         b = self.bases[harmonic]
@@ -302,7 +343,15 @@ class HarmonicSystem:
 
 
 def segments(
-    x: NDArray, kt: NDArray, kn: float, mu: float, n0: float, slider: NDArray, law: int = LAW_SEPARABLE
+    x: NDArray,
+    kt: NDArray,
+    kn: float,
+    mu: float,
+    n0: float,
+    slider: NDArray,
+    law: int = LAW_SEPARABLE,
+    evaluation: str | Sampled = "exact",
+    load: float | None = None,
 ) -> list[list[tuple[float, float, int]]]:
     """Parts of the cycle at one contact point: for each tangential direction a list of (start, end, state).
 
@@ -310,18 +359,29 @@ def segments(
     ----------
     x : (3, n_coef) float
         Motion (u1, u2, v) as coefficients.
+    evaluation : {"exact"} or Sampled
+        Coupled laws need samples.
+    load : float, N, optional
+        Normal load that limits friction under the laws of constant load; ``n0`` by default.
 
     Returns
     -------
-    list of two lists; states 0 stick, 1 slip +, 2 slip -, 3 open; angles in radians, the last may pass 2 pi.
+    list of two lists; states 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open; angles in radians, the last may pass 2 pi.
     """
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
-    _, parts = _core.evaluate_contact(np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law)
+    mode, n_time = _evaluation_code(evaluation, x.shape[1] // 2, np.array(law))
+    _, parts = _core.evaluate_contact(
+        np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law, mode, n_time, n0 if load is None else load
+    )
     return list(parts)
 
 
-def _evaluation_code(evaluation: str | Sampled, harmonics: int) -> tuple[int, int]:
+def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
+    if evaluation == "exact" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
+        raise SettingError(
+            'evaluation: expected Sampled(n_time) with coupled friction, which has no closed form, found "exact"'
+        )
     if isinstance(evaluation, Sampled):
         if evaluation.n_time < 4 * harmonics + 4:
             raise SettingError(

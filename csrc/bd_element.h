@@ -7,7 +7,8 @@
 typedef enum {
     BD_LAW_SEPARABLE = 0,    /* two independent tangential directions, each 1-D friction with variable normal load */
     BD_LAW_NORMAL = 1,       /* unilateral normal spring alone: constraint planes, mu = 0 */
-    BD_LAW_CONSTANT = 2,     /* as separable, but friction is limited by the constant `load`: no events of the normal load */
+    BD_LAW_CONSTANT = 2,     /* as separable, but friction is limited by the constant `load`, and the normal spring is */
+                             /* two-sided: what a contact does that stays closed and hardly changes its load */
     BD_LAW_COUPLED = 3,      /* the friction force lies in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
     BD_LAW_BONDED = 5        /* linear springs in all directions and both senses */
@@ -28,9 +29,13 @@ typedef struct {
 static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
 static inline int bd_law_is_coupled(bd_law law) { return law == BD_LAW_COUPLED || law == BD_LAW_COUPLED_CONSTANT; }
 
+/* Whether the normal spring pulls as well as it pushes. */
+static inline int bd_law_is_two_sided(bd_law law) { return law == BD_LAW_BONDED || bd_law_is_constant(law); }
+
 /* Whether direction d carries friction at all. */
 static inline int bd_element_rubs(const bd_element *e, int d) {
-    return e->law != BD_LAW_NORMAL && e->law != BD_LAW_BONDED && e->mu > 0.0 && e->kt[d] > 0.0;
+    if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || !(e->mu > 0.0) || !(e->kt[d] > 0.0)) return 0;
+    return !bd_law_is_constant(e->law) || e->load > 0.0;
 }
 
 /* State of one tangential direction on a part of the cycle. */

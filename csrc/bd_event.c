@@ -18,7 +18,7 @@
  * that neither slips nor opens keeps the slider that it was given, or, where that one is outside of
  * [max lo, min hi], is carried to the nearer end of this interval.
  *
- * With a constant normal load the bounds are u -+ mu load/kt, and contact does not matter.
+ * With a constant normal load the bounds are u -+ mu load/kt, and the contact stays closed.
  *
  * What costs nothing is found first: a swing bounded by the sum of the amplitudes, then by samples, of which a function
  * exceeds the largest by h^2/8 max|f''| at most, shows most of the points that never slip, or never open, without any root.
@@ -49,7 +49,7 @@ typedef struct {
 /* One direction of one point, as seen while marching. */
 typedef struct {
     int n_harm, n_coef, n_power;
-    int first, n_event;     /* events first .. n_event-1 take part */
+    int n_event;
     int n_lift;             /* events 0 .. n_lift-1 are lift-offs and closings */
     int n_lo;               /* then n_lo extrema of lo, the rest are extrema of hi; */
     int common;             /* 1: lo and hi have the same extrema, listed once */
@@ -62,7 +62,7 @@ typedef struct {
 /* The part of the cycle that is being marched through. */
 typedef struct {
     int state;
-    double start, first_start;
+    double start;
     int at;                 /* work->power[at] belongs to its beginning */
     slider held;
 } run;
@@ -299,7 +299,7 @@ static int make_bounds(const bd_element *element, int d, const double *u, const 
     lo[0] -= shift;
     hi[0] += shift;
     dir->lo = lo, dir->hi = hi, dir->dlo = dlo, dir->dhi = dhi;
-    if (dir->first == 0 && dir->n_lift > 0) return 0;
+    if (dir->n_lift > 0) return 0;
     if (lo[0] + bd_trig_amplitude(dir->n_harm, lo) <= w && hi[0] - bd_trig_amplitude(dir->n_harm, hi) >= w) return 1;
     if (dir->n_harm == 1) return 0;
     double most, least;
@@ -339,8 +339,8 @@ static void find_extrema(direction *dir, int d) {
 
 static void sort_events(direction *dir) {
     bd_event_work *work = dir->work;
-    for (int i = dir->first; i < dir->n_event; ++i) {
-        int j = i - dir->first;
+    for (int i = 0; i < dir->n_event; ++i) {
+        int j = i;
         for (; j > 0 && work->theta[work->order[j - 1]] > work->theta[i]; --j) work->order[j] = work->order[j - 1];
         work->order[j] = i;
     }
@@ -348,7 +348,7 @@ static void sort_events(direction *dir) {
 
 static double piece_end(const direction *dir, int i) {
     const bd_event_work *work = dir->work;
-    const int n = dir->n_event - dir->first;
+    const int n = dir->n_event;
     return i + 1 < n ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
 }
 
@@ -356,7 +356,7 @@ static double piece_end(const direction *dir, int i) {
  * each event, since every event is a change of sign of its own polynomial. */
 static void flag_pieces(direction *dir, const bd_element *element, const double *v) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event - dir->first;
+    const int n = dir->n_event;
     int longest = 0, flags = 0;
     double length = -1.0;
     for (int i = 0; i < n; ++i) {
@@ -364,8 +364,8 @@ static void flag_pieces(direction *dir, const bd_element *element, const double 
         if (l > length) length = l, longest = i;
     }
     const double start = work->theta[work->order[longest]];
-    if (dir->n_lift == 0 || dir->first > 0) {
-        flags |= CONTACT; /* always in contact, or contact does not matter */
+    if (dir->n_lift == 0) {
+        flags |= CONTACT;
     } else {
         double *level = work->poly; /* n0 + kn v */
         for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
@@ -401,7 +401,7 @@ static slider clip_at_end(const direction *dir, slider s, int flags, int event) 
 /* The slider at the first event once the cycle has settled. */
 static slider settle(const direction *dir, double w) {
     const bd_event_work *work = dir->work;
-    const int n = dir->n_event - dir->first;
+    const int n = dir->n_event;
     slider s = {GIVEN, -1, w};
     for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
     return s;
@@ -477,7 +477,7 @@ static double find_onset(const direction *dir, int plus, double w, double start,
 /* Walks through one piece and returns the slider at its end. */
 static slider march_piece(const direction *dir, int d, int i, double turn, slider s, run *part, bd_status_share *share) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event - dir->first;
+    const int n = dir->n_event;
     const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
     const double *z = work->z + 2 * start, theta = work->theta[start] + turn;
     if (!(flags & CONTACT)) {
@@ -508,7 +508,7 @@ static slider march_piece(const direction *dir, int d, int i, double turn, slide
 /* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
 static void march_cycle(const direction *dir, int d, slider s, bd_status_share *share) {
     bd_event_work *work = dir->work;
-    const int n = dir->n_event - dir->first;
+    const int n = dir->n_event;
     run part = {.state = NOTHING};
     int first = 0;
     while (work->order[first] != s.event) ++first;
@@ -548,10 +548,10 @@ static void stay_stuck(const bd_element *element, int d, const double *u, bd_res
 
 static void evaluate_direction(const bd_element *element, int d, int n_lift, const double *x, bd_response *out,
                                bd_status_share *share, bd_event_work *work) {
-    const int n_coef = bd_n_coef(work->n_harm), constant = bd_law_is_constant(element->law);
+    const int n_coef = bd_n_coef(work->n_harm);
     const double *u = x + d * n_coef, *v = x + 2 * n_coef;
-    direction dir = {.n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm),
-                     .first = constant ? n_lift : 0, .n_lift = n_lift, .work = work};
+    direction dir = {.n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm), .n_lift = n_lift,
+                     .work = work};
     if (make_bounds(element, d, u, v, &dir)) {
         stay_stuck(element, d, u, out, share, work);
         return;
@@ -559,14 +559,14 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
     need_derivatives(work, x);
     find_extrema(&dir, d);
     bd_cycle_clear(&work->cycle);
-    if (dir.n_event == dir.first) {
+    if (dir.n_event == 0) {
         hold_constant(&dir, d, element, share);
         bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
         return;
     }
     sort_events(&dir);
     flag_pieces(&dir, element, v);
-    for (int e = dir.first; e < dir.n_event; ++e)
+    for (int e = 0; e < dir.n_event; ++e)
         pair_at(dir.n_harm, dir.lo, dir.hi, work->z + 2 * e, work->lo + e, work->hi + e);
     const slider s = settle(&dir, element->w[d]);
     if (s.kind == GIVEN) {
@@ -579,18 +579,14 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
     bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
 }
 
-/* Linear in all directions. */
-static void evaluate_bonded(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                            bd_event_work *work) {
-    const int n_coef = bd_n_coef(work->n_harm);
-    bd_element_closed(element, work->n_harm, x + 2 * n_coef, out);
-    for (int d = 0; d < 2; ++d) stay_stuck(element, d, x + d * n_coef, out, share, work);
-}
-
 /* Normal force; returns the number of lifts, which are events 0, 1, ... */
 static int evaluate_normal(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                            bd_event_work *work) {
     const double *v = x + 2 * bd_n_coef(work->n_harm);
+    if (bd_law_is_two_sided(element->law)) {
+        bd_element_closed(element, work->n_harm, v, out);
+        return 0;
+    }
     const int bound = bound_contact(element, v, work), n_lift = bound == CHANGES ? find_lifts(element, x, work) : 0;
     if (n_lift > 0) {
         integrate_contact(work, n_lift, contact_follows_first(work, n_lift), share);
@@ -615,15 +611,13 @@ void bd_event_evaluate(const bd_element *element, const double *x, bd_response *
     work->cycle.held_u = out->dN ? work->held_u : NULL;
     work->cycle.held_v = out->dN ? work->held_v : NULL;
     bd_element_open(element, n_harm, out);
-    if (element->law == BD_LAW_BONDED) {
-        evaluate_bonded(element, x, out, share, work);
-        return;
-    }
-    if (n_harm > 1) work->kernel->grid_values(n_coef, work->grid.n_time, work->grid.basis, 3, x, work->motion);
+    if (n_harm > 1 && element->law != BD_LAW_BONDED)
+        work->kernel->grid_values(n_coef, work->grid.n_time, work->grid.basis, 3, x, work->motion);
     const int n_lift = evaluate_normal(element, x, out, share, work);
     for (int d = 0; d < 2; ++d) {
+        if (element->law == BD_LAW_BONDED) stay_stuck(element, d, x + d * n_coef, out, share, work);
         if (share->open == 1.0) whole_cycle(work, d, BD_OPEN);
-        if (bd_element_rubs(element, d) && (share->open < 1.0 || bd_law_is_constant(element->law)))
+        if (bd_element_rubs(element, d) && share->open < 1.0)
             evaluate_direction(element, d, n_lift, x, out, share, work);
     }
 }

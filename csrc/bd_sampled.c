@@ -132,7 +132,7 @@ static int normal_direction(int n, const bd_element *element, const double *x, b
     for (int lane = 0; lane < n; ++lane) {
         const double *v = x + (3 * (size_t)lane + 2) * (size_t)n_coef;
         const double count = work->contact[lane];
-        if (element[lane].law == BD_LAW_BONDED || count == (double)work->n_time) {
+        if (bd_law_is_two_sided(element[lane].law) || count == (double)work->n_time) {
             bd_element_closed(element + lane, work->n_harm, v, out + lane);
             ++touching;
             continue;
@@ -174,7 +174,7 @@ static void finish_lane(const bd_element *element, int d, int lane, const double
         cycle.held_v[i] *= weight * element->kn;
     }
     share->stick[d] = cycle.stick[0] / BD_TWO_PI;
-    share->slip[d] = 1.0 - share->stick[d] - (bd_law_is_constant(element->law) ? 0.0 : share->open);
+    share->slip[d] = 1.0 - share->stick[d] - share->open;
     if (share->slip[d] < 1e-12) share->slip[d] = 0.0;
     bd_cycle_friction(element, d, &cycle, x + (size_t)d * n, x + 2 * n, out, work->scratch);
 }
@@ -211,7 +211,7 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
         const double *xl = x + 3 * n_coef * (size_t)lane;
         if (lanes->slope[lane] == 0.0) continue;
         if (lanes->origin[lane] >= 0) {
-            if (share[lane].open < 1.0 || bd_law_is_constant(element[lane].law))
+            if (share[lane].open < 1.0)
                 finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
             continue;
         }
@@ -242,6 +242,6 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     const int touching = normal_direction(n, element, x, out, share, work);
     for (int d = 0; d < 2 && n == 1; ++d) whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
     work->lanes.g = find_limit(n, element, work);
-    for (int d = 0; d < 2 && (touching || work->lanes.g == work->limit); ++d)
+    for (int d = 0; d < 2 && touching; ++d)
         tangential_direction(n, element, d, x, out, share, work);
 }
