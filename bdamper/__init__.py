@@ -7,6 +7,7 @@ from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
+from bdamper.laws import LawComparison
 from bdamper.model import Model
 from bdamper.optimal import OptimalCurve, load_optimal_curve
 from bdamper.peaks import Peak, PeakOptions
@@ -40,6 +41,7 @@ __all__ = [
     "Effects",
     "Excitation",
     "Fold",
+    "LawComparison",
     "Model",
     "ModelError",
     "OptimalCurve",

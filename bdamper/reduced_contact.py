@@ -78,6 +78,7 @@ def without_separation(
     new.law[n_keep:] = LAW_NORMAL
     new.mu[n_keep:] = 0.0
     new.kt[n_keep:] = 0.0
+    new.slider[n_keep:] = 0.0
     new.n0[reverse] *= -1.0
     return [replace(b, G=b.G[source] * mask[..., None]) for b in bases], new
 

@@ -42,6 +42,8 @@ from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import Effects, check_harmonics, harmonic_numbers
 from bdamper.errors import SettingError
+from bdamper.friction_axes import major_angles, turned
+from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
 from bdamper.reduced_contact import without_separation
@@ -50,6 +52,8 @@ from bdamper.response import Curve
 from bdamper.stability import stability_of_points
 from bdamper.stiffness import Contact, PerArea, StiffnessReport, contact_stiffness, report
 from bdamper.system import (
+    LAW_BONDED,
+    LAW_COUPLED,
     LAW_NORMAL,
     LAW_SEPARABLE,
     OK,
@@ -68,6 +72,7 @@ if TYPE_CHECKING:
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
+LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
 
@@ -157,6 +162,21 @@ class Study:
         For all elastic modes, instead of the model's.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
+    friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
+        "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
+        radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law).  "bonded": linear
+        springs in all directions and both senses.  "constant_normal_load": separable with
+        ``variable_normal_load=False``; together with "coupled" give the latter.
+    friction_axes : {"contact", "major"}
+        Axes of the separable law: those of the interface, or at each point the major directions of its motion
+        (:mod:`bdamper.friction_axes`).
+    major_frequency : float, Hz, optional
+        At which the stuck response shows the major directions; by default its resonance with the largest response.
+    residual_traction : {"static", "lower", "upper"}
+        Friction force of points that never slip, which the equations leave open within an interval
+        (``HarmonicSystem.slider_interval``): that of the static state, or that end of the interval at which friction
+        carries as much of the damper's load as it can ("lower": lowest normal loads), or works against it as much as it
+        can ("upper").  Directions that are normal to the load keep the static value.
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
         otherwise stands in :class:`~bdamper.effects.Effects`.
@@ -186,12 +206,17 @@ class Study:
     single_basis: bool = False
     damping_ratio: float | None = None
     evaluation: str | Sampled = "exact"
+    friction_law: str | Mapping[str, str] = "separable"
+    friction_axes: str = "contact"
+    major_frequency: float | None = None
+    residual_traction: str = "static"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
     contact_points: int | None = None
     effects: Effects | None = None
     _states: dict[float, PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if self.effects is not None:
@@ -199,6 +224,7 @@ class Study:
         if not getattr(self.model, "_checked", False):
             check_model(self.model)
             object.__setattr__(self.model, "_checked", True)
+        self._check_friction()
         if int(self.engine_order) != self.engine_order or self.engine_order < 0:
             raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
         check_harmonics(self.harmonics)
@@ -226,6 +252,44 @@ class Study:
                 )
             object.__setattr__(self, name, value)
         object.__setattr__(self, "effects", None)
+
+    def _check_friction(self) -> None:
+        given = self.friction_law
+        if given == "constant_normal_load":
+            object.__setattr__(self, "friction_law", "separable")
+            object.__setattr__(self, "variable_normal_load", False)
+        elif isinstance(given, str):
+            if given not in LAWS:
+                raise SettingError(
+                    f"friction_law: expected one of {(*LAWS, 'constant_normal_load')} or a mapping, found {given!r}"
+                )
+        else:
+            faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
+            if set(given) != set(faces) or not set(given.values()) <= set(LAWS):
+                raise SettingError(
+                    f"friction_law: expected one of {tuple(LAWS)} for each interface {faces}, found {dict(given)!r}"
+                )
+        if self.friction_axes not in ("contact", "major"):
+            raise SettingError(f'friction_axes: expected "contact" or "major", found {self.friction_axes!r}')
+        if self.residual_traction not in ("static", "lower", "upper"):
+            raise SettingError(
+                f'residual_traction: expected "static", "lower" or "upper", found {self.residual_traction!r}'
+            )
+        laws = set(self._law_by_interface().values())
+        if self.residual_traction != "static" and LAW_COUPLED in laws:
+            raise SettingError('residual_traction: expected "static" with coupled friction, found an end of the interval')
+        if self.evaluation == "exact" and LAW_COUPLED in laws:
+            raise SettingError(
+                'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
+            )
+        if self.major_frequency is not None and not (np.isfinite(self.major_frequency) and self.major_frequency > 0.0):
+            raise SettingError(f"major_frequency: expected a finite number > 0 Hz, found {self.major_frequency!r}")
+
+    def _law_by_interface(self) -> dict[str, int]:
+        """Law of each friction interface, before it is known which of them have friction."""
+        given = self.friction_law
+        names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
+        return {name: LAWS[given if isinstance(given, str) else given[name]] for name in names}
 
     def with_effects(self, effects: Effects) -> Study:
         """The same study with other effects; what does not depend on them is shared."""
@@ -368,8 +432,17 @@ class Study:
         return np.concatenate([self.coupling.model.interfaces[name].gap for name in self.coupling.interfaces])
 
     @cached_property
+    def _law(self) -> NDArray:
+        """(n_points,) law of each contact point."""
+        law = np.full(self.coupling.n_points, LAW_NORMAL)
+        for name, value in self._law_by_interface().items():
+            rows = self.coupling.rows(name)
+            law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+        return law
+
+    @cached_property
     def _kt(self) -> NDArray:
-        return self._k[:, :2] * (self.friction > 0.0)[:, None]
+        return self._k[:, :2] * (self._law != LAW_NORMAL)[:, None]
 
     @cached_property
     def _friction_points(self) -> NDArray:
@@ -425,7 +498,7 @@ class Study:
                 self._static_basis.G.real,
                 self._kt,
                 self._k[:, 2],
-                self.friction,
+                np.where(self._law == LAW_BONDED, 1e9, self.friction),
                 -self._k[:, 2] * self._gap,
                 force,
                 shift,
@@ -463,11 +536,15 @@ class Study:
             kn=self._k[:, 2],
             mu=self.friction,
             n0=-self._k[:, 2] * self._gap,
-            slider=state.slider,
-            law=np.where(self.friction > 0.0, LAW_SEPARABLE, LAW_NORMAL),
+            slider=np.where(self._law[:, None] == LAW_BONDED, 0.0, state.slider),
+            law=self._law.copy(),
             shift=shift,
         )
         bases = self.bases
+        if self.friction_axes == "major":
+            bases, points = turned(bases, points, self.major_directions(preload))
+        if self.residual_traction != "static":
+            points = replace(points, slider=self._extreme_sliders(points, preload))
         if not self.separation or not self.variable_normal_load:
             bases, points = without_separation(
                 bases, points, state, self._friction_points, constant_load=not self.variable_normal_load
@@ -480,11 +557,90 @@ class Study:
         system.bases = self.bases  # linear springs are those of the points of the coupling
         return system
 
+    def _extreme_sliders(self, points: PointArrays, preload: float) -> NDArray:
+        """(n_points, 2) sliders, infinite where an end of their interval is asked for."""
+        along = np.zeros((self.coupling.n_points, 2))
+        for name in self.coupling.interfaces:
+            face = self.coupling.model.interfaces[name]
+            for sense, body in ((-1.0, face.body_a), (1.0, face.body_b)):
+                load = self.coupling.model.bodies[body].load
+                if load is not None:
+                    along[self.coupling.rows(name)] = sense * face.frame[:, :2] @ load.direction
+        if self.friction_axes == "major":
+            angle = self.major_directions(preload)
+            c, s = np.cos(angle), np.sin(angle)
+            along = np.column_stack([c * along[:, 0] + s * along[:, 1], c * along[:, 1] - s * along[:, 0]])
+        # a traction T acts on body a along +t and on body b along -t; the slider at the upper end gives the lowest T
+        end = -np.inf if self.residual_traction == "lower" else np.inf
+        asked = (np.abs(along) > 1e-6) & (points.law[:, None] == LAW_SEPARABLE)
+        return np.where(asked, np.copysign(end, along * np.sign(end)), points.slider)
+
     def _stuck_springs(self, state: PreloadState) -> NDArray:
         """(n_points, 3) linear springs: points that the preload has closed do not slip."""
-        closed = ~(state.status == OPEN).any(axis=1)
+        closed = ~(state.status == OPEN).any(axis=1) | (self._law == LAW_BONDED)
         springs = np.concatenate([self._kt, self._k[:, 2:]], axis=1)
         return springs * closed[:, None]
+
+    def major_directions(self, preload: float) -> NDArray:
+        """Angle of the major direction of the stuck motion from the first contact axis, at every contact point.
+
+        Parameters
+        ----------
+        preload : float, N
+            Decides which points are closed.
+
+        Returns
+        -------
+        (n_points,) float, rad
+        """
+        if preload in self._angles:
+            return self._angles[preload]
+        springs = self._stuck_springs(self.static(preload))
+        plain = copy(self)  # shares all that was made
+        object.__setattr__(plain, "friction_axes", "contact")
+        system = plain.system(preload)
+        if self.major_frequency is not None:
+            omega = 2.0 * np.pi * self.major_frequency
+        else:
+            poles = [w for w in system.linear_modes(springs)[0] if w > 0.0]
+            heights = [abs(system.linear_response(w, springs) @ self._response_rows[1]) for w in poles]
+            omega = poles[int(np.argmax(heights))]
+        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ system.linear_response(omega, springs))
+        return self._angles[preload]
+
+    def compare_laws(
+        self,
+        preload: float,
+        frequency: tuple[float, float],
+        laws: Sequence[str] = ("separable", "major", "coupled"),
+        *,
+        options: ContinuationOptions | None = None,
+    ) -> LawComparison:
+        """Tracking curves under several friction laws, everything else the same.
+
+        Parameters
+        ----------
+        preload : float, N
+        frequency : (low, high), Hz
+        laws : sequence of str
+            Out of "separable", "major" (separable along major directions), "coupled", "constant_normal_load", "bonded".
+            The coupled law is sampled, with 128 samples unless ``evaluation`` says otherwise.
+        options : ContinuationOptions
+
+        Returns
+        -------
+        LawComparison
+            Prints the differences of the peaks to the last law.
+        """
+        curves = []
+        for law in known_laws(laws):
+            settings: dict[str, Any] = dict(CHOICES[law])
+            if law == "coupled":
+                settings["residual_traction"] = "static"
+                if self.evaluation == "exact":
+                    settings["evaluation"] = Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8))
+            curves.append(replace(self, **settings).track(preload, frequency, options=options))
+        return LawComparison(tuple(laws), tuple(curves))
 
     def find_start(
         self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
@@ -965,6 +1121,10 @@ class Study:
             "constraints": self.constraints,
             "single_basis": self.single_basis,
             "damping_ratio": self.damping_ratio,
+            "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
+            "friction_axes": self.friction_axes,
+            "major_frequency": self.major_frequency,
+            "residual_traction": self.residual_traction,
             "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
         }
         if options is not None:

@@ -149,7 +149,7 @@ class HarmonicSystem:
         mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
         self.exact = mode == 0
         damping = [b.damping for b in bases]
-        self.arrays = {
+        self.arrays: dict[str, Any] = {
             "n_mode": self.n_mode,
             "stiffness": np.concatenate([b.omega2 for b in bases]),
             "mass": np.concatenate([b.mass for b in bases]),
@@ -165,7 +165,7 @@ class HarmonicSystem:
             "force": self.force,
             "load": np.ascontiguousarray(points.n0 if points.load is None else points.load, float),
         }
-        self._evaluation = {"evaluation": mode, "n_time": n_time}
+        self._evaluation: dict[str, Any] = {"evaluation": mode, "n_time": n_time}
         self.core = _core.System(**self.arrays, **self._evaluation)
         self.n_unknowns = self.core.n_unknown
         self.n_mean = int(self.n_mode[0])
@@ -298,7 +298,7 @@ class HarmonicSystem:
             w = np.where(one_d[:, None], far, self.arrays["w"])
             core = _core.System(**{**self.arrays, "w": w}, **self._evaluation)
             core.contact(np.ascontiguousarray(u, float), X, F, share)
-            rests = one_d[:, None] & (share[:, [0, 2]] == 1.0)
+            rests = one_d[:, None] & (share[:, [0, 2]] > 1.0 - 1e-9)
             kt = np.where(rests, self.arrays["kt"], 1.0)
             out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / kt, np.nan)
         return out
@@ -366,7 +366,8 @@ def segments(
 
     Returns
     -------
-    list of two lists; states 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open; angles in radians, the last may pass 2 pi.
+    list of two lists; states 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open; angles in radians, the last
+    may pass 2 pi.
     """
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)

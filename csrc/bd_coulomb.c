@@ -21,17 +21,23 @@
  * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset need not be
  * differentiated.
  *
- * The cycle.  Unlike a 1-D slider this one settles over many periods (thousands for an ellipse that barely slips).  The
- * settled slider is the fixed point of the period map P: Newton's method with the exact 2 x 2 derivative P', and plain
- * periods where Newton does not bring P(s) closer to s.  The derivative of the settled slider follows from
- * (I - P') ds = P_x dx.  If the settled cycle does not slip the slider stays where the transient left it. */
+ * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If their intersection is not
+ * empty, the settled slider is the point of it nearest to the given one (where a transient would end in the intersection
+ * depends on its history, which the law leaves open; in one dimension this is the nearer end of the interval).  A nearest
+ * point is held by at most two disks: while some disk is violated, the one violated most joins them, and the nearest point
+ * of these three is one of few candidates.  If three disks have no point in common, nothing rests (Helly).
+ *
+ * The cycle.  Otherwise the slider moves, and unlike a 1-D one settles over many periods (thousands for an ellipse that
+ * barely slips).  The settled slider is the fixed point of the period map P: Newton's method with the exact 2 x 2 derivative
+ * P', and plain periods where Newton does not bring P(s) closer to s.  The derivative of the settled slider follows from
+ * (I - P') ds = P_x dx. */
 #include "bd_coulomb.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_PERIODS = 400 };
+enum { MOST_PERIODS = 400, PLAIN_PERIODS = 3 };
 enum { STEP_STICK, STEP_SLIP, STEP_OPEN, STEP_CLOSE };
 static const double EDGE = 1e-12;   /* relative distance at which T counts as on the edge of the disk */
 static const double SETTLED = 2e-14; /* |P(s) - s| relative to the size of the forces */
@@ -215,6 +221,119 @@ static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, co
     slip_step(o, e, tau, R0 + tau * dR, R1, mu, dp, p1);
 }
 
+/* ---- rest ---- */
+
+typedef struct {
+    int n, sample[3];
+    double s[2];
+} bd_rest;
+
+static double violation(const bd_coulomb_work *work, double mu, int k, const double *s) {
+    return hypot(work->p[2 * k] - s[0], work->p[2 * k + 1] - s[1]) - mu * work->g[k];
+}
+
+static int inside(const bd_coulomb_work *work, double mu, const bd_rest *set, const double *s, double slack) {
+    for (int i = 0; i < set->n; ++i)
+        if (violation(work, mu, set->sample[i], s) > slack) return 0;
+    return 1;
+}
+
+/* The point common to the edges of disks i and j on the given side; returns 0 if there is none. */
+static int crossing(const bd_coulomb_work *work, double mu, int i, int j, double side, double *s) {
+    const double *a = work->p + 2 * i, *b = work->p + 2 * j, Ri = mu * work->g[i], Rj = mu * work->g[j];
+    const double d[2] = {b[0] - a[0], b[1] - a[1]}, D2 = d[0] * d[0] + d[1] * d[1];
+    if (!(D2 > 0.0)) return 0;
+    const double along = 0.5 * (1.0 + (Ri - Rj) * (Ri + Rj) / D2), height2 = Ri * Ri / D2 - along * along;
+    if (height2 < 0.0) return 0;
+    const double across = side * sqrt(height2);
+    s[0] = a[0] + along * d[0] - across * d[1];
+    s[1] = a[1] + along * d[1] + across * d[0];
+    return 1;
+}
+
+/* The point of at most three disks nearest to `given`, and the one or two that hold it; returns 0 if they are disjoint. */
+static int nearest_of_few(const bd_coulomb_work *work, double mu, const double *given, double slack, bd_rest *set) {
+    bd_rest best = {0};
+    double distance = INFINITY;
+    for (int i = 0; i < set->n; ++i)
+        for (int j = i; j < set->n; ++j)
+            for (double side = -1.0; side <= 1.0; side += 2.0) {
+                double s[2];
+                const int k = set->sample[i];
+                if (j == i) {
+                    const double *p = work->p + 2 * k, size = hypot(given[0] - p[0], given[1] - p[1]);
+                    if (!(size > mu * work->g[k])) continue;
+                    for (int d = 0; d < 2; ++d) s[d] = p[d] + (given[d] - p[d]) * (mu * work->g[k] / size);
+                } else if (!crossing(work, mu, k, set->sample[j], side, s)) {
+                    continue;
+                }
+                const double far = hypot(s[0] - given[0], s[1] - given[1]);
+                if (far >= distance || !inside(work, mu, set, s, slack)) continue;
+                distance = far;
+                best = (bd_rest){.n = i == j ? 1 : 2, .sample = {k, set->sample[j]}, .s = {s[0], s[1]}};
+            }
+    *set = best;
+    return best.n > 0;
+}
+
+/* Whether a slider can rest through the cycle; set->s is then the nearest to the given one, n = 0 if it is itself. */
+static int find_rest(const bd_coulomb_work *work, double mu, const double *given, double size, bd_rest *set) {
+    const double slack = 1e-13 * size;
+    *set = (bd_rest){.s = {given[0], given[1]}};
+    for (int k = 0; k < work->n_time; ++k)
+        if (!(work->g[k] > 0.0)) return 0;
+    for (int round = 0; round < 100; ++round) {
+        int worst = -1;
+        double most = slack;
+        for (int k = 0; k < work->n_time; ++k) {
+            const double far = violation(work, mu, k, set->s);
+            if (far > most) most = far, worst = k;
+        }
+        if (worst < 0) return 1;
+        set->sample[set->n++] = worst;
+        if (!nearest_of_few(work, mu, given, slack, set)) return 0;
+    }
+    return 0;
+}
+
+/* Derivative of the slider that one or two disks hold: from |p - s| = R, with the given slider fixed. */
+static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_rest *set) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    const double mu = element->mu, kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    memset(work->slider, 0, sizeof(double) * 2 * n_col);
+    double e[2][2], M[2][2][2] = {{{0.0}}}, m[2][2] = {{0.0}}; /* ds = sum M_i dp_i + m_i dR_i */
+    for (int i = 0; i < set->n; ++i) {
+        const double *p = work->p + 2 * set->sample[i], size = hypot(p[0] - set->s[0], p[1] - set->s[1]);
+        for (int d = 0; d < 2; ++d) e[i][d] = (p[d] - set->s[d]) / size;
+    }
+    if (set->n == 1) {
+        const double *p = work->p + 2 * set->sample[0], ratio = mu * work->g[set->sample[0]] / hypot(p[0] - given[0], p[1] - given[1]);
+        for (int d = 0; d < 2; ++d) {
+            for (int c = 0; c < 2; ++c) {
+                const double same = c == d ? 1.0 : 0.0;
+                M[0][d][c] = same - ratio * (same - e[0][d] * e[0][c]);
+            }
+            m[0][d] = -e[0][d];
+        }
+    } else if (set->n == 2) {
+        const double det = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+        const double inverse[2][2] = {{e[1][1] / det, -e[0][1] / det}, {-e[1][0] / det, e[0][0] / det}};
+        for (int i = 0; i < 2; ++i)
+            for (int d = 0; d < 2; ++d) {
+                for (int c = 0; c < 2; ++c) M[i][d][c] = inverse[d][i] * e[i][c];
+                m[i][d] = -inverse[d][i];
+            }
+    }
+    for (int i = 0; i < set->n; ++i) {
+        const double *b = basis_at(work, set->sample[i]);
+        for (size_t d = 0; d < 2; ++d)
+            for (size_t j = 0; j < n_coef; ++j) {
+                for (size_t c = 0; c < 2; ++c) work->slider[d * n_col + c * n_coef + j] += M[i][d][c] * element->kt[c] * b[j];
+                work->slider[d * n_col + 2 * n_coef + j] += m[i][d] * mu * kn * b[j];
+            }
+    }
+}
+
 /* ---- the period map ---- */
 
 /* The slider as it is admissible at the last sample of the previous period. */
@@ -227,16 +346,14 @@ static void admit(const bd_coulomb_work *work, double mu, double *s) {
     s[1] = p[1] - T[1] * R / size;
 }
 
-/* One period; returns whether the slider moved.  dP (2, 2) is the derivative of s at the end with respect to the start. */
-static int march(const bd_coulomb_work *work, double mu, double *s, double dP[2][2]) {
-    int moved = 0;
+/* One period.  dP (2, 2) is the derivative of s at the end with respect to the start. */
+static void march(const bd_coulomb_work *work, double mu, double *s, double dP[2][2]) {
     bd_step o;
     dP[0][0] = dP[1][1] = 1.0;
     dP[0][1] = dP[1][0] = 0.0;
     for (int k = 0; k < work->n_time; ++k) {
         take_step(work, mu, before(work, k), k, s, &o);
         if (o.kind == STEP_STICK) continue;
-        moved = 1;
         s[0] = o.s[0], s[1] = o.s[1];
         for (int j = 0; j < 2; ++j) {
             const double d0 = dP[0][j], d1 = dP[1][j];
@@ -244,7 +361,6 @@ static int march(const bd_coulomb_work *work, double mu, double *s, double dP[2]
             dP[1][j] = o.A[1][0] * d0 + o.A[1][1] * d1;
         }
     }
-    return moved;
 }
 
 /* Solves (I - dP) y = b; returns 0 if that is not possible. */
@@ -257,25 +373,25 @@ static int solve_period(const double dP[2][2], const double *b, double *y) {
     return 1;
 }
 
-/* The settled slider at the end of the period; returns 1 if it moves over the cycle, 0 if it rests, -1 if it was not found. */
+/* The settled slider at the end of the period; returns 0 if it was not found. */
 static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
     double best[2] = {s[0], s[1]}, gap_best = INFINITY;
     work->n_period = work->n_newton = 0;
     admit(work, mu, s);
     while (work->n_period < MOST_PERIODS) {
         double end[2] = {s[0], s[1]}, dP[2][2], step[2];
-        const int moved = march(work, mu, end, dP);
+        march(work, mu, end, dP);
         const double gap[2] = {end[0] - s[0], end[1] - s[1]}, distance = hypot(gap[0], gap[1]);
         ++work->n_period;
         if (distance <= SETTLED * size) {
             s[0] = end[0], s[1] = end[1];
-            return moved;
+            return 1;
         }
         /* a Newton step that led further away is undone by a plain period from the best point */
-        if (distance < gap_best || work->n_period < 3) {
+        if (distance < gap_best || work->n_period <= PLAIN_PERIODS) {
             gap_best = distance;
             best[0] = end[0], best[1] = end[1];
-            if (work->n_period >= 2 && solve_period(dP, gap, step) && hypot(step[0], step[1]) <= 4.0 * size) {
+            if (work->n_period >= PLAIN_PERIODS && solve_period(dP, gap, step) && hypot(step[0], step[1]) <= 4.0 * size) {
                 s[0] += step[0], s[1] += step[1];
                 ++work->n_newton;
                 admit(work, mu, s);
@@ -285,7 +401,7 @@ static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
         s[0] = best[0], s[1] = best[1];
         gap_best = INFINITY;
     }
-    return -1;
+    return 0;
 }
 
 /* ---- force and tangent over the settled period ---- */
@@ -415,6 +531,37 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
         }
 }
 
+/* A slider at rest at the edge of what is admissible: T = p - s, s depends on the motion through the mean row only. */
+static void write_rest(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    for (size_t d = 0; d < 2; ++d)
+        for (size_t c = 0; c < 3; ++c) {
+            double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
+            memset(block, 0, sizeof(double) * n_coef * n_coef);
+            for (size_t i = 0; c == d && i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
+            for (size_t j = 0; j < n_coef; ++j) block[j] -= work->slider[d * n_col + c * n_coef + j];
+        }
+    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
+    out->coupled = 1;
+    out->with_normal[0] = out->with_normal[1] = 1;
+}
+
+/* The force of a slider at rest. */
+static void rest(bd_coulomb_work *work, const bd_element *element, const double *x, const double *given,
+                 const bd_rest *set, bd_response *out, bd_status_share *share) {
+    bd_element held = *element;
+    for (int d = 0; d < 2; ++d) {
+        held.w[d] = element->kt[d] > 0.0 ? set->s[d] / element->kt[d] : 0.0;
+        bd_element_stuck(&held, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
+        share->stick[d] = 1.0;
+    }
+    work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};
+    work->n_segment = 1;
+    if (set->n == 0 || !out->dN) return;
+    derivative_of_rest(work, element, given, set);
+    write_rest(work, element, out);
+}
+
 static double sample_motion(bd_coulomb_work *work, const bd_element *element, const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), constant = bd_law_is_constant(element->law);
     double size = 0.0;
@@ -444,22 +591,17 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
         work->n_segment = 1;
         return;
     }
-    double s[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
-    const int moving = settle(work, element->mu, size + hypot(s[0], s[1]) + 1e-300, s);
-    if (moving < 0) {
-        for (int i = 0; i < 2 * n_coef; ++i) out->F[i] = NAN;
-        out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
+    const double given[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
+    const double scale = size + hypot(given[0], given[1]) + 1e-300;
+    bd_rest set;
+    if (find_rest(work, element->mu, given, scale, &set)) {
+        rest(work, element, x, given, &set, out, share);
         return;
     }
-    if (!moving) {
-        bd_element rest = *element;
-        for (int d = 0; d < 2; ++d) {
-            rest.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;
-            bd_element_stuck(&rest, work->n_harm, d, x + (size_t)d * (size_t)n_coef, out);
-            share->stick[d] = 1.0;
-        }
-        work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};
-        work->n_segment = 1;
+    double s[2] = {given[0], given[1]};
+    if (!settle(work, element->mu, scale, s)) {
+        for (int i = 0; i < 2 * n_coef; ++i) out->F[i] = NAN;
+        out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
         return;
     }
     sum_period(work, element, s, out->dN != NULL, out, share);

@@ -210,3 +210,34 @@ def residual(u, omega, arrays, law=contact):
             out += [r.real - a["force"][start : start + n], -r.imag - a["force"][start + n : start + 2 * n]]
             start += 2 * n
     return np.concatenate(out)
+
+
+def coupled(x, kt, mu, load, w, n_time, periods=3):
+    """Force of in-plane coupled friction by the projection method: at every instant the slider is drawn to the disk.
+
+    Of first order in time; two step sizes together give second order.  States are marched side by side.
+
+    Parameters
+    ----------
+    x : (n, 2, n_coef) float
+    kt : (n,) float
+    load : callable, angles (k,) to (n, k) normal loads, already cut at zero
+    w : (n, 2) float
+    """
+    h = x.shape[2] // 2
+    theta = 2 * np.pi * np.arange(n_time) / n_time
+    b = basis(theta, h)
+    u = np.einsum("ndc,kc->knd", x, b)
+    reach = mu[:, None] * load(theta) / kt[:, None]
+    force = np.zeros((n_time, *w.shape))
+    w = w.copy()
+    for _ in range(periods):
+        for k in range(n_time):
+            away = u[k] - w
+            size = np.hypot(away[:, 0], away[:, 1])
+            draw = np.where(size > reach[:, k], reach[:, k] / np.where(size > 0, size, 1.0), 1.0)
+            w = u[k] - away * draw[:, None]
+            force[k] = kt[:, None] * (u[k] - w)
+    scale = np.full(2 * h + 1, 2 / n_time)
+    scale[0] = 1 / n_time
+    return np.einsum("knd,kc->ndc", force, b * scale)

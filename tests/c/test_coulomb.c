@@ -121,7 +121,7 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
             }
         wrong += error > 1e-6 * size;
     }
-    CHECK(slipping > 100 && opening > 20);
+    CHECK(slipping > 50 && (opening > 20) == (law == BD_LAW_COUPLED));
     CHECK(wrong <= 3); /* states with an event within the step of the difference */
     bd_evaluator_destroy(&e);
 }

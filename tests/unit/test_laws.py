@@ -1,0 +1,291 @@
+"""Contact laws beside the separable one: coupled, constant load, normal alone, bonded; all against independent answers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from bdamper import _core
+from tests import oracle
+
+SEPARABLE, NORMAL, CONSTANT, COUPLED, COUPLED_CONSTANT, BONDED = range(6)
+EXACT, SAMPLED, PLAIN = range(3)
+SERVED = [(law, EXACT) for law in (SEPARABLE, NORMAL, CONSTANT, BONDED)] + [
+    (law, evaluation) for law in range(6) for evaluation in (SAMPLED, PLAIN)
+]
+
+
+def evaluate(x, kt, kn, mu, n0, w, law, evaluation=SAMPLED, n_time=64, load=None):
+    x = np.ascontiguousarray(x, float)
+    force, tangent = np.full(x.shape, np.nan), np.full(x.shape + x.shape, np.nan)
+    shares, parts = _core.evaluate_contact(
+        x, np.asarray(kt, float), kn, mu, n0, np.array(w, float), force, tangent, law, evaluation,
+        n_time if evaluation else 0, n0 if load is None else load,
+    )  # fmt: skip
+    return force, tangent, np.array(shares), parts
+
+
+def random_state(rng, harmonics):
+    x = rng.normal(size=(3, 2 * harmonics + 1)) * np.exp(0.7 * rng.normal(size=(3, 1)))
+    x[:, 1:] /= np.repeat(np.arange(1, harmonics + 1), 2)
+    return x, {
+        "kt": np.exp(0.5 * rng.normal(size=2)),
+        "kn": float(np.exp(0.5 * rng.normal())),
+        "mu": float(rng.uniform(0.05, 1.2)),
+        "n0": float(1.5 * rng.normal() + 0.5),
+        "w": 0.3 * rng.normal(size=2),
+        "load": float(rng.normal() + 1.0),
+    }
+
+
+@pytest.mark.parametrize(("law", "evaluation"), SERVED)
+def test_tangent_is_the_derivative_on_random_states(law, evaluation):
+    """Ten thousand states over all laws and evaluations: a random direction each; a state whose finite difference
+    straddles an event is asked again with a smaller step."""
+    rng = np.random.default_rng(10 * law + evaluation)
+    straddled = nonlinear = 0
+    for _ in range(630):
+        x, p = random_state(rng, int(rng.choice([1, 1, 2, 3])))
+        d = rng.normal(size=x.shape)
+        _, tangent, shares, _ = evaluate(x, law=law, evaluation=evaluation, **p)
+        assert np.isfinite(tangent).all()
+        nonlinear += shares[1] > 0.0 or shares[3] > 0.0 or 0.0 < shares[4] < 1.0
+        exact = np.einsum("aibj,bj->ai", tangent, d)
+        for step, tolerance in ((1e-6, 1e-5), (1e-8, 1e-3), (1e-9, 1e-2)):
+            plus, minus = (evaluate(x + s * d, law=law, evaluation=evaluation, **p)[0] for s in (step, -step))
+            error = np.abs((plus - minus) / (2 * step) - exact).max() / (1.0 + np.abs(exact).max())
+            if error < tolerance:
+                break
+        straddled += step < 1e-6
+        assert error < tolerance, (law, evaluation, p, x.tolist())
+    assert straddled <= 20
+    assert nonlinear > 100 or law == BONDED
+
+
+class TestConstantLoad:
+    def test_jenkins_harmonics(self):
+        """Closed form of the Jenkins element (anchor A5), mean and three harmonics, along one direction."""
+        kt, A, S = 1.7, 2.3, 0.9
+        T = np.arccos(1 - 2 * S / (kt * A))
+        x = np.zeros((3, 7))
+        x[0, 1] = A
+        x[2] = 0.3  # moves the normal, to no effect on friction
+        force, _, shares, _ = evaluate(x, [kt, kt], 2.0, 0.3, -5.0, [0, 0], CONSTANT, EXACT, load=S / 0.3)
+        expected = np.zeros(7)
+        expected[1] = kt * A / np.pi * (T - np.sin(2 * T) / 2)
+        expected[2] = -kt * A / np.pi * np.sin(T) ** 2
+        for n in (3,):
+            a, b = n - 1, n + 1
+            expected[2 * n - 1] = kt * A / (n * np.pi) * (np.sin(a * T) / a - np.sin(b * T) / b)
+            expected[2 * n] = kt * A / (n * np.pi) * ((1 - np.cos(a * T)) / a - (1 - np.cos(b * T)) / b)
+        np.testing.assert_allclose(force[0], expected, rtol=0, atol=1e-14)
+        np.testing.assert_allclose(force[2], 2.0 * x[2] - 5.0 * (np.arange(7) == 0), rtol=0, atol=1e-14)
+        assert np.pi * A * -force[0, 2] == pytest.approx(4 * S * (A - S / kt), rel=1e-13)
+        assert shares[4] == 0.0
+
+    @pytest.mark.parametrize("harmonics", [1, 2, 4])
+    def test_is_the_separable_law_without_normal_stiffness(self, harmonics):
+        rng = np.random.default_rng(3)
+        for _ in range(25):
+            x, p = random_state(rng, harmonics)
+            load = abs(p["load"])
+            mine = evaluate(x, **{**p, "load": load}, law=CONSTANT, evaluation=EXACT)
+            expected = oracle.contact(x.copy(), p["kt"], 0.0, p["mu"], load, p["w"])
+            np.testing.assert_allclose(mine[0][:2], expected[:2], rtol=0, atol=1e-11)
+
+    def test_no_load_no_friction(self):
+        x, p = random_state(np.random.default_rng(5), 2)
+        for evaluation in (EXACT, SAMPLED):
+            force, tangent, _, _ = evaluate(x, **{**p, "load": -1.0}, law=CONSTANT, evaluation=evaluation)
+            assert not force[:2].any()
+            assert not tangent[:2].any()
+
+    def test_sampled_converges_with_order_two(self):
+        rng = np.random.default_rng(6)
+        error = np.zeros(2)
+        for _ in range(40):
+            x, p = random_state(rng, 3)
+            exact = evaluate(x, **p, law=CONSTANT, evaluation=EXACT)[0]
+            for i, n in enumerate((256, 2048)):
+                error[i] += np.abs(evaluate(x, **p, law=CONSTANT, n_time=n)[0] - exact).max()
+        assert error[0] > 0
+        assert np.log(error[0] / error[1]) / np.log(8) > 1.8
+
+
+class TestCoupled:
+    @pytest.mark.parametrize("law", [COUPLED, COUPLED_CONSTANT])
+    def test_steady_circular_motion(self, law):
+        """Slider on the circle of radius sqrt(R^2 - b^2), work 2 pi mu N sqrt(R^2 - b^2), approached with order two."""
+        kt, R, mu, N = 1.3, 0.8, 0.4, 2.0
+        b = mu * N / kt
+        x = np.zeros((3, 3))
+        x[0], x[1] = [0.1, R, 0], [-0.2, 0, R]
+        # u - w = b exp(i (theta + phi)), cos(phi) = b/R
+        T = mu * N * np.exp(1j * np.arccos(b / R))
+        expected = np.array([[0, T.real, -T.imag], [0, T.imag, T.real]])
+        error = []
+        for n in (64, 512):
+            force, _, shares, _ = evaluate(x, [kt, kt], 5.0, mu, N, [0, 0], law, n_time=n, load=N)
+            error.append(np.abs(force[:2] - expected).max())
+            assert shares[1] == pytest.approx(1.0)
+        assert error[1] < 1e-4
+        assert np.log(error[0] / error[1]) / np.log(8) > 1.9
+        work = np.pi * (x[0, 1] * -force[0, 2] + x[1, 2] * force[1, 1])
+        assert work == pytest.approx(2 * np.pi * mu * N * np.sqrt(R**2 - b**2), rel=1e-4)
+
+    def test_circle_within_the_limit_sticks(self):
+        x = np.zeros((3, 3))
+        x[0], x[1] = [0, 0.5, 0], [0, 0, 0.5]
+        force, tangent, shares, _ = evaluate(x, [2.0, 2.0], 0.0, 0.5, 2.01, [0, 0], COUPLED)
+        np.testing.assert_allclose(force[:2], 2.0 * x[:2], atol=1e-14)
+        np.testing.assert_allclose(tangent[0, :, 0], 2.0 * np.eye(3), atol=1e-14)
+        assert shares[0] == 1.0
+
+    @pytest.mark.parametrize("separation", [False, True])
+    def test_force_is_that_of_the_projection_method(self, separation):
+        """Against another discretisation of the law, extrapolated to small steps."""
+        rng = np.random.default_rng(9)
+        n, harmonics = 40, 2
+        x = rng.normal(size=(n, 3, 5)) / np.array([1, 1, 1, 2, 2])
+        kt, kn, mu = np.exp(0.3 * rng.normal(size=n)), np.exp(0.3 * rng.normal(size=n)), rng.uniform(0.2, 0.8, n)
+        swing = np.abs(oracle.basis(np.linspace(0, 7, 200), harmonics) @ x[:, 2].T).max(axis=0) * kn
+        n0 = swing * (rng.uniform(-0.3, 0.7, n) if separation else rng.uniform(1.05, 1.3, n))
+
+        def load(theta):
+            return np.maximum(n0[:, None] + kn[:, None] * (x[:, 2] @ oracle.basis(theta, harmonics).T), 0.0)
+
+        coarse, fine = (oracle.coupled(x[:, :2], kt, mu, load, np.zeros((n, 2)), k, 16) for k in (512, 1024))
+        expected = 2.0 * fine - coarse
+        results = [
+            evaluate(x[i], [kt[i]] * 2, kn[i], mu[i], n0[i], [0, 0], COUPLED, n_time=1024) for i in range(n)
+        ]
+        slipping = [i for i in range(n) if results[i][2][1] > 0.15]  # sixteen periods settle those that slip much
+        assert len(slipping) > 20
+        opened = np.mean([results[i][2][4] > 0 for i in slipping])
+        assert (opened > 0.5) == separation
+        for i in slipping:
+            size = np.abs(expected[i]).max()
+            np.testing.assert_allclose(results[i][0][:2], expected[i], rtol=0, atol=5e-3 * size)
+
+    @pytest.mark.parametrize("separation", [False, True])
+    def test_force_converges_with_order_two(self, separation):
+        rng = np.random.default_rng(12)
+        error = np.zeros(2)
+        for _ in range(30):
+            x, p = random_state(rng, 2)
+            p["n0"] = (0.3 if separation else 1.2) * p["kn"] * np.abs(x[2, 1:]).sum() - p["kn"] * x[2, 0]
+            reference, _, shares, _ = evaluate(x, **p, law=COUPLED, n_time=8192)
+            if shares[1] == 0.0:  # at rest at the edge of what is admissible: the sampled edge is a polygon
+                continue
+            for i, n in enumerate((128, 1024)):
+                error[i] += np.abs(evaluate(x, **p, law=COUPLED, n_time=n)[0] - reference).max()
+        assert error[0] > 1e-4
+        assert np.log(error[0] / error[1]) / np.log(8) > 1.8
+
+    def test_turning_the_axes_turns_the_force(self):
+        rng = np.random.default_rng(2)
+        c, s = np.cos(0.7), np.sin(0.7)
+        R = np.array([[c, -s], [s, c]])
+        for _ in range(50):
+            x, p = random_state(rng, 2)
+            p["kt"][1] = p["kt"][0]
+            y = np.vstack([R @ x[:2], x[2:]])
+            a = evaluate(x, **p, law=COUPLED)[0]
+            b = evaluate(y, **{**p, "w": R @ p["w"]}, law=COUPLED)[0]
+            np.testing.assert_allclose(b[:2], R @ a[:2], rtol=0, atol=1e-10 * (1 + np.abs(a).max()))
+
+    def test_time_shift_scaling_and_dissipation(self):
+        rng = np.random.default_rng(4)
+        for _ in range(60):
+            x, p = random_state(rng, 2)
+            p["w"] = x[:2, 0]  # moves along with the mean, whatever the phase
+            force, _, shares, _ = evaluate(x, **p, law=COUPLED)
+            delta = 2 * np.pi * 11 / 64
+            shifted = evaluate(oracle.shift(x, delta), **p, law=COUPLED)[0]
+            atol = 1e-9 * (1 + np.abs(force).max())
+            np.testing.assert_allclose(shifted, oracle.shift(force, delta), rtol=0, atol=atol)
+            double = evaluate(2 * x, **{**p, "n0": 2 * p["n0"], "w": 2 * p["w"]}, law=COUPLED)[0]
+            np.testing.assert_allclose(double, 2 * force, rtol=0, atol=2 * atol)
+            l = np.array([1, 2])
+            force, _, shares, _ = evaluate(x, **p, law=COUPLED, n_time=2048)
+            work = np.pi * (l * (force[:2, 1::2] * x[:2, 2::2] - force[:2, 2::2] * x[:2, 1::2])).sum()
+            size = np.abs(force[:2]).max() * np.abs(x[:2]).max() + 1e-300
+            assert work > -1e-4 * size
+            assert work > 1e-3 * size or shares[1] < 0.2
+
+    def test_points_at_rest_keep_an_admissible_slider(self):
+        """From a slider that is not admissible, the nearest admissible one; from one that is, itself."""
+        x = np.zeros((3, 3))
+        x[0], x[1] = [0, 0.3, 0], [0, 0, 0.2]
+        point = ([1.0, 1.0], 0.0, 0.5, 2.0)
+        force, _, shares, _ = evaluate(x, *point, [0.2, -0.1], COUPLED, n_time=256)
+        assert shares[0] == 1.0
+        np.testing.assert_allclose(force[:2, 0], [-0.2, 0.1], atol=1e-14)
+        force = evaluate(x, *point, [3.0, 0.0], COUPLED, n_time=256)[0]
+        np.testing.assert_allclose(force[:2, 0], [-0.7, 0.0], atol=1e-12)  # |u - w| = 1 where u = -0.3
+
+
+class TestLinearLaws:
+    def test_bonded_points_are_springs_in_both_senses(self):
+        x, p = random_state(np.random.default_rng(1), 2)
+        for evaluation in (EXACT, SAMPLED):
+            force, tangent, shares, parts = evaluate(x, **p, law=BONDED, evaluation=evaluation)
+            springs = np.array([*p["kt"], p["kn"]])
+            expected = springs[:, None] * x
+            expected[:, 0] += [*(-p["kt"] * p["w"]), p["n0"]]
+            np.testing.assert_allclose(force, expected, atol=1e-14)
+            flat = tangent.reshape(15, 15)
+            np.testing.assert_array_equal(flat, np.diag(np.repeat(springs, 5)))
+            np.testing.assert_array_equal(shares, [1, 0, 1, 0, 0])
+            assert all(part == [(0.0, 2 * np.pi, 0)] for part in parts)
+
+    def test_normal_alone_is_friction_without_coefficient(self):
+        x, p = random_state(np.random.default_rng(1), 3)
+        for evaluation in (EXACT, SAMPLED):
+            normal = evaluate(x, **p, law=NORMAL, evaluation=evaluation)
+            frictionless = evaluate(x, **{**p, "mu": 0.0}, law=SEPARABLE, evaluation=evaluation)
+            np.testing.assert_array_equal(normal[0], frictionless[0])
+            np.testing.assert_array_equal(normal[1], frictionless[1])
+            assert not normal[0][:2].any()
+
+
+@pytest.mark.parametrize("law", [SEPARABLE, CONSTANT])
+@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
+def test_ends_of_the_interval_of_residual_tractions(law, evaluation):
+    """An infinite slider is carried to the end of the interval; beyond it the point would slip."""
+    x = np.array([[0.1, 0.2, 0.1], [0.0, 0.1, -0.1], [0.0, 0.2, -0.1]])
+    point = ([1.0, 2.0], 1.0, 0.5, 3.0)
+    theta = np.linspace(0, 2 * np.pi, 4097)
+    u, v = (oracle.basis(theta, 1) @ x[i] for i in (0, 2))
+    reach = 0.5 * (3.0 + (v if law == SEPARABLE else 0.0))
+    ends = (u - reach).max(), (u + reach).min()
+    n = 4096
+    for far, end in zip((-np.inf, np.inf), ends):
+        force, _, shares, _ = evaluate(x, *point, [far, 0.0], law, evaluation, n)
+        assert shares[0] == pytest.approx(1.0)
+        assert force[0, 0] == pytest.approx(0.1 - end, abs=1e-6)
+        inner = evaluate(x, *point, [end - 1e-3 * np.sign(far), 0.0], law, evaluation, n)[0]
+        assert inner[0, 0] == pytest.approx(0.1 - end + 1e-3 * np.sign(far), abs=1e-6)
+
+
+class TestRefusals:
+    def test_coupled_laws_have_no_exact_evaluation(self):
+        x, p = random_state(np.random.default_rng(0), 1)
+        for law in (COUPLED, COUPLED_CONSTANT):
+            with pytest.raises(ValueError, match=r"^law: the coupled laws .* have no exact evaluation"):
+                evaluate(x, **p, law=law, evaluation=EXACT)
+
+    @pytest.mark.parametrize("law", [NORMAL, COUPLED, COUPLED_CONSTANT, BONDED])
+    def test_infinite_sliders_only_where_there_is_an_interval(self, law):
+        x, p = random_state(np.random.default_rng(0), 1)
+        with pytest.raises(ValueError, match=r"^w: expected finite numbers"):
+            evaluate(x, **{**p, "w": [np.inf, 0.0]}, law=law)
+
+    @pytest.mark.parametrize(
+        ("name", "value"),
+        [("w", [np.nan, 0.0]), ("load", np.inf), ("mu", -0.1), ("kn", np.inf), ("kt", [-1.0, 1.0]), ("n0", np.nan)],
+    )
+    def test_bad_numbers_are_named(self, name, value):
+        x, p = random_state(np.random.default_rng(0), 1)
+        with pytest.raises(ValueError, match=rf"^{name}: expected"):
+            evaluate(x, **{**p, name: value}, law=CONSTANT)
