@@ -29,7 +29,8 @@ PYTHON_LEVELS = [
     {"checks", "wedge", "fe", "reduction", "aggregation"},
     {"io"},
     {"reference", "coupling"},
-    {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit", "reduced_contact", "friction_axes"},
+    {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
+    | {"reduced_contact", "friction_axes"},
     {"continuation", "branches", "stability", "timedomain"},
     {"response"},
     {"peaks", "laws"},
