@@ -8,13 +8,17 @@ from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.laws import LawComparison
+from bdamper.misfit import misfit
 from bdamper.model import Model
 from bdamper.optimal import OptimalCurve, load_optimal_curve
 from bdamper.peaks import Peak, PeakOptions
 from bdamper.preload import PreloadState
 from bdamper.prescribed import prescribe_preload
 from bdamper.reference import reference_model
+from bdamper.residual import ResidualModes
 from bdamper.response import Curve, Fold, load_curve
+from bdamper.seating import ContactMap, WedgeFriction, load_contact_map
+from bdamper.stiffness import PerArea
 from bdamper.study import Excitation, Response, Study
 from bdamper.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
 from bdamper.system import Cost, Sampled
@@ -35,6 +39,7 @@ __all__ = [
     "AdaptivePeak",
     "Advice",
     "BdamperError",
+    "ContactMap",
     "ContinuationOptions",
     "Cost",
     "Curve",
@@ -49,7 +54,9 @@ __all__ = [
     "Peak",
     "PeakOptions",
     "PeakTask",
+    "PerArea",
     "PreloadState",
+    "ResidualModes",
     "Response",
     "RobustOptimum",
     "Sampled",
@@ -58,13 +65,16 @@ __all__ = [
     "SweepResult",
     "UncertainCurve",
     "Verification",
+    "WedgeFriction",
     "draw",
     "load_advice",
+    "load_contact_map",
     "load_curve",
     "load_model",
     "load_optimal_curve",
     "load_sweep",
     "load_uncertain_curve",
+    "misfit",
     "prescribe_preload",
     "reference_model",
     "robust_optimum",

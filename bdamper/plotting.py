@@ -23,6 +23,8 @@ from bdamper.io.import_report import ImportReport
 from bdamper.io.measurement import Measurement
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
+from bdamper.seating import ContactMap
+from bdamper.stiffness import StiffnessComparison
 from bdamper.sweep import SweepResult
 from bdamper.timedomain import Verification
 from bdamper.uncertainty import UncertainCurve
@@ -477,6 +479,84 @@ def plot_status_map(
             ax.set_title(title, fontsize=9.0)
         _status_legend(ax)
     return ax
+
+
+def _plot_faces(
+    places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], titles: list[str], label: str, unit: float
+) -> Figure:
+    """Values over several faces as coloured patches, one row for each kind, one column for each face."""
+    from matplotlib.patches import Rectangle
+
+    n_rows, n_faces = len(values) // len(places), len(places)
+    with plt.rc_context(PAPER):
+        figure, axes = plt.subplots(n_rows, n_faces, figsize=(3.4 * n_faces, 1.7 * n_rows + 0.3), squeeze=False)
+        for row in range(n_rows):
+            block = values[row * n_faces : (row + 1) * n_faces]
+            low, high = (float(f(np.concatenate(block) / unit)) for f in (np.nanmin, np.nanmax))
+            norm = plt.Normalize(low, high if high > low else low + 1.0)
+            for column, ((name, points, frame), value) in enumerate(zip(places, block)):
+                ax = axes[row, column]
+                x, y, dx, dy = _face_coordinates(points, frame[0])
+                for i, v in enumerate(value / unit):
+                    colour = plt.get_cmap("viridis")(norm(v)) if np.isfinite(v) else (1.0, 1.0, 1.0, 1.0)
+                    corner = (y[i] - 0.48 * dy, x[i] - 0.48 * dx)
+                    ax.add_patch(Rectangle(corner, 0.96 * dy, 0.96 * dx, facecolor=colour, edgecolor="0.4", linewidth=0.3))
+                ax.set_xlim(y.min() - 0.6 * dy, y.max() + 0.6 * dy)
+                ax.set_ylim(x.min() - 0.6 * dx, x.max() + 0.6 * dx)
+                ax.set_aspect("equal")
+                ax.grid(False)
+                ax.set_title(f"{name}, {titles[row]}" if titles[row] else name, fontsize=8.0)
+                if row == n_rows - 1:
+                    ax.set_xlabel("Along the axis (mm)")
+                if column == 0:
+                    ax.set_ylabel("Outward (mm)")
+            figure.colorbar(plt.cm.ScalarMappable(norm, "viridis"), ax=axes[row].tolist(), label=label, shrink=0.9)
+    return figure
+
+
+def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
+    """Pressure, gap or use of the friction limit over the friction faces; open points stay white.
+
+    Parameters
+    ----------
+    contact : ContactMap
+    quantity : {"pressure", "gap", "friction"}
+    """
+    choices = {
+        "pressure": (np.where(contact.force[:, 2] > 0.0, contact.pressure, np.nan), "Pressure (MPa)", 1e6),
+        "gap": (contact.distance, "Gap (um)", 1e-6),
+        "friction": (
+            np.where(contact.force[:, 2] > 0.0, contact.utilisation.max(axis=1), np.nan),
+            "Friction force / limit",
+            1.0,
+        ),
+    }
+    if quantity not in choices:
+        raise SettingError(f"quantity: expected one of {tuple(choices)}, found '{quantity}'")
+    value, label, unit = choices[quantity]
+    faces = [i for i in range(len(contact.interfaces)) if contact.friction[contact.owner == i].any()]
+    faces = faces or list(range(len(contact.interfaces)))
+    places = [(contact.interfaces[i], contact.points[contact.owner == i], contact.frame[contact.owner == i]) for i in faces]
+    values = [value[contact.owner == i] for i in faces]
+    if not np.isfinite(np.concatenate(values)).any():
+        values = [np.zeros(len(v)) for v in values]
+    return _plot_faces(places, values, [""], label, unit)
+
+
+def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> Figure:
+    """Contact stiffness per area over the faces, for t1, t2 and n; points of the fallback rule stay white."""
+    if method not in comparison.stiffness:
+        raise SettingError(f"method: expected one of {tuple(comparison.stiffness)}, found '{method}'")
+    places = [(name, comparison.points[name], comparison.frame[name]) for name in comparison.interfaces]
+    values = []
+    for axis in range(3):
+        for name in comparison.interfaces:
+            contact = comparison.stiffness[method][name]
+            value = contact.stiffness[:, axis] / comparison.area[name]
+            if contact.fallback is not None and not contact.fallback[:, axis].all():
+                value = np.where(contact.fallback[:, axis], np.nan, value)
+            values.append(value)
+    return _plot_faces(places, values, ["t1", "t2", "n"], "N/mm$^3$", 1e9)
 
 
 def animate_damper(

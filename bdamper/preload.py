@@ -135,14 +135,23 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
 
 
 def _step(
-    system: StaticSystem, load: float, q: NDArray, w: NDArray, status: NDArray, tolerance: float, max_iterations: int
+    system: StaticSystem,
+    load: float,
+    q: NDArray,
+    w: NDArray,
+    status: NDArray,
+    tolerance: float,
+    max_iterations: int,
+    largest: float,
 ) -> tuple[NDArray, NDArray, int, float]:
     """Newton on the states at one load; returns coordinates, states, iterations and residual."""
     force = load * system.force + system.constant_force
     shift = load * system.shift
     G = system.G.reshape(-1, system.G.shape[2])
     at_rest = G.T @ _law(system, shift, w)[0].ravel()  # interference presses even without a load
-    size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), 1e-300)
+    # unloading may end at no load, where the forces on the way set the scale
+    on_the_way = largest * float(np.abs(system.force).max())
+    size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), on_the_way, 1e-300)
 
     def residual(q: NDArray) -> tuple[NDArray, NDArray]:
         x = (G @ q).reshape(-1, 3) + shift
@@ -270,8 +279,8 @@ def static_state(
     target = load - first
     if load == first:
         fraction = 1.0
-    if load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
-        return state if start is not None and start.load == 0.0 else _relaxed(system, state)
+    if load == 0.0 and state.load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
+        return state if start is not None else _relaxed(system, state)
     while done < 1.0:
         now = min(1.0, done + fraction)
         at = first + now * target
@@ -280,7 +289,7 @@ def static_state(
         iterations = 0
         for first_status in (state.status, stuck, np.full_like(stuck, STICK)):
             q, status, tried, residual = _step(
-                system, at, state.q, state.slider, first_status, tolerance, max_iterations
+                system, at, state.q, state.slider, first_status, tolerance, max_iterations, first
             )
             iterations += tried
             if residual <= tolerance:

@@ -13,15 +13,19 @@ patch-averaged displacement for patch-averaged force, and looks for a positive d
     into the stiffness: it enters the analysis as what it is, an initial distance of the surfaces.)
     The static contact forces come from the condensed contact problem (:mod:`bdamper.staticcontact`) or from the user's
     own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the face, or
-    the quotient is not positive, the division says nothing; the value of ``"unit_traction"`` stands in, and the report
-    counts it.
+    the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it, the division
+    says nothing; the value of ``"unit_traction"`` stands in, and the report counts it.
+
+``"residual_modes"``
+    A positive diagonal, a share of the point flexibility, and the rest in a few more modal coordinates
+    (:mod:`bdamper.residual`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,9 +36,18 @@ from bdamper.model import ContactStiffness
 from bdamper.residual import ResidualModes, ResidualSet
 from bdamper.staticcontact import solve_static_contact, static_contact_problem
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 METHODS = ("residual_modes", "unit_traction", "eq4")
 CERTIFIED = 1e-10
 """Largest violation of the contact conditions in a static solution that is used."""
+OUT_OF_BALANCE = 0.02
+"""Largest difference, relative to the load, between the user's contact forces and equilibrium."""
+OTHER_MODEL = 0.2
+"""Largest difference of the user's displacements from the model's, relative to the deformation."""
+FAR = 10.0
+"""Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not believed."""
 SMALL_FORCE = 0.05
 """Share of the largest force component below which Eqs (4), (10) are not divided by it."""
 
@@ -132,7 +145,9 @@ def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
     return ContactStiffness(stiffness, "unit_traction", fallback)
 
 
-def paper_equations(displacement: NDArray, force: NDArray, substitute: ContactStiffness) -> ContactStiffness:
+def paper_equations(
+    displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
+) -> ContactStiffness:
     """Eqs (4), (10), (11): stiffness from what the modes leave out of a static contact solution.
 
     Parameters
@@ -141,12 +156,73 @@ def paper_equations(displacement: NDArray, force: NDArray, substitute: ContactSt
         Relative displacement that the retained modes leave out, positive along the force.
     force : (n, 3) float
     substitute : ContactStiffness
-        Used where a force component is too small to divide by, or the quotient is not positive.
+        Used where a force component is too small to divide by, or the quotient is not positive or far from this one.
+    far : float
+        Factor beyond which it is.
     """
     largest = np.abs(force).max(axis=0)
     usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
     quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
+    usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
     return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
+
+
+@dataclass(frozen=True)
+class StiffnessComparison:
+    """All methods side by side.
+
+    Parameters
+    ----------
+    interfaces : tuple of str
+    points, frame : dict of interface name to (n, 3), (n, 3, 3) float
+    area : dict of interface name to (n,) float, m2
+    stiffness : dict of method to dict of interface name to ContactStiffness
+    literal_negative : dict of interface name to (3,) float
+        Share of the closed points at which Eqs (4), (10) taken literally give a negative stiffness along t1, t2, n.
+    frequencies : dict of method to (n,) float, Hz
+        With all friction points bonded.
+    """
+
+    interfaces: tuple[str, ...]
+    points: dict[str, NDArray]
+    frame: dict[str, NDArray]
+    area: dict[str, NDArray]
+    stiffness: dict[str, dict[str, ContactStiffness]]
+    literal_negative: dict[str, NDArray]
+    frequencies: dict[str, NDArray]
+
+    def __str__(self) -> str:
+        lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]
+        for name in self.interfaces:
+            lines.append(f"  {name:<18}{'t1':>18}{'t2':>18}{'n':>18}")
+            for method, faces in self.stiffness.items():
+                contact = faces[name]
+                middle = np.median(contact.stiffness, axis=0)
+                fell = np.zeros(3) if contact.fallback is None else 100.0 * contact.fallback.mean(axis=0)
+                lines.append(f"    {method:<16}" + "".join(f"{k:>11.3g} ({f:>3.0f})" for k, f in zip(middle, fell)))
+            negative = ", ".join(f"{100.0 * share:.0f}" for share in self.literal_negative[name])
+            lines.append(f"    Eqs (4), (10) taken literally: negative at {negative} % of the closed points (t1, t2, n)")
+        lines.append("  frequencies with all friction points bonded, Hz")
+        for method, found in self.frequencies.items():
+            lines.append(f"    {method:<16}" + " ".join(f"{f:10.3f}" for f in found))
+        return "\n".join(lines)
+
+    def plot(self, method: str = "eq4") -> Figure:
+        """Draw the stiffness of one method over the faces; see :func:`bdamper.plotting.plot_stiffness`."""
+        from bdamper.plotting import plot_stiffness
+
+        return plot_stiffness(self, method)
+
+
+def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray]:
+    """Share of the closed points at which Eqs (4), (10) give a negative stiffness, for t1, t2, n."""
+    force, left_out = paper_contact(coupling, friction)
+    out = {}
+    for name in _friction_faces(coupling):
+        rows = coupling.rows(name)
+        closed = force[rows][:, 2] > 0.0
+        out[name] = (force[rows] * left_out[rows] < 0.0)[closed].mean(axis=0) if closed.any() else np.zeros(3)
+    return out
 
 
 def contact_stiffness(
@@ -182,17 +258,15 @@ def contact_stiffness(
         return Contact(_from_user(coupling, method))
     residual = coupling.residual_flexibility(1)
     out = {}
-    forces = None
     for name in coupling.interfaces:
         rows = coupling.rows(name)
         block = slice(3 * rows.start, 3 * rows.stop)
-        face = coupling.model.interfaces[name]
-        out[name] = unit_traction(residual[block, block], face.area)
-        if method == "eq4" and face.kind == "friction":
-            if forces is None:
-                forces = _forces_for_paper(coupling, friction)
-                left_out = (residual.real @ forces.ravel()).reshape(-1, 3)
-            out[name] = paper_equations(left_out[rows], forces[rows], out[name])
+        out[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+    if method == "eq4":
+        forces, left_out = paper_contact(coupling, friction)
+        for name in _friction_faces(coupling):
+            rows = coupling.rows(name)
+            out[name] = paper_equations(left_out[rows], forces[rows], out[name], FAR)
     return Contact(out)
 
 
@@ -213,16 +287,37 @@ def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: N
     return Contact(out, residual_set)
 
 
+def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
+    """Static contact forces (T1, T2, N) per newton and the displacement along them that the retained modes leave out.
+
+    Both are (n_points, 3).  Of the user's finite element analysis where the model has it for every friction interface,
+    else of the condensed problem.
+    """
+    forces = _forces_for_paper(coupling, friction)
+    if _has_static(coupling):
+        return forces, _left_out_of_finite_elements(coupling, forces)
+    return forces, (coupling.residual_flexibility(1).real @ forces.ravel()).reshape(-1, 3)
+
+
+def _friction_faces(coupling: Coupling) -> tuple[str, ...]:
+    return tuple(name for name in coupling.interfaces if coupling.model.interfaces[name].kind == "friction")
+
+
+def _has_static(coupling: Coupling) -> bool:
+    return all(name in coupling.model.static for name in _friction_faces(coupling))
+
+
 def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
     """Static contact forces as (T1, T2, N): the user's where the model has them, else the condensed problem's."""
-    faces = [name for name in coupling.interfaces if _is_friction(coupling, name)]
+    faces = _friction_faces(coupling)
     out = np.zeros((coupling.n_points, 3))
-    if all(name in coupling.model.static for name in faces):
+    if _has_static(coupling):
         for name in faces:
             # the file holds the force on body a; (T1, T2) act against u_b - u_a, hence along the force on a
             out[coupling.rows(name)] = coupling.model.static[name].force * np.array([1.0, 1.0, -1.0])
+        _check_equilibrium(coupling, out)
         return out
-    only_faces = replace(coupling, interfaces=tuple(faces))
+    only_faces = replace(coupling, interfaces=faces)
     rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in faces])
     problem = static_contact_problem(only_faces, friction[rows], np.zeros(len(rows)))
     solution = solve_static_contact(problem)[0]
@@ -232,8 +327,41 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
     return out
 
 
-def _is_friction(coupling: Coupling, name: str) -> bool:
-    return coupling.model.interfaces[name].kind == "friction"
+def _check_equilibrium(coupling: Coupling, force: NDArray) -> None:
+    problem = static_contact_problem(coupling, np.zeros(coupling.n_points), np.zeros(coupling.n_points))
+    given, load = problem.rigid.T @ force.ravel(), problem.load
+    worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
+    if worst > OUT_OF_BALANCE:
+        raise ModelError(
+            f"static contact forces of the model: expected equilibrium with a load of 1 N within {OUT_OF_BALANCE:.0%}, "
+            f"found a difference of {worst:.3g} times the load"
+        )
+
+
+def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
+    """Eqs (2), (8) with the displacements of the user's analysis; the rigid-body motion is fitted to the full model."""
+    full = static_contact_problem(coupling, np.zeros(coupling.n_points), np.zeros(coupling.n_points))
+    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in _friction_faces(coupling)])
+    given = np.zeros((coupling.n_points, 3))
+    for name in _friction_faces(coupling):
+        static = coupling.model.static[name]
+        given[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
+    elastic = full.offset.ravel() - full.flexibility @ force.ravel()
+    at = (3 * rows[:, None] + np.arange(3)).ravel()
+    eta = np.linalg.lstsq(full.rigid[at], (given.ravel() - elastic)[at], rcond=None)[0]
+    rest = given.ravel() - elastic - full.rigid @ eta
+    worst = float(np.linalg.norm(rest[at]) / max(float(np.linalg.norm((full.flexibility @ force.ravel())[at])), 1e-300))
+    if worst > OTHER_MODEL:
+        raise ModelError(
+            "static contact displacements of the model: expected those of its static flexibility under its contact forces "
+            f"within {OTHER_MODEL:.0%}, found a difference of {worst:.3g} times the deformation"
+        )
+    modal = full.flexibility - coupling.residual_flexibility(0).real
+    # x = offset + Psi eta - R_modal F - (what is left out)
+    left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()
+    out = np.zeros((coupling.n_points, 3))
+    out[rows] = left_out.reshape(-1, 3)[rows]
+    return out
 
 
 def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:

@@ -49,8 +49,18 @@ from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve
+from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.stability import stability_of_points
-from bdamper.stiffness import Contact, PerArea, StiffnessReport, contact_stiffness, report
+from bdamper.stiffness import (
+    METHODS,
+    Contact,
+    PerArea,
+    StiffnessComparison,
+    StiffnessReport,
+    contact_stiffness,
+    literal_negative,
+    report,
+)
 from bdamper.system import (
     LAW_BONDED,
     LAW_COUPLED,
@@ -145,8 +155,8 @@ class Study:
         Location and direction of the excitation by default.
     harmonics : int or tuple of int
         Harmonics of the response besides the mean: how many, or which.
-    contact_stiffness : {"unit_traction", "eq4", "model"}, float or mapping
-        Method (see :mod:`bdamper.stiffness`), values in N/m, or "model": those that the model carries.
+    contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
+        Method (see :mod:`bdamper.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
     blade_modes : int
         Modes of each constrained body (at most what the model has).
     damper_modes : int
@@ -182,6 +192,10 @@ class Study:
         otherwise stands in :class:`~bdamper.effects.Effects`.
     contact_points : int, optional
         At most so many contact points on each friction face, by uniting neighbouring patches.
+    gap : mapping of interface name to (n_points,) float, optional
+        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit.misfit`.
+    load_history : tuple of float
+        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
     effects : Effects, optional
         All settings that decide which effects take part, at once; the settings hold them afterwards, and
         ``Effects.of(study)`` reads them.
@@ -214,8 +228,10 @@ class Study:
     variable_normal_load: bool = True
     separation: bool = True
     contact_points: int | None = None
+    gap: Mapping[str, NDArray] | None = None
+    load_history: tuple[float, ...] = (1.0,)
     effects: Effects | None = None
-    _states: dict[float, PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _states: dict[tuple[float, ...], PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
     _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -234,6 +250,9 @@ class Study:
                 raise SettingError(
                     f"{name} location: expected one of {sorted(self.model.locations)}, found '{place.location}'"
                 )
+        _check_history(self.load_history)
+        if self.load_history[-1] != 1.0:
+            raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history[-1]}")
         if self.damping_ratio is not None and not 0.0 <= self.damping_ratio < 1.0:
             raise SettingError(f"damping_ratio: expected between 0 and 1, found {self.damping_ratio}")
         for name, mu in self._friction_by_interface().items():
@@ -423,13 +442,44 @@ class Study:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
         return tuple(report(name, contact) for name, contact in self.stiffness.items())
 
+    def compare_stiffness(self, n_frequencies: int = 5) -> StiffnessComparison:
+        """All methods of contact stiffness side by side: values, fallbacks, frequencies with the contact bonded."""
+        names = tuple(n for n in self.coupling.interfaces if self.coupling.model.interfaces[n].kind == "friction")
+        faces = {name: self.coupling.model.interfaces[name] for name in names}
+        stiffness, frequencies = {}, {}
+        for method in METHODS:
+            study = replace(self, contact_stiffness=method)
+            stiffness[method] = {name: study.stiffness[name] for name in names}
+            bonded = study._k * study._friction_points[:, None]
+            frequencies[method] = study.system(0.0).linear_modes(bonded)[0][:n_frequencies] / (2.0 * np.pi)
+        return StiffnessComparison(
+            names,
+            {name: face.points for name, face in faces.items()},
+            {name: face.frame for name, face in faces.items()},
+            {name: face.area for name, face in faces.items()},
+            stiffness,
+            literal_negative(self.coupling, self.friction),
+            frequencies,
+        )
+
     @cached_property
     def _k(self) -> NDArray:
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
     @cached_property
     def _gap(self) -> NDArray:
-        return np.concatenate([self.coupling.model.interfaces[name].gap for name in self.coupling.interfaces])
+        given = self.gap or {}
+        unknown = [name for name in given if name not in self.coupling.interfaces]
+        if unknown:
+            raise SettingError(f"gap: expected interfaces out of {list(self.coupling.interfaces)}, found {unknown}")
+        parts = []
+        for name in self.coupling.interfaces:
+            face = self.coupling.model.interfaces[name]
+            gap = np.asarray(given.get(name, face.gap), float)
+            if gap.shape != (face.n_points,) or not np.isfinite(gap).all():
+                raise SettingError(f"gap of '{name}': expected {face.n_points} finite numbers, found shape {gap.shape}")
+            parts.append(gap)
+        return np.concatenate(parts)
 
     @cached_property
     def _law(self) -> NDArray:
@@ -479,19 +529,24 @@ class Study:
 
     # ---- static ----
 
-    def static(self, preload: float) -> PreloadState:
+    def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
 
         Parameters
         ----------
         preload : float, N
+        history : sequence of float, optional
+            Load factors, up and down, through which the load passes from zero; ``load_history`` of the study by default.
+            The state is that at the last one.
 
         Returns
         -------
         PreloadState
         """
         preload = self._check_preload(preload)
-        if preload not in self._states:
+        factors = _check_history(self.load_history if history is None else history)
+        key = (preload, *factors)
+        if key not in self._states:
             force, shift = self._load
             system = StaticSystem(
                 self._static_basis.omega2,
@@ -504,8 +559,23 @@ class Study:
                 shift,
                 np.zeros_like(force),
             )
-            self._states[preload] = static_state(system, preload)
-        return self._states[preload]
+            state = None
+            for factor in factors:
+                state = static_state(system, factor * preload, start=state)
+                if not state.converged:
+                    break
+            assert state is not None
+            self._states[key] = state
+        return self._states[key]
+
+    def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
+        """Pressure, gap and state over the faces in the static state; arguments as for :meth:`static`."""
+        factors = _check_history(self.load_history if history is None else history)
+        return ContactMap.make(self.coupling, self.static(preload, factors), self.friction, factors)
+
+    def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
+        """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
+        return wedge_friction(self.coupling, self.friction, self._check_preload(preload))
 
     def _check_preload(self, preload: float) -> float:
         preload = float(preload)
@@ -1114,7 +1184,9 @@ class Study:
             "friction_coefficient": self._friction_by_interface(),
             "excitation": asdict(self.excitation),
             "response": asdict(self._response),
-            "contact_stiffness": given if isinstance(given, str) else "user",
+            "contact_stiffness": given if isinstance(given, str) else _stiffness_setting(given),
+            "load_history": list(self.load_history),
+            "gap": None if self.gap is None else {n: np.asarray(g, float).tolist() for n, g in self.gap.items()},
             "blade_modes": int(self.blade_modes),
             "damper_modes": int(self.damper_modes),
             "rigid_modes": list(self.rigid_modes),
@@ -1135,6 +1207,17 @@ class Study:
 def _check_auto(effects: str) -> None:
     if effects not in ("all", "auto"):
         raise SettingError(f'effects: expected "all" or "auto", found {effects!r}')
+
+
+def _stiffness_setting(given: Any) -> Any:
+    return {"residual_modes": asdict(given)} if isinstance(given, ResidualModes) else "user"
+
+
+def _check_history(history: Sequence[float]) -> tuple[float, ...]:
+    factors = tuple(float(f) for f in history)
+    if not factors or not all(np.isfinite(f) and f >= 0.0 for f in factors):
+        raise SettingError(f"load history: expected finite factors >= 0, at least one, found {factors}")
+    return factors
 
 
 def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
