@@ -272,8 +272,8 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
     int n = 0;
     mean[0] = mean[1] = mean[2] = 0.0;
     for (int p = 0; p < hbm->n_point; ++p) {
-        if (hbm->element[p].law == BD_LAW_NORMAL || hbm->element[p].law == BD_LAW_BONDED || hbm->element[p].mu == 0.0)
-            continue;
+        const bd_law law = hbm->element[p].law;
+        if (law == BD_LAW_NORMAL || (hbm->element[p].mu == 0.0 && law != BD_LAW_BONDED)) continue;
         const bd_status_share s = hbm->share[p];
         mean[0] += 0.5 * (s.stick[0] + s.stick[1]);
         mean[1] += 0.5 * (s.slip[0] + s.slip[1]);
