@@ -1,7 +1,9 @@
 # Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
 #   make demo      main job on the shipped reference model, figures in figures/
 #   make test      test suite
-# For developers: bench, examples, docs, accuracy, hard, fuzz, lint, sanitize, clean.
+#   make examples  all figures of the paper, with times, in figures/
+#   make docs      documentation with the gallery, in docs/_build/html
+# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean.
 
 PYTHON ?= python3
 VENV := .venv
@@ -30,6 +32,14 @@ test: $(VENV)/test.stamp
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks)
 
+examples: $(VENV)/demo.stamp
+	$(call step,examples,$(PY) tools/run_examples.py)
+
+docs: $(VENV)/docs.stamp
+	$(call step,examples,$(PY) tools/run_examples.py)
+	$(call step,documentation,$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html)
+	@echo "docs/_build/html/index.html"
+
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)
 
@@ -46,7 +56,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) build builddir* figures .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
@@ -65,6 +75,9 @@ $(VENV)/demo.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
 
 $(VENV)/test.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
 	$(call step,build and install with test tools,$(PY) -m pip install -qq --no-build-isolation -e ".[test]" && touch $@ $(VENV)/demo.stamp)
+
+$(VENV)/docs.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
+	$(call step,build and install with documentation tools,$(PY) -m pip install -qq --no-build-isolation -e ".[docs]" && touch $@ $(VENV)/demo.stamp)
 
 $(VENV)/dev.stamp: $(BUILD_INPUTS) | $(VENV)/bin/python
 	$(call step,build and install with developer tools,$(PY) -m pip install -qq --no-build-isolation -e ".[dev]" && touch $@ $(VENV)/test.stamp $(VENV)/demo.stamp)

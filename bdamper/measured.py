@@ -1,9 +1,9 @@
 """Measured points beside a prediction: a loader of CSV files and a figure of how well they agree.
 
-The file has a header and one row for each measurement.  The column ``load`` is required; ``amplitude`` and ``frequency``
-may be given both or one of them.  Units are the user's own: what is compared is dimensionless, the amplitude over the one
-at a reference (by default the largest of the curve) and the load over the optimum load.  Lines that start with ``#`` are
-comments.
+The file has a header and one row for each measurement.  The column ``load`` (newtons) is required; ``amplitude`` (any unit)
+and ``frequency`` (hertz) may be given both or one of them.  What is compared is dimensionless: amplitude and frequency over
+those of a reference.  A row with load 0, the structure without load on its dampers, is this reference; without one it is
+the row of least load.  Lines that start with ``#`` are comments.
 """
 
 from __future__ import annotations
@@ -36,6 +36,16 @@ class Measured:
     amplitude: NDArray
     frequency: NDArray
     source: str = ""
+
+    def normalised(self, quantity: str) -> tuple[NDArray, NDArray]:
+        """Loads (m,) above zero and "amplitude" or "frequency" (m,) over that of the reference."""
+        values = getattr(self, quantity)
+        there = np.isfinite(values)
+        order = np.argsort(self.load[there])
+        load, values = self.load[there][order], values[there][order]
+        if not len(load):
+            raise BdamperError(f"{self.source or 'measured points'}: expected a measured {quantity}, found none")
+        return load[load > 0.0], (values / values[0])[load > 0.0]
 
 
 @dataclass(frozen=True)
@@ -101,8 +111,8 @@ def load_measured(path: str | PathLike[str]) -> Measured:
                 ) from error
             values[name].append(value)
     load = np.array(values["load"])
-    if not len(load) or not np.isfinite(load).all() or np.any(load <= 0.0):
-        raise BdamperError(f"{path}: expected a positive load in every row, found {load}")
+    if not len(load) or not np.isfinite(load).all() or np.any(load < 0.0):
+        raise BdamperError(f"{path}: expected a load of at least 0 in every row, found {load}")
     return Measured(load, np.array(values["amplitude"]), np.array(values["frequency"]), str(path))
 
 

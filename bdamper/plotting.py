@@ -6,7 +6,7 @@ grey; unstable parts are dashed.  The limits without contact and with all contac
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -21,6 +21,7 @@ from bdamper.errors import SettingError
 from bdamper.indicator import Advice
 from bdamper.io.import_report import ImportReport
 from bdamper.io.measurement import Measurement
+from bdamper.measured import Fit, Measured, goodness_of_fit
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
 from bdamper.seating import ContactMap
@@ -991,3 +992,68 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
         ax.set_title(title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz", fontsize=9.0)
         ax.legend(fontsize=7.0)
     return ax
+
+
+def plot_over_measurement(
+    curves: Mapping[str, OptimalCurve],
+    measured: Measured | None = None,
+    *,
+    quantity: str = "amplitude",
+    ax: Axes | None = None,
+) -> tuple[Axes, Fit | None]:
+    """Normalised optimal or frequency-shift curves with measured points, as in Figs 21 and 22 of the paper.
+
+    Loads are divided by the optimum load, amplitudes by that of the free resonance, measured ones by that of the measured
+    reference (:mod:`bdamper.measured`).  Measured loads are divided by the predicted optimum load, so that an error of the
+    optimum shows.
+
+    Parameters
+    ----------
+    curves : mapping of name to OptimalCurve
+        The fit is that of the first.
+    measured : Measured, optional
+        Load in newtons, frequency in hertz, amplitude in any unit.
+    quantity : {"amplitude", "shift"}
+    ax : matplotlib axes, optional
+
+    Returns
+    -------
+    matplotlib axes, and the goodness of fit (None without measured points)
+    """
+    if quantity not in ("amplitude", "shift"):
+        raise SettingError(f'quantity: expected "amplitude" or "shift", found {quantity!r}')
+    styles = ("-", "--", ":", "-.")
+    fit = None
+    with plt.rc_context(PAPER):
+        if ax is None:
+            ax = new_axes()
+        for k, (name, curve) in enumerate(curves.items()):
+            load = curve.preload / curve.optimum.preload
+            value = curve.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.shift_percent
+            stuck = curve.stuck.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.stuck_shift_percent
+            colour = ("0.1", "0.1", colours(3)[1], "0.6")[k % 4]
+            ax.plot(load, value, styles[k % 4], color=colour, label=name)
+            ax.plot(load[-1] * 1.15, stuck, marker=8, color=colour, markersize=6.0, linestyle="none", clip_on=False)
+        ax.plot([], [], marker=8, color="0.1", markersize=6.0, linestyle="none", label="stuck")
+        if measured is not None:
+            first = next(iter(curves.values()))
+            prediction = first.preload / first.optimum.preload
+            if quantity == "amplitude":
+                load, value = measured.normalised("amplitude")
+                shown, predicted = value, first.amplitude / first.free.amplitude
+            else:  # the fit is that of frequencies: shifts start at zero
+                load, value = measured.normalised("frequency")
+                shown, predicted = 100.0 * (value - 1.0), 1.0 + first.shift_percent / 100.0
+            load = load / first.optimum.preload
+            ax.plot(load, shown, "s", color="0.1", markersize=4.0, markerfacecolor="w", label="measured")
+            fit = goodness_of_fit(prediction, predicted, load, value)
+            ax.set_title(str(fit), fontsize=8.0)
+        ax.set_xscale("log")
+        ax.set_xlabel("Load over optimum load")
+        if quantity == "amplitude":
+            ax.set_yscale("log")
+            ax.set_ylabel("Amplitude over free amplitude")
+        else:
+            ax.set_ylabel("Frequency shift (%)")
+        ax.legend()
+    return ax, fit

@@ -1,0 +1,29 @@
+"""Settings of the documentation; ``make docs`` runs the examples first and then builds it."""
+
+import sys
+from pathlib import Path
+
+import bdamper
+
+DOCS = Path(__file__).resolve().parent
+sys.path.insert(0, str(DOCS))
+
+project = "bdamper"
+author = "the authors of bdamper"
+release = bdamper.__version__
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+myst_enable_extensions = ["dollarmath", "colon_fence"]
+myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+napoleon_use_ivar = True
+napoleon_use_rtype = False
+exclude_patterns = ["_build"]
+html_theme = "alabaster"
+html_theme_options = {"page_width": "1080px", "description": "Forced response of structures with friction contacts"}
+# pages link to files of the repository, which are not part of the built documentation
+suppress_warnings = ["myst.xref_missing"]
+
+from gallery_pages import write_gallery  # noqa: E402
+
+write_gallery(DOCS.parent / "examples", DOCS.parent / "figures", DOCS / "gallery")
