@@ -47,8 +47,10 @@ if TYPE_CHECKING:
 
     from bdamper.study import Study
 
-SIGNIFICANT = 0.2
+SIGNIFICANT = 0.5
 """Peaks below this share of the highest one at the same preload are not followed."""
+FOLLOWED = 4
+"""Peaks of one scan that are followed at most, the highest ones."""
 OPTIMUM_TOLERANCE = 1e-7
 PARAMETERS = (
     "preload", "friction_coefficient", "contact_stiffness_factor", "excitation.amplitude", "damper_mass_factor",
@@ -443,8 +445,8 @@ class _Builder:
         self.events.append(
             f"{p:.6g} N: scan over frequency ({ending}) found {len(peaks)} peaks, {len(new)} of them new"
         )
-        top = max([q.amplitude for q in peaks] + [q.amplitude for _, q in known], default=0.0)
-        for q in new:
+        top = max([q.amplitude for q in peaks], default=0.0)
+        for q in new[:FOLLOWED]:
             if q.amplitude < SIGNIFICANT * top:
                 continue
             branch = _Branch(len(self.branches), {k: q})
@@ -473,7 +475,8 @@ class _Builder:
                 ended = f"joins branch {met.number} at {self.preload[k]:.6g} N"
                 break
             branch.peaks[k] = peak
-            top = self.at(k)[0][1].amplitude
+            highest = self.leader(k)
+            top = highest[1].amplitude if highest is not None else peak.amplitude
             low = low + 1 if peak.amplitude < SIGNIFICANT * top else 0
             if low >= 3:
                 ended = "no longer significant"

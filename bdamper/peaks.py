@@ -227,7 +227,8 @@ def _slope(system: HarmonicSystem, y: NDArray, tangent: NDArray, scale: NDArray)
 class _Search:
     """The search along one response curve."""
 
-    def __init__(self, system: HarmonicSystem, scale: NDArray, options: PeakOptions) -> None:
+    def __init__(self, system: HarmonicSystem, scale: NDArray, options: PeakOptions, reach: float) -> None:
+        self.reach = reach
         self.system = system
         self.scale = scale
         self.options = options
@@ -268,7 +269,7 @@ class _Search:
         for _ in range(6):
             predicted = a.y + s * a.tangent * self.scale
             if predicted[-1] > 0.0:
-                b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)))
+                b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)) if abs(s) > 3e-4 else 0.0)
                 if b is not None:
                     if float(np.linalg.norm((b.y - predicted) / self.scale)) <= max(0.5 * abs(s), 1e-6):
                         return b
@@ -325,6 +326,9 @@ class _Search:
                     if np.isfinite(estimate) and estimate != 0.0:
                         curvature = estimate
                 stalls = stalls + 1 if abs(here.slope) > 0.5 * abs(before.slope) else 0
+                if np.linalg.norm((here.y - start.y)[self.system.n_mean :] / self.scale[self.system.n_mean :]) > self.reach:
+                    self.reason = "a peak far from its prediction"
+                    return here, curvature, False, False
             if here.slope == 0.0:
                 return here, curvature, True, False
             # no maximum in sight: uphill
@@ -365,6 +369,7 @@ def find_peak(
     options: PeakOptions | None = None,
     parameter: float = np.nan,
     walk: bool = True,
+    reach: float = np.inf,
 ) -> Peak:
     """The maximum of the response amplitude that the curve reaches uphill from a point near it.
 
@@ -386,6 +391,8 @@ def find_peak(
         Noted in the result.
     walk : bool
         If Newton fails at the guess, try also mean positions to which a body may have walked.
+    reach : float
+        How far to go along the curve, relative to the vibration.
 
     Returns
     -------
@@ -400,7 +407,7 @@ def find_peak(
     if tangent is None:
         tangent = np.zeros(len(guess))
         tangent[-1] = 1.0
-    search = _Search(system, scale, options)
+    search = _Search(system, scale, options, reach)
     start = search.first(guess, tangent, walk)
     if start is not None and not given:
         raw = start.tangent * scale
@@ -706,7 +713,7 @@ class PeakFollower:
         curvature = last.curvature / size**2 if last.curvature < 0.0 else -1.0
         peak = find_peak(
             system, guess, tangent=tangent / size, scale=scale, curvature=curvature, options=self.options,
-            parameter=value, walk=walk,
+            parameter=value, walk=walk, reach=1.5 * self.options.max_distance,
         )  # fmt: skip
         self.iterations += peak.iterations
         self.trials += peak.trials
@@ -743,7 +750,7 @@ class PeakFollower:
         start, end = self._place(self.known[-1].parameter), self._place(value)
         if start == end:
             return self.known[-1]
-        done = 0.0
+        done, successes = 0.0, 1
         smallest = 0.5**self.options.max_halvings
         while done < 1.0:
             now = min(1.0, done + step)
@@ -751,6 +758,7 @@ class PeakFollower:
             peak = self._attempt(value if now == 1.0 else (float(np.exp(at)) if self.logarithmic else at), step <= 0.25)
             if peak is None:
                 step *= 0.5
+                successes = 0
                 if step < smallest:
                     self.status = "vanished"
                     return None
@@ -760,7 +768,9 @@ class PeakFollower:
                 self.status, self.reason = "left the interval", f"at {peak.frequency:.6g} Hz"
                 return None
             done = now
-            step *= 2.0
+            successes += 1
+            if successes > 1:
+                step *= 2.0
         return self.known[-1]
 
 

@@ -316,6 +316,42 @@ def static_state(
     return state
 
 
+def scaled_state(system: StaticSystem, state: PreloadState, load: float, tolerance: float = 1e-10) -> PreloadState | None:
+    """State at another load by homogeneity, or None where that does not hold.
+
+    Without initial gaps everything but the states themselves is proportional to the load.  Points with a gap do not matter
+    as long as they stay open up to the larger of both loads.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    state : PreloadState
+        Reached from zero load.
+    load : float, N
+    tolerance : float
+        On modal equilibrium, relative to the modal load, checked anew.
+    """
+    if not (state.converged and state.load > 0.0 and load > 0.0):
+        return None
+    if np.any(system.constant_force) or np.any(system.n0 > 0.0):
+        return None
+    ratio = load / state.load
+    x = ratio * ((system.G @ state.q) + state.load * system.shift)
+    gapped = system.n0 < 0.0
+    if np.any(state.status[gapped] != OPEN) or np.any((system.n0 + system.kn * x[:, 2])[gapped] >= 0.0):
+        return None
+    force, _, _, closing = _law(system, x, ratio * state.slider)
+    r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
+    residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
+    if not residual <= tolerance:
+        return None
+    slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)
+    return replace(
+        state, load=load, q=ratio * state.q, slider=slider, force=force, closing=closing, residual=residual, steps=0,
+        iterations=0,
+    )  # fmt: skip
+
+
 def _relaxed(system: StaticSystem, state: PreloadState) -> PreloadState:
     """No load at all: no motion, no force."""
     n, m = system.G.shape[0], system.G.shape[2]

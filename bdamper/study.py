@@ -45,7 +45,7 @@ from bdamper.errors import SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.model import ContactStiffness, Model
-from bdamper.preload import OPEN, PreloadState, StaticSystem, static_state
+from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve
@@ -560,6 +560,12 @@ class Study:
                 np.zeros_like(force),
             )
             state = None
+            if len(factors) == 1:
+                known = next((old for (_, *way), old in self._states.items() if len(way) == 1 and old.load > 0.0), None)
+                state = scaled_state(system, known, factors[0] * preload) if known is not None else None
+                if state is not None:
+                    self._states[key] = state
+                    return state
             for factor in factors:
                 state = static_state(system, factor * preload, start=state)
                 if not state.converged:

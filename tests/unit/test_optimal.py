@@ -268,3 +268,27 @@ class TestVary:
         # the free damper's modes keep unit modal mass: rigid translations are 1/sqrt(mass)
         assert body.bases[0].contact_modes == pytest.approx(old_body.bases[0].contact_modes / np.sqrt(2))
         bd.Study(replace(new.model, provenance={"made": "twice as dense"}), excitation=study.excitation, engine_order=5)
+
+
+def test_static_states_scale_with_the_load(study):
+    """Without gaps at the friction points the static state is proportional; a fresh analysis gives the same."""
+    first = study.static(500.0)
+    scaled = study.static(1250.0)
+    fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5).static(1250.0)
+    assert scaled.converged
+    assert scaled.residual < 1e-10
+    for name in ("q", "slider", "force", "closing"):
+        a, b = getattr(scaled, name), getattr(fresh, name)
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-9 * np.abs(b).max()), name
+    assert np.array_equal(scaled.status, fresh.status)
+    assert scaled.force == pytest.approx(2.5 * first.force, rel=1e-9)
+    # a gap that closes under the larger load stops the proportion
+    face = study.model.interfaces["left"]
+    gap = np.zeros(face.n_points)
+    gap[0] = 1e-9 + 1.2 * abs(float(first.closing[0]))
+    model = replace(study.model, interfaces=dict(study.model.interfaces) | {"left": replace(face, gap=gap)})
+    gapped = bd.Study(model, excitation=study.excitation, engine_order=5)
+    low, high = gapped.static(5.0), gapped.static(5e4)
+    fresh = bd.Study(model, excitation=study.excitation, engine_order=5).static(5e4)
+    assert high.force == pytest.approx(fresh.force, rel=1e-9, abs=1e-9 * np.abs(fresh.force).max())
+    assert np.any(high.status[0] != low.status[0])
