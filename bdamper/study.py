@@ -561,8 +561,10 @@ class Study:
             )
             state = None
             if len(factors) == 1:
-                known = next((old for (_, *way), old in self._states.items() if len(way) == 1 and old.load > 0.0), None)
-                state = scaled_state(system, known, factors[0] * preload) if known is not None else None
+                # always from one and the same load, so that results do not depend on what was asked before
+                unit = self._states.get((1.0, 1.0)) or static_state(system, 1.0)
+                self._states[(1.0, 1.0)] = unit
+                state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
                     self._states[key] = state
                     return state

@@ -355,3 +355,12 @@ def test_models_without_a_loaded_body_say_so():
     assert PeakTask(0.0) == PeakTask(0.0)
     result = bd.sweep(study, over={"friction_coefficient": [0.1]}, evaluate=OptimalTask())
     assert result.status[0].startswith("failed: optimal_curve: expected a model with a body that carries a load")
+
+
+def test_answers_do_not_depend_on_order(study):
+    """To the last bit, also where only the preload varies and all points share one study."""
+    loads = [5000.0, 700.0, 1500.0]
+    fresh = replace(study)
+    first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
+    again = bd.sweep(replace(study), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    assert first.values == again.values[::-1]
