@@ -31,7 +31,16 @@ _RIGID = 1e-12  # of the largest squared frequency: below this a motion of a sma
 
 
 def factorise(matrix: sp.spmatrix) -> SuperLU:
-    """Sparse factorisation of a positive definite Hermitian matrix."""
+    """Sparse factorisation of a positive definite Hermitian matrix.
+
+    Raises
+    ------
+    ValueError
+        If the diagonal shows that it is none; SuperLU does not survive an empty row in its symmetric mode.
+    """
+    diagonal = matrix.diagonal().real
+    if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
+        raise ValueError("a positive definite matrix has finite entries and a positive diagonal, and this one has not")
     return splu(
         matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )

@@ -1,6 +1,9 @@
 """build_model: the reference model again from bare matrices and sets, other units and axes, and what must be refused."""
 
+import pickle
 import re
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -255,6 +258,25 @@ def test_measured_gap(bodies, tip):
         np.testing.assert_allclose(face.gap, 2e-5 * face.frame[:, 2, 1], rtol=1e-6)
 
 
+def test_needs_no_finite_element_library(bodies, tip, tmp_path):
+    """Matrices from anywhere are enough: the same in an interpreter in which scikit-fem cannot be imported."""
+    with open(tmp_path / "bodies.pickle", "wb") as file:
+        pickle.dump(bodies, file)
+    code = f"""
+import pickle, sys
+sys.modules["skfem"] = None
+from bdamper.io import ContactFaces, build_model
+blade, damper = pickle.load(open("bodies.pickle", "rb"))
+pair = ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=4)
+built = build_model(blade, damper, contacts=[pair], n_blades=65, sector_faces=("LOW", "HIGH"), fixed="BORE",
+                    nodal_diameters=(0,), n_modes=3, locations=dict(tip={list(map(float, tip))}))
+print(built.report.frequencies[0][0])
+"""
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 250.0 < float(done.stdout.split()[-1]) < 300.0
+
+
 def test_report_and_file(built, tmp_path):
     text = str(built)
     for words in ("Import report", "Frequencies of the sector", "mass 0.0689984 kg", "Interfaces", "100 % of face a"):
@@ -440,9 +462,7 @@ def test_bad_settings(bodies, tip, change, message):
 def test_frequencies_off_by_a_factor_are_named(bodies, built, tip, factor, words):
     expected = {ND: built.report.frequencies[ND][:4] / factor}
     with pytest.raises(ModelError, match=f"blade, nodal diameter {ND}: expected the frequencies of expected_f.*{words}"):
-        build_model(
-            *bodies, contacts=contacts(), locations={"tip": tip}, expected_frequencies=expected, **SETTINGS
-        )
+        build_model(*bodies, contacts=contacts(), locations={"tip": tip}, expected_frequencies=expected, **SETTINGS)
 
 
 def test_expected_frequencies_that_agree(bodies, built, tip):

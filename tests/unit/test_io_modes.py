@@ -7,6 +7,7 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
+from bdamper import Excitation, Study
 from bdamper.errors import ModelError
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
@@ -151,6 +152,29 @@ def test_damper_from_mass_properties(fe, bodies, built):
     )
     u, v = (b.bases[0].contact_modes[..., 6:].reshape(-1, 2) for b in (other.model.bodies["damper"], theirs))
     np.testing.assert_allclose(np.abs(u), np.abs(v), atol=1e-7 * np.abs(v).max())
+
+
+def test_modes_and_user_stiffness_reach_a_tracking_curve(fe, bodies):
+    """Without any matrices: the same curve as with matrices and the same contact stiffness, up to what modes leave out."""
+    blade, damper = bodies
+    pairs = [replace(c, stiffness=(2e7, 2e7, 3e7)) for c in contacts()]
+    full = build_model(blade, damper, contacts=pairs, locations={"tip": 344}, fixed="BORE", **SETTINGS).model
+    theirs = full.bodies["damper"]
+    bare = build_model(
+        replace(blade, stiffness=None, mass=None, modes=file_modes(fe, blade.numbers, "pairs")),
+        replace(damper, stiffness=None, mass=None, rigid=MassProperties(theirs.mass, theirs.centre, theirs.inertia)),
+        contacts=pairs,
+        locations={"tip": 344},
+        **SETTINGS,
+    ).model
+    peaks = []
+    for model in (full, bare):
+        study = Study(model, Excitation("tip"), engine_order=ND, contact_stiffness="model", blade_modes=COUNT)
+        curve = study.track(preload=1000.0, frequency=(250.0, 400.0))
+        assert curve.complete
+        peaks.append(curve.peak)
+    assert peaks[0].amplitude == pytest.approx(peaks[1].amplitude, rel=1e-2)
+    assert peaks[0].frequency == pytest.approx(peaks[1].frequency, rel=1e-3)
 
 
 BAD = [
