@@ -129,6 +129,28 @@ def unv(numbers, nodes, elements):
     return "\n".join([*lines, "    -1", ""])
 
 
+def bulk(numbers, nodes, elements):
+    lines = ["BEGIN BULK", "CORD2C,7,,0.,0.,0.,0.,0.,1.", ",1.,0.,0."]
+    lines += [f"GRID,{n},,{x[0]:.6f},{x[1]:.6f},{x[2]:.6f},{7 if n == 3 else ''}" for n, x in zip(numbers, nodes)]
+    for k, e in enumerate(elements.tolist()):
+        e = [*e[:12], *e[16:], *e[12:16]]
+        parts = [",".join(map(str, part)) for part in (e[:6], e[6:14], e[14:])]
+        lines += [f"CHEXA,{k + 1},1,{parts[0]}", f",{parts[1]}", f",{parts[2]}"]
+    lines += ["PSOLID,1,1", "MAT1,1,2.1+11,,0.3,7850.", "SET1,5,10,THRU,12"]
+    for name in ("KAAX", "MAAX"):
+        lines += [f"DMIG,{name},0,6,2,0", f"DMIG,{name},10,1,,10,1,2.", ",11,1,-1.", f"DMIG,{name},11,1,,11,1,3."]
+    return "\n".join([*lines, "ENDDATA", ""])
+
+
+def nastran_works() -> bool:
+    """Whether pyNastran is here with a NumPy that it supports."""
+    try:
+        from pyNastran.bdf.bdf import BDF  # noqa: F401
+    except (ImportError, AttributeError):
+        return False
+    return True
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """All valid files."""
@@ -167,6 +189,8 @@ def folder(tmp_path_factory):
         from pyNastran.op4.op4 import OP4
 
         OP4(debug=False).write_op4(str(path / "a.op4"), {"KGG": (6, k.toarray())}, is_binary=False)
+    if nastran_works():
+        (path / "a.bdf").write_text(bulk(numbers, body.nodes, elements))
     return path
 
 
@@ -196,6 +220,12 @@ def nastran(p: Path) -> None:
     read_op4(p / "a.op4")
 
 
+def bulk_data(p: Path) -> None:
+    from bdamper.io import read_nastran
+
+    read_nastran(p / "a.bdf")
+
+
 def matrix(name: str) -> Callable[[Path], None]:
     def read(p: Path) -> None:
         k = read_matrix(p / name)
@@ -220,6 +250,7 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("a.unv", lambda p: read_unv(p / "a.unv", 1)),
     ("a.unv", lambda p: read_measurements(p / "a.unv")),
     ("a.op4", nastran),
+    ("a.bdf", bulk_data),
 ]
 
 
