@@ -461,6 +461,9 @@ def _joined(base: Curve, outside: NDArray, pieces: list[Curve]) -> Curve:
     arrays: dict[str, Any] = {
         name: np.concatenate([getattr(curve, name)[index] for curve, index in parts]) for name in names
     }
+    stable = [None if curve.stable is None else curve.stable[index] for curve, index in parts]
+    judged = [s for s in stable if s is not None]
+    arrays["stable"] = np.concatenate(judged) if judged and len(judged) == len(stable) else None
     bad = [piece for piece in pieces if not piece.complete]
     return replace(
         base,
@@ -470,6 +473,7 @@ def _joined(base: Curve, outside: NDArray, pieces: list[Curve]) -> Curve:
         status="incomplete" if bad else base.status,
         reason="; ".join(piece.reason for piece in bad) if bad else base.reason,
         start_log=tuple(line for curve in [base, *pieces] for line in curve.start_log),
+        notes=tuple(dict.fromkeys(line for curve in [base, *pieces] for line in curve.notes)),
         cost=_summed([base.cost, *(piece.cost for piece in pieces)]),
         settings={**(pieces[0] if pieces else base).settings},
     )

@@ -53,6 +53,8 @@ class Effects:
         Constraint planes (front and back of a damper).
     contact_points : int, optional
         At most so many on each friction face, by uniting neighbouring patches; the model's own by default.
+    stability : bool
+        Stability of every point of a tracking curve.  It changes no solution.
     blade_modes : int
         Modes of each constrained body (at most what the model has).
     """
@@ -76,6 +78,9 @@ class Effects:
     constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
     contact_points: int | None = _effect(
         None, "contact points on each face", "neighbouring patches slip and open together"
+    )
+    stability: bool = _effect(
+        False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
     )
     blade_modes: int = _effect(10, "modes of the blade", "higher modes act through the contact stiffness alone")
 
@@ -120,14 +125,9 @@ class Effects:
             harmonic_nodal_diameters=not study.single_basis,
             constraints=study.constraints,
             contact_points=study.contact_points,
+            stability=study.stability,
             blade_modes=study.blade_modes,
         )
-
-    @classmethod
-    def cheapest(cls, study: Study) -> Effects:
-        """The simplest assumptions under which the damper still moves along all axes."""
-        own = cls.of(study)
-        return replace(own, harmonics=1, damper_modes=0)
 
     def settings(self) -> dict[str, Any]:
         """The settings of a study that carry these effects, by name."""
@@ -141,6 +141,7 @@ class Effects:
             "single_basis": not self.harmonic_nodal_diameters,
             "constraints": self.constraints,
             "contact_points": self.contact_points,
+            "stability": self.stability,
             "blade_modes": self.blade_modes,
         }
 

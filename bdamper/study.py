@@ -196,6 +196,8 @@ class Study:
         Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit.misfit`.
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
+    stability : bool
+        Whether tracking curves come with the stability of every point.
     effects : Effects, optional
         All settings that decide which effects take part, at once; the settings hold them afterwards, and
         ``Effects.of(study)`` reads them.
@@ -230,6 +232,7 @@ class Study:
     contact_points: int | None = None
     gap: Mapping[str, NDArray] | None = None
     load_history: tuple[float, ...] = (1.0,)
+    stability: bool = False
     effects: Effects | None = None
     _states: dict[tuple[float, ...], PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
     _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
@@ -314,7 +317,7 @@ class Study:
         """The same study with other effects; what does not depend on them is shared."""
         settings = effects.settings()
         changed = {name for name, value in settings.items() if value != getattr(self, name)}
-        if not changed <= {"harmonics", "bias"}:
+        if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
         out = copy(self)
         for name, value in settings.items():
@@ -813,7 +816,7 @@ class Study:
             Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
             the preload, 0.7 and 1.4 by default.
         stability : bool
-            Judge the stability of every point (:meth:`with_stability`).
+            Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         effects : {"all", "auto"}
             "auto": harmonics of the study are on only where they matter; see :func:`bdamper.adaptive.adaptive_curve`.
         tolerance : float
@@ -861,7 +864,7 @@ class Study:
         except KeyboardInterrupt:
             pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         curve = self._curve(system, pieces, ending(pieces, low, high), preload, meter, options, tuple(log))
-        return self.with_stability(curve) if stability and len(curve) else curve
+        return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 
     def with_stability(self, curve: Curve) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
@@ -1189,6 +1192,7 @@ class Study:
             "variable_normal_load": self.variable_normal_load,
             "separation": self.separation,
             "contact_points": self.contact_points,
+            "stability": self.stability,
             "friction_coefficient": self._friction_by_interface(),
             "excitation": asdict(self.excitation),
             "response": asdict(self._response),

@@ -246,6 +246,14 @@ def test_missing_names_each_effect_once(full):
     assert rich.missing(rich) == {}
 
 
+def test_stability_is_judged_only_where_it_is_on(full):
+    assert full.track(1000.0, (820.0, 860.0)).stable is None
+    judged = full.with_effects(effects(full, stability=True))
+    curve = judged.track(1000.0, (820.0, 860.0))
+    assert curve.stable is not None and curve.stable.shape == (len(curve),)
+    assert effects(full).missing(bd.Effects.of(judged)) == {}
+
+
 @pytest.mark.parametrize(
     "wrong",
     [{"harmonics": 0}, {"harmonics": (2, 3)}, {"harmonics": "all"}, {"harmonics": (1, 1)}, {"harmonics": 1.5},
