@@ -7,7 +7,7 @@ variation of the normal load, separation, motions of the damper, elastic modes, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -42,6 +42,11 @@ class Effects:
     separation : bool
         Surfaces may open and close within the cycle.  Off: friction points that are closed statically stay closed (their
         normal spring pulls as well as it pushes; without pressure there is no friction), the others stay open.
+    friction_law : {"separable", "coupled", "bonded"} or mapping of interface name to these
+        "coupled": the friction force lies in a disk, which needs a sampled evaluation (a study that has the exact one is
+        given 128 samples).  "separable": each tangential direction slips for itself.
+    residual_traction : {"static", "lower", "upper"}
+        Friction force of points that never slip: that of the static state, or an end of the interval of what is possible.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their own axes (Y along the load, Z along the axis of
         rotation).
@@ -68,6 +73,12 @@ class Effects:
     )
     separation: bool = _effect(
         True, "surfaces open and close within the cycle", "closed points stay closed, open points stay open"
+    )
+    friction_law: str | Mapping[str, str] = _effect(
+        "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
+    )
+    residual_traction: str = _effect(
+        "static", "friction force that is left in points that never slip", "static: it is that of the static state"
     )
     rotation: tuple[str, ...] = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
     translation: tuple[str, ...] = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
@@ -119,6 +130,8 @@ class Effects:
             bias=study.bias,
             variable_normal_load=study.variable_normal_load,
             separation=study.separation and study.variable_normal_load,
+            friction_law=study.friction_law,
+            residual_traction=study.residual_traction,
             rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
             translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
             damper_modes=study.damper_modes,
@@ -136,6 +149,8 @@ class Effects:
             "bias": self.bias,
             "variable_normal_load": self.variable_normal_load,
             "separation": self.separation,
+            "friction_law": self.friction_law,
+            "residual_traction": self.residual_traction,
             "rigid_modes": self.rigid_modes,
             "damper_modes": self.damper_modes,
             "single_basis": not self.harmonic_nodal_diameters,
@@ -167,6 +182,11 @@ class Effects:
             out["variable normal load"] = replace(self, variable_normal_load=True, separation=False)
         if richer.separation and not self.separation:
             out["separation"] = replace(self, variable_normal_load=True, separation=True)
+        if richer.friction_law != self.friction_law:
+            name = "coupled friction" if richer.friction_law == "coupled" else "friction law"
+            out[name] = replace(self, friction_law=richer.friction_law, residual_traction=richer.residual_traction)
+        elif richer.residual_traction != self.residual_traction:
+            out["residual traction"] = replace(self, residual_traction=richer.residual_traction)
         for name in ("rotation", "translation"):
             for axis in getattr(richer, name):
                 if axis not in getattr(self, name):

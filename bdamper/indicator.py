@@ -377,7 +377,7 @@ def advise(
         Interval in which the peak is looked for.
     against : Effects, optional
         The effects to ask about: those that are on there and off in the study.  By default all that the model allows, with
-        five harmonics and two elastic damper modes.
+        five harmonics, two elastic damper modes and coupled friction.
     tolerance : float
         Relative change of amplitude or frequency that counts as small.
     peak : Peak, optional
@@ -465,6 +465,7 @@ def fullest(study: Study) -> Effects:
     bodies = study.model.bodies.values()
     blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
+    plain = own.friction_law == "separable" and own.residual_traction == "static"
     harmonics = sorted({*own.harmonic_numbers, *range(1, most + 1)})
     return replace(
         own,
@@ -472,6 +473,7 @@ def fullest(study: Study) -> Effects:
         bias=True,
         variable_normal_load=True,
         separation=True,
+        friction_law="coupled" if plain else own.friction_law,
         rotation=("X", "Y", "Z"),
         translation=("X", "Y", "Z"),
         damper_modes=max(own.damper_modes, min([2, *damper])) if damper else own.damper_modes,

@@ -265,7 +265,7 @@ class Study:
 
     def _take_effects(self, effects: Effects) -> None:
         own = {f.name: f.default for f in fields(self)}
-        for name, value in effects.settings().items():
+        for name, value in self._settings_for(effects).items():
             given = getattr(self, name)
             if given not in (own[name], value):
                 raise SettingError(
@@ -274,6 +274,13 @@ class Study:
                 )
             object.__setattr__(self, name, value)
         object.__setattr__(self, "effects", None)
+
+    def _settings_for(self, effects: Effects) -> dict[str, Any]:
+        settings = effects.settings()
+        law = effects.friction_law
+        if self.evaluation == "exact" and "coupled" in ([law] if isinstance(law, str) else law.values()):
+            settings["evaluation"] = Sampled(max(128, 8 * effects.harmonic_numbers[-1] + 8))
+        return settings
 
     def _check_friction(self) -> None:
         given = self.friction_law
@@ -315,7 +322,7 @@ class Study:
 
     def with_effects(self, effects: Effects) -> Study:
         """The same study with other effects; what does not depend on them is shared."""
-        settings = effects.settings()
+        settings = self._settings_for(effects)
         changed = {name for name, value in settings.items() if value != getattr(self, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)

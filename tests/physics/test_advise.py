@@ -76,6 +76,27 @@ def test_estimates_have_the_size_of_the_change_where_they_are_reliable(model):
         assert advice[name].amplitude_change == pytest.approx(true, rel=0.25)
 
 
+@pytest.mark.parametrize(
+    ("mode", "preload", "changes"),
+    [
+        (MODE_2, 500.0, {"friction_law": "coupled"}),
+        (MODE_1, 5000.0, {"residual_traction": "lower"}),
+        (MODE_1, 5000.0, {"residual_traction": "upper"}),
+    ],
+    ids=["coupled friction", "lower traction", "upper traction"],
+)
+def test_the_law_of_friction_and_what_is_left_in_stuck_points(model, mode, preload, changes):
+    """What no further unknowns are needed for is seen as well."""
+    cheap = study(model, mode, harmonics=1)
+    rich = bd.Effects(**changes)
+    (item,) = cheap.advise(preload, mode["frequency"], against=rich).effects
+    assert item.reliability == "significant"
+    true = cheap.with_effects(rich).track(preload, mode["frequency"]).peak.amplitude
+    assert abs(item.amplitude_change) > 0.02
+    base = cheap.track(preload, mode["frequency"]).peak.amplitude
+    assert item.amplitude_change == pytest.approx(true / base - 1.0, rel=0.25)
+
+
 # ---- adaptive against everything on ----
 
 FULL = int(os.environ.get("BDAMPER_HARD", "0"))

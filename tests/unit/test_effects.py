@@ -266,6 +266,19 @@ def test_bad_effects_are_named(wrong):
         bd.Effects(**wrong)
 
 
+def test_coupled_friction_brings_a_sampled_evaluation(full):
+    assert full.evaluation == "exact"
+    coupled = full.with_effects(effects(full, friction_law="coupled"))
+    assert isinstance(coupled.evaluation, bd.Sampled) and coupled.friction_law == "coupled"
+    kept = replace(full, evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
+    assert kept.evaluation == bd.Sampled(256)
+    rich = bd.Effects.of(coupled)
+    assert set(bd.Effects.of(full).missing(rich)) == {"coupled friction"}
+    ends = effects(full, residual_traction="lower")
+    assert set(bd.Effects.of(full).missing(ends)) == {"residual traction"}
+    assert full.with_effects(ends).residual_traction == "lower"
+
+
 def test_an_effect_given_twice_is_refused(full):
     with pytest.raises(bd.SettingError, match="harmonics: expected only one of effects and harmonics"):
         bd.Study(full.model, bd.Excitation("tip"), engine_order=2, harmonics=3, effects=bd.Effects(harmonics=2))

@@ -132,7 +132,9 @@ def test_advice_prints_plots_and_saves(full, tmp_path):
 def test_fullest_asks_for_what_the_model_has(full):
     rich = fullest(full)
     assert rich.harmonics == 5 and rich.damper_modes == 2 and rich.blade_modes == 5
-    assert bd.Effects.of(full).missing(rich).keys() == {"harmonics", "damper modes", "blade modes"}
+    assert bd.Effects.of(full).missing(rich).keys() == {
+        "harmonics", "damper modes", "blade modes", "coupled friction",
+    }
 
 
 def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
