@@ -243,8 +243,9 @@ def plot_optimal(
                     label="other peaks")
         for first, last in _unbroken(result.branch):
             part = slice(first, last + 1)
-            ax.plot(result.preload[part], result.amplitude[part], "-", color=dark)
-            right.plot(result.preload[part], result.shift_percent[part], "--", color=light)
+            alone = "." if first == last else None
+            ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
+            right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
         ax.plot([], [], "-", color=dark, label="amplitude")
         ax.plot([], [], "--", color=light, label="frequency shift")
         o = result.optimum

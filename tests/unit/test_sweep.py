@@ -201,6 +201,7 @@ class TestResultsFile:
         for cut in [0, 5, starts[1] - 1, starts[1], starts[1] + 1, starts[2] - 1, len(content) - 1, len(content) - 30]:
             path.write_bytes(content[:cut])
             assert answers(self.run(study, path)) == answers(full), cut
+            assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
             assert path.read_bytes().startswith(content[: starts[1]])
 
     def test_on_workers(self, study, tmp_path):
