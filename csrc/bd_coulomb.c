@@ -82,6 +82,9 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
     memset(work, 0, sizeof *work);
 }
 
+/* Forces of any sensible size: no need for the care (and time) that hypot takes. */
+static inline double norm(double x, double y) { return sqrt(x * x + y * y); }
+
 static const double *basis_at(const bd_coulomb_work *work, int k) {
     return work->power + (size_t)k * (size_t)bd_n_power(work->n_harm) + 1;
 }
@@ -117,7 +120,7 @@ static double mean_inverse(double R0, double R1, double *d0, double *d1) {
 /* Slip over the rest 1 - tau of the step, from the force direction e on the edge R_e. */
 static void slip_step(bd_step *o, const double *e, double tau, double R_e, double R1, double mu, const double *dp,
                       const double *p1) {
-    const double D[2] = {(1.0 - tau) * dp[0], (1.0 - tau) * dp[1]}, length = hypot(D[0], D[1]);
+    const double D[2] = {(1.0 - tau) * dp[0], (1.0 - tau) * dp[1]}, length = norm(D[0], D[1]);
     double M_e[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, M_D[2][2] = {{0.0}}, m_e[2] = {0.0}, m_1[2] = {0.0};
     double e1[2] = {e[0], e[1]};
     if (length > 0.0) {
@@ -140,7 +143,7 @@ static void slip_step(bd_step *o, const double *e, double tau, double R_e, doubl
             m_1[i] = -q * length * L_1 * V_q;
         }
     }
-    double size = hypot(e1[0], e1[1]);
+    double size = norm(e1[0], e1[1]);
     e1[0] /= size;
     e1[1] /= size;
     zero_step(o, STEP_SLIP);
@@ -161,7 +164,7 @@ static void slip_step(bd_step *o, const double *e, double tau, double R_e, doubl
 
 static void close_step(bd_step *o, double t, double g0, double g1, double mu, const double *dp, const double *p0,
                        const double *p1, int interpolate) {
-    const double rest = 1.0 - t, chord = hypot(dp[0], dp[1]), R1 = mu * g1, dg = g1 - g0;
+    const double rest = 1.0 - t, chord = norm(dp[0], dp[1]), R1 = mu * g1, dg = g1 - g0;
     if (rest * chord <= R1) {
         zero_step(o, STEP_CLOSE);
         for (int i = 0; i < 2; ++i) {
@@ -200,14 +203,14 @@ static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, co
         close_step(o, work->interpolate ? -g0 / (g1 - g0) : 0.0, g0, g1, mu, dp, p0, p1, work->interpolate);
         return;
     }
-    const double T[2] = {p0[0] - s[0], p0[1] - s[1]}, R0 = mu * g0, R1 = mu * g1, dR = R1 - R0, size = hypot(T[0], T[1]);
+    const double T[2] = {p0[0] - s[0], p0[1] - s[1]}, R0 = mu * g0, R1 = mu * g1, dR = R1 - R0, size = norm(T[0], T[1]);
     const int edge = size >= R0 * (1.0 - EDGE);
     if (edge && T[0] * dp[0] + T[1] * dp[1] > size * dR) {
         const double e[2] = {T[0] / size, T[1] / size};
         slip_step(o, e, 0.0, R0, R1, mu, dp, p1);
         return;
     }
-    if (hypot(p1[0] - s[0], p1[1] - s[1]) <= R1) {
+    if (norm(p1[0] - s[0], p1[1] - s[1]) <= R1) {
         zero_step(o, STEP_STICK);
         o->s[0] = s[0], o->s[1] = s[1];
         o->A[0][0] = o->A[1][1] = 1.0;
@@ -216,7 +219,7 @@ static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, co
     const double a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = T[0] * dp[0] + T[1] * dp[1] - R0 * dR;
     const double c = edge ? 0.0 : (size - R0) * (size + R0), root = sqrt(fmax(b * b - a * c, 0.0));
     const double tau = fmin(1.0, fmax(0.0, b >= 0.0 ? (b + root > 0.0 ? -c / (b + root) : 0.0) : (root - b) / a));
-    const double Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = hypot(Te[0], Te[1]);
+    const double Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = norm(Te[0], Te[1]);
     const double e[2] = {Te[0] / size_e, Te[1] / size_e};
     slip_step(o, e, tau, R0 + tau * dR, R1, mu, dp, p1);
 }
@@ -229,7 +232,7 @@ typedef struct {
 } bd_rest;
 
 static double violation(const bd_coulomb_work *work, double mu, int k, const double *s) {
-    return hypot(work->p[2 * k] - s[0], work->p[2 * k + 1] - s[1]) - mu * work->g[k];
+    return norm(work->p[2 * k] - s[0], work->p[2 * k + 1] - s[1]) - mu * work->g[k];
 }
 
 static int inside(const bd_coulomb_work *work, double mu, const bd_rest *set, const double *s, double slack) {
@@ -261,13 +264,13 @@ static int nearest_of_few(const bd_coulomb_work *work, double mu, const double *
                 double s[2];
                 const int k = set->sample[i];
                 if (j == i) {
-                    const double *p = work->p + 2 * k, size = hypot(given[0] - p[0], given[1] - p[1]);
+                    const double *p = work->p + 2 * k, size = norm(given[0] - p[0], given[1] - p[1]);
                     if (!(size > mu * work->g[k])) continue;
                     for (int d = 0; d < 2; ++d) s[d] = p[d] + (given[d] - p[d]) * (mu * work->g[k] / size);
                 } else if (!crossing(work, mu, k, set->sample[j], side, s)) {
                     continue;
                 }
-                const double far = hypot(s[0] - given[0], s[1] - given[1]);
+                const double far = norm(s[0] - given[0], s[1] - given[1]);
                 if (far >= distance || !inside(work, mu, set, s, slack)) continue;
                 distance = far;
                 best = (bd_rest){.n = i == j ? 1 : 2, .sample = {k, set->sample[j]}, .s = {s[0], s[1]}};
@@ -303,11 +306,11 @@ static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element,
     memset(work->slider, 0, sizeof(double) * 2 * n_col);
     double e[2][2], M[2][2][2] = {{{0.0}}}, m[2][2] = {{0.0}}; /* ds = sum M_i dp_i + m_i dR_i */
     for (int i = 0; i < set->n; ++i) {
-        const double *p = work->p + 2 * set->sample[i], size = hypot(p[0] - set->s[0], p[1] - set->s[1]);
+        const double *p = work->p + 2 * set->sample[i], size = norm(p[0] - set->s[0], p[1] - set->s[1]);
         for (int d = 0; d < 2; ++d) e[i][d] = (p[d] - set->s[d]) / size;
     }
     if (set->n == 1) {
-        const double *p = work->p + 2 * set->sample[0], ratio = mu * work->g[set->sample[0]] / hypot(p[0] - given[0], p[1] - given[1]);
+        const double *p = work->p + 2 * set->sample[0], ratio = mu * work->g[set->sample[0]] / norm(p[0] - given[0], p[1] - given[1]);
         for (int d = 0; d < 2; ++d) {
             for (int c = 0; c < 2; ++c) {
                 const double same = c == d ? 1.0 : 0.0;
@@ -340,7 +343,7 @@ static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element,
 static void admit(const bd_coulomb_work *work, double mu, double *s) {
     const int k = work->n_time - 1;
     const double *p = work->p + 2 * k, R = mu * fmax(work->g[k], 0.0);
-    const double T[2] = {p[0] - s[0], p[1] - s[1]}, size = hypot(T[0], T[1]);
+    const double T[2] = {p[0] - s[0], p[1] - s[1]}, size = norm(T[0], T[1]);
     if (size <= R) return;
     s[0] = p[0] - T[0] * R / size;
     s[1] = p[1] - T[1] * R / size;
@@ -381,7 +384,7 @@ static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
     while (work->n_period < MOST_PERIODS) {
         double end[2] = {s[0], s[1]}, dP[2][2], step[2];
         march(work, mu, end, dP);
-        const double gap[2] = {end[0] - s[0], end[1] - s[1]}, distance = hypot(gap[0], gap[1]);
+        const double gap[2] = {end[0] - s[0], end[1] - s[1]}, distance = norm(gap[0], gap[1]);
         ++work->n_period;
         if (distance <= SETTLED * size) {
             s[0] = end[0], s[1] = end[1];
@@ -391,7 +394,7 @@ static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
         if (distance < gap_best || work->n_period <= PLAIN_PERIODS) {
             gap_best = distance;
             best[0] = end[0], best[1] = end[1];
-            if (work->n_period >= PLAIN_PERIODS && solve_period(dP, gap, step) && hypot(step[0], step[1]) <= 4.0 * size) {
+            if (work->n_period >= PLAIN_PERIODS && solve_period(dP, gap, step) && norm(step[0], step[1]) <= 4.0 * size) {
                 s[0] += step[0], s[1] += step[1];
                 ++work->n_newton;
                 admit(work, mu, s);
@@ -592,7 +595,7 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
         return;
     }
     const double given[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
-    const double scale = size + hypot(given[0], given[1]) + 1e-300;
+    const double scale = size + norm(given[0], given[1]) + 1e-300;
     bd_rest set;
     if (find_rest(work, element->mu, given, scale, &set)) {
         rest(work, element, x, given, &set, out, share);
