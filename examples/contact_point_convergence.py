@@ -1,0 +1,101 @@
+"""Convergence of stiffness, static contact, bonded frequency and peak with the number of contact points.
+
+    python examples/contact_point_convergence.py [--mesh reference] [--points 9 24 48 96 192] [--figure points.png]
+
+Builds the reference bladed disk from its finite element model for each number of contact points a face.  More points than
+the mesh has nodes on the face make the flexibility singular: use the reference mesh beyond 24.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+
+
+@dataclass(frozen=True)
+class Row:
+    """Results of one number of contact points.
+
+    ``stiffness`` is the normal stiffness of the left face under unit traction, N/m; ``normal`` and ``area`` those
+    of the left face in the static state, N per newton of load and share; frequencies in Hz, ``peak`` in m.
+    """
+
+    points: int
+    stiffness: float
+    normal: float
+    area: float
+    bonded: float
+    reduced: float
+    peak: float
+    peak_frequency: float
+
+
+def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 4000.0) -> list[Row]:
+    """One row for each number of points."""
+    fe = SectorFE(density=MeshDensity.preset(mesh))
+    rows = []
+    for n in points:
+        model = bladed_disk(n, n_modes=20, nodal_diameters=(5,), fe=fe)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False)
+        unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False)
+        contact = study.contact_map(preload)
+        springs = np.concatenate([study.stiffness[name].stiffness for name in study.coupling.interfaces])
+        curve = study.track(preload, (345.0, 375.0))
+        face = model.interfaces["left"]
+        rows.append(
+            Row(
+                points=n,
+                stiffness=float(np.sum(unit.stiffness["left"].stiffness[:, 2])),
+                normal=contact.normal_force["left"] / preload,
+                area=contact.contact_area["left"] / float(face.area.sum()),
+                bonded=float(fe.bonded_frequencies(5, n, 1)[0]),
+                reduced=float(study.system(0.0).linear_modes(springs)[0][0]) / (2.0 * np.pi),
+                peak=curve.peak.amplitude,
+                peak_frequency=curve.peak.frequency,
+            )
+        )
+    return rows
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--mesh", default="reference", choices=("coarse", "reference"))
+    parser.add_argument("--points", type=int, nargs="+", default=[9, 24, 48, 96, 192])
+    parser.add_argument("--figure", default=None)
+    arguments = parser.parse_args()
+    rows = convergence(tuple(arguments.points), arguments.mesh)
+    heads = ("points", 7), ("kn of face N/m", 16), ("N/P", 9), ("area", 8), ("bonded Hz", 12), ("reduced Hz", 12)
+    print("".join(f"{text:>{width}}" for text, width in (*heads, ("peak um", 10), ("Hz", 10))))
+    for r in rows:
+        print(
+            f"{r.points:>7}{r.stiffness:>16.4g}{r.normal:>9.4f}{r.area:>8.3f}{r.bonded:>12.4f}{r.reduced:>12.4f}"
+            f"{1e6 * r.peak:>10.2f}{r.peak_frequency:>10.3f}"
+        )
+    if arguments.figure:
+        from bdamper.plotting import new_axes, save_figure
+
+        ax = new_axes()
+        last = rows[-1]
+        for key, label, marker in (
+            ("stiffness", "normal stiffness", "o"),
+            ("normal", "normal force", "s"),
+            ("area", "contact area", "D"),
+            ("reduced", "bonded frequency", "^"),
+            ("peak", "peak", "v"),
+        ):
+            values = [getattr(r, key) / getattr(last, key) for r in rows]
+            ax.semilogx([r.points for r in rows], values, marker + "-", label=label)
+        ax.set_xlabel("Contact points on a face")
+        ax.set_ylabel(f"Relative to {last.points} points")
+        ax.legend()
+        save_figure(ax, arguments.figure)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,33 @@
+"""The examples on contact stiffness run and show what they are for."""
+
+import importlib.util
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+
+
+def example(name):
+    spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    import sys
+
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_split_between_diagonal_and_residual_modes():
+    module = example("contact_stiffness_split")
+    rows = module.split_study(9, (10000.0,), module.CHOICES[-2:])
+    assert [r.status for r in rows] == ["complete", "complete"]
+    assert rows[0].amplitude == pytest.approx(rows[1].amplitude, rel=0.02)
+
+
+def test_contact_points():
+    pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+    rows = example("contact_point_convergence").convergence((9, 24))
+    for row in rows:
+        assert row.reduced == pytest.approx(row.bonded, rel=1e-4)
+    assert rows[0].peak == pytest.approx(rows[1].peak, rel=0.05)
