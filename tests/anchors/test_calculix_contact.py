@@ -9,9 +9,11 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-skfem = pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
+
+from skfem import MeshHex
 
 from bdamper.fe.assemble import discretise
 from bdamper.fe.calculix import _model
@@ -24,7 +26,9 @@ from bdamper.staticcontact import OPEN, StaticContactProblem, solve_static_conta
 OVERLAP = 1e-8  # m, holds the damper before the load
 LOAD, MU = 1000.0, 0.3
 PENALTY = 2e14  # N/m3; the faces give way by some 1e12
-FACES = {"S1": (0, 1, 2, 3), "S2": (4, 7, 6, 5), "S3": (0, 4, 5, 1), "S4": (1, 5, 6, 2), "S5": (2, 6, 7, 3), "S6": (3, 7, 4, 0)}
+# corners of an element that make its faces, as CalculiX names them
+CORNERS = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
+FACES = {f"S{k}": corners for k, corners in enumerate(CORNERS, 1)}
 
 
 def platform(patches, g, thickness=0.006):
@@ -88,7 +92,7 @@ def facets(text, nodes, centre, normal, level):
 
 def calculix(g, patches, meshes, force, folder):
     offsets = np.cumsum([0] + [m.p.shape[1] for m in meshes])
-    whole = skfem.MeshHex(
+    whole = MeshHex(
         np.hstack([m.p for m in meshes]), np.hstack([m.t + o for m, o in zip(meshes, offsets)])
     )
     body = discretise(whole, Material())

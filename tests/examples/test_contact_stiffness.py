@@ -1,6 +1,7 @@
 """The examples on contact stiffness run and show what they are for."""
 
 import importlib.util
+import sys
 from pathlib import Path
 
 import pytest
@@ -11,8 +12,6 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 def example(name):
     spec = importlib.util.spec_from_file_location(name, EXAMPLES / f"{name}.py")
     module = importlib.util.module_from_spec(spec)
-    import sys
-
     sys.modules[name] = module
     spec.loader.exec_module(module)
     return module
