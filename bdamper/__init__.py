@@ -1,10 +1,12 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
+from bdamper.accuracy import AccuracyCost, Setting, accuracy_cost, load_accuracy
 from bdamper.adaptive import AdaptivePeak
 from bdamper.continuation import ContinuationOptions
 from bdamper.coupling import RIGID_NAMES
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
+from bdamper.estimates import ErrorEstimates, SourceError
 from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.laws import LawComparison
@@ -36,6 +38,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "RIGID_NAMES",
+    "AccuracyCost",
     "AdaptivePeak",
     "Advice",
     "BdamperError",
@@ -44,6 +47,7 @@ __all__ = [
     "Cost",
     "Curve",
     "Effects",
+    "ErrorEstimates",
     "Excitation",
     "Fold",
     "LawComparison",
@@ -60,13 +64,17 @@ __all__ = [
     "Response",
     "RobustOptimum",
     "Sampled",
+    "Setting",
     "SettingError",
+    "SourceError",
     "Study",
     "SweepResult",
     "UncertainCurve",
     "Verification",
     "WedgeFriction",
+    "accuracy_cost",
     "draw",
+    "load_accuracy",
     "load_advice",
     "load_contact_map",
     "load_curve",

@@ -127,7 +127,7 @@ def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
     return np.array([i for i, _ in pairs], int), np.array([j for _, j in pairs], int)
 
 
-def estimate_change(system: HarmonicSystem, y: NDArray) -> Estimate:
+def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None = None) -> Estimate:
     """Change of the peak from the point ``y`` to the solutions of a system that ``y`` does not solve.
 
     Parameters
@@ -135,9 +135,12 @@ def estimate_change(system: HarmonicSystem, y: NDArray) -> Estimate:
     system : HarmonicSystem
     y : (n_unknowns + 1,) float
         A peak of a simpler system, embedded.
+    residual : (n_unknowns,) float, optional
+        Of equations that differ from those of the system a little, at ``y``; the system's own by default.
     """
     n = system.n_unknowns
     r, J, r_omega = system.evaluate(y[:-1], y[-1])
+    r = r if residual is None else residual
     grow, turn, amplitude = amplitude_and_phase(system, y[:-1])
     B = np.zeros((n + 1, n + 1))
     B[:n, :n], B[:n, n], B[n, :n] = J, r_omega, turn

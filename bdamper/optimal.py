@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -343,6 +343,7 @@ def peaks_at(
     curve = study.track(preload, frequency, options=continuation)
     system = study.system(preload)
     if meter is not None:
+        meter.add(curve.cost)
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     return peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})"
@@ -756,13 +757,15 @@ def highest_peak(
     """
     preload = study._check_preload(preload)
     frequency = frequency or resonance_interval(study, mode)
-    peaks, ending = peaks_at(study, preload, frequency, options=options)
+    meter = CostMeter(time.perf_counter())
+    peaks, ending = peaks_at(study, preload, frequency, options=options, meter=meter)
     if not peaks:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
             f"ended as: {ending}"
         )
-    return peaks[0]
+    cost = meter.read(time.perf_counter())
+    return replace(peaks[0], cost=replace(cost, iterations=cost.iterations + sum(p.iterations for p in peaks)))
 
 
 def peak_sensitivities(

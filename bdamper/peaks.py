@@ -36,7 +36,7 @@ from scipy.linalg import get_lapack_funcs
 
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
-from bdamper.system import OK, STATUS_TEXT, HarmonicSystem
+from bdamper.system import OK, STATUS_TEXT, Cost, HarmonicSystem
 
 Family = Callable[[float], HarmonicSystem]
 """The equations as a function of one scalar parameter."""
@@ -110,6 +110,8 @@ class Peak:
         The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
     status : str
         "converged" or what went wrong; an unconverged peak is never used as a solution.
+    cost : Cost, optional
+        Of all that it took to find it, where that was metered.
     """
 
     parameter: float
@@ -127,6 +129,7 @@ class Peak:
     rank_deficiency: int
     corner: bool = False
     status: str = "converged"
+    cost: Cost | None = None
 
     @property
     def converged(self) -> bool:
@@ -138,6 +141,7 @@ class Peak:
         return (
             f"peak {self.amplitude:.8g} m at {self.frequency:.8g} Hz{' (corner)' if self.corner else ''}, residual "
             f"{self.residual:.1e}, {self.trials} correctors, {self.iterations} iterations"
+            + ("" if self.cost is None else f"\n  {self.cost}")
         )
 
 

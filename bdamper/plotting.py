@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
+from bdamper.accuracy import AccuracyCost
 from bdamper.errors import SettingError
 from bdamper.indicator import Advice
 from bdamper.io.import_report import ImportReport
@@ -1058,3 +1059,36 @@ def plot_over_measurement(
             ax.set_ylabel("Frequency shift (%)")
         ax.legend()
     return ax, fit
+
+
+def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequence[str] | None = None) -> Axes:
+    """Error over time of ladders of settings, with the Pareto front of each.
+
+    Parameters
+    ----------
+    result : AccuracyCost
+    ax : Axes, optional
+    ladders : sequence of str, optional
+        All by default; points of one that stands alone are named.
+    """
+    ax = ax or new_axes()
+    names = list(ladders or result.ladders)
+    for i, (name, colour) in enumerate(zip(names, colours(len(names)))):
+        rungs = [r for r in result.ladder(name) if np.isfinite(r.error)]
+        floor = max(result.reference(name).error, 1e-12) if np.isfinite(result.reference(name).error) else 1e-12
+        time = np.array([1e3 * r.seconds for r in rungs])
+        error = np.array([max(r.error, 0.3 * floor) for r in rungs])
+        front = sorted((t, e) for t, e, r in zip(time, error, rungs) if r.pareto)
+        ax.plot(time, error, MARKERS[i % len(MARKERS)], color=colour, markersize=4.5, label=name.replace("_", " "))
+        if front:
+            ax.step(*zip(*front), where="post", color=colour, linewidth=1.0)
+        if floor > 1e-11:
+            ax.axhline(floor, color=colour, linewidth=0.6, linestyle=":")
+        if len(names) == 1:
+            for r, t, e in zip(rungs, time, error):
+                ax.annotate(r.name, (t, e), textcoords="offset points", xytext=(4, 3), fontsize=6.5)
+    ax.axhline(result.tolerance, color="0.5", linewidth=0.8, linestyle="--")
+    ax.set(xscale="log", yscale="log", xlabel="Time (ms)", ylabel="Error of the peak, relative")
+    if len(names) > 1:
+        ax.legend()
+    return ax

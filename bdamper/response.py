@@ -19,10 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.errors import BdamperError
+from bdamper.estimates import ErrorEstimates, estimates_from_json
 from bdamper.system import Cost
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from bdamper.study import Study
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,8 @@ class Curve:
         Whether small disturbances die out; see :mod:`bdamper.stability`.
     stability_note : str
         Which disturbances, and what it cost.
+    error_estimates : ErrorEstimates or None
+        Of the highest peak, by source, where they were asked for.
     """
 
     kind: str
@@ -101,6 +106,7 @@ class Curve:
     notes: tuple[str, ...] = ()
     stable: NDArray | None = None
     stability_note: str = ""
+    error_estimates: ErrorEstimates | None = None
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -152,15 +158,20 @@ class Curve:
             f"largest residual {self.residual.max():.1e}",
         ]
         if c.evaluations:
-            lines.append(
-                f"  {c.seconds:.3f} s: contact {c.contact:.3f}, assembly {c.assembly:.3f}, algebra {c.algebra:.3f}, "
-                f"Python {c.python:.3f}; {c.evaluations} evaluations, {c.iterations} iterations, "
-                f"{c.failed_steps} failed steps"
-            )
+            lines.append(f"  {c}")
         if self.stable is not None:
             lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
         lines += [f"  {note}" for note in self.notes]
+        if self.error_estimates is not None:
+            lines += [f"  {line}" for line in str(self.error_estimates).split("\n")]
         return "\n".join(lines)
+
+    def errors(self, study: Study, **options: Any) -> ErrorEstimates:
+        """Estimated errors of the highest peak by source, with the study that tracked the curve.
+
+        Options are those of :func:`bdamper.estimation.estimate_errors`.
+        """
+        return study.estimate_errors(self, **options)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
         """Draw amplitude over frequency, branches that run backward dashed; see :func:`bdamper.plotting.plot_curves`."""
@@ -184,6 +195,8 @@ class Curve:
             file.attrs["start_log"] = json.dumps(self.start_log)
             file.attrs["notes"] = json.dumps(self.notes)
             file.attrs["stability_note"] = self.stability_note
+            if self.error_estimates is not None:
+                file.attrs["error_estimates"] = self.error_estimates.to_json()
             if self.stable is not None:
                 file.create_dataset("stable", data=self.stable)
 
@@ -217,6 +230,9 @@ def load_curve(path: str | FilePath) -> Curve:
                 notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
                 stable=file["stable"][()] if "stable" in file else None,
                 stability_note=str(file.attrs.get("stability_note", "")),
+                error_estimates=(
+                    estimates_from_json(str(file.attrs["error_estimates"])) if "error_estimates" in file.attrs else None
+                ),
             )
     except FileNotFoundError:
         raise

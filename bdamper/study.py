@@ -78,6 +78,7 @@ from bdamper.timedomain import Verification, verify_solution
 
 if TYPE_CHECKING:
     from bdamper.adaptive import AdaptivePeak
+    from bdamper.estimates import ErrorEstimates
     from bdamper.indicator import Advice
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
@@ -1005,6 +1006,20 @@ class Study:
             start_log=log,
             notes=notes(system, self.coupling.model, self.bases[0].coordinates, points),
         )
+
+    # ---- accuracy ----
+
+    def estimate_errors(
+        self, result: Curve | Peak, preload: float | None = None, *, sources: Sequence[str] | None = None
+    ) -> ErrorEstimates:
+        """Estimated errors of a peak by source; see :func:`bdamper.estimation.estimate_errors`."""
+        from bdamper.estimation import SOURCES, estimate_errors
+
+        return estimate_errors(self, result, preload, sources=SOURCES if sources is None else sources)
+
+    def with_errors(self, curve: Curve, *, sources: Sequence[str] | None = None) -> Curve:
+        """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
+        return replace(curve, error_estimates=self.estimate_errors(curve, sources=sources))
 
     # ---- peaks ----
 

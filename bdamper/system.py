@@ -429,6 +429,13 @@ class Cost:
         """Seconds outside the C core."""
         return max(0.0, self.seconds - self.core)
 
+    def __str__(self) -> str:
+        return (
+            f"{self.seconds:.3f} s: contact {self.contact:.3f}, assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
+            f"Python {self.python:.3f}; {self.evaluations} evaluations, {self.iterations} iterations, "
+            f"{self.failed_steps} failed steps"
+        )
+
 
 @dataclass
 class CostMeter:
@@ -438,6 +445,11 @@ class CostMeter:
     systems: list[tuple[HarmonicSystem, tuple[float, ...]]] = field(default_factory=list)
     iterations: int = 0
     failed_steps: int = 0
+    parts: list[Cost] = field(default_factory=list)
+
+    def add(self, cost: Cost) -> None:
+        """Count in what a part of the work, done while this meter ran, has metered by itself."""
+        self.parts.append(cost)
 
     def watch(self, system: HarmonicSystem) -> None:
         self.systems.append((system, system.core.cost))
@@ -446,6 +458,10 @@ class CostMeter:
         total = np.zeros(6)
         for system, before in self.systems:
             total += np.array(system.core.cost) - np.array(before)
+        for p in self.parts:
+            total += np.array([p.contact, p.assembly, p.algebra, p.evaluations, p.jacobians, p.factorisations])
         c, a, g = (float(t) for t in total[:3])
         e, j, f = (int(t) for t in total[3:])
-        return Cost(now - self.start, c, a, g, e, j, f, self.iterations, self.failed_steps)
+        iterations = self.iterations + sum(p.iterations for p in self.parts)
+        failed = self.failed_steps + sum(p.failed_steps for p in self.parts)
+        return Cost(now - self.start, c, a, g, e, j, f, iterations, failed)

@@ -32,9 +32,11 @@ PYTHON_LEVELS = [
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
     {"continuation", "branches", "stability", "timedomain"},
+    {"estimates"},
     {"response"},
     {"peaks", "laws"},
-    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results"},
+    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results",
+     "estimation", "tolerance"},
     {"prescribed", "motion", "measured", "vtu"},
     {"plotting"},
 ]
