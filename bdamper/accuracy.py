@@ -367,7 +367,8 @@ def ladder_values(study: Study, name: str) -> list[Any]:
 
 
 def _most_modes(study: Study, kind: str) -> int:
-    return min((b.n_modes for body in study.model.bodies.values() if body.kind == kind for b in body.bases.values()), default=0)
+    bodies = [body for body in study.model.bodies.values() if body.kind == kind]
+    return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
 
 
 def _name(setting: str, value: Any) -> str:

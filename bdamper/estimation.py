@@ -2,11 +2,11 @@
 
 For each source the converged peak is embedded in a richer study and the change of amplitude and frequency follows from one
 Newton step there (:func:`bdamper.indicator.estimate_change`); where that step cannot be trusted (a large change, or a
-second residual that contradicts it) Newton goes on to the end in the richer study; if that leads nowhere, the highest peaks
-of both studies with one harmonic are compared.
+second residual that contradicts it) Newton goes on to the end in the richer study; if that leads nowhere, the peak is found
+anew, with one harmonic if harmonics are not in question.
 
 ``harmonics``
-    As many more as there are, at least four; where the model lacks a nodal diameter the modes of the fundamental stand in.
+    As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
 ``evaluation``
     Samples against exact events.  Exact events against dense samples: there the sampling error itself, some 1e-6, is the
     most that missed events can hide behind.
@@ -14,9 +14,8 @@ of both studies with one harmonic are compared.
     United patches against the patches of the model.  For the patches of the model themselves the change to half as many
     is taken, with the sign turned: an error that falls with the number of points or faster is not larger.
 ``modes``
-    Twice as many modes of constrained bodies and two more elastic modes of free ones.  Where the model has no more,
-    the change to half as many is taken, times one third: residual flexibility corrected modes converge with the fourth
-    power of the frequency of the first one left out.
+    All modes of the model.  Where there are no more, the change to half as many is taken, times one third: with residual
+    flexibility modes converge with the fourth power of the frequency of the first one left out.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which carry all of it for the stuck modes.
 ``solver``
@@ -37,7 +36,7 @@ from bdamper.adaptive import carried_over, higher_nearby
 from bdamper.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import ErrorEstimates, SourceError
-from bdamper.indicator import TRUSTED, embed_between, estimate_change
+from bdamper.indicator import embed_between, estimate_change
 from bdamper.peaks import Peak, find_peak
 from bdamper.response import Curve
 from bdamper.system import Sampled
@@ -47,6 +46,8 @@ if TYPE_CHECKING:
     from bdamper.study import Study
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
+TRUSTED = 0.01
+"""Relative change up to which one Newton step is enough if nothing contradicts it."""
 POINTS_FACTOR = 1.0
 """Error of n contact points over the change to n/2 of them."""
 MODES_FACTOR = 1.0 / 3.0
@@ -108,12 +109,12 @@ def estimate_errors(
         top = result.peak
         preload = result.preload
         y = np.append(result.unknowns[top.index], 2.0 * np.pi * top.frequency)
-        refined = find_peak(study.system(preload), y)
+        peak = find_peak(study.system(preload), y)
         amplitude, frequency = top.amplitude, top.frequency
-        near = abs(refined.amplitude / amplitude - 1.0) < 0.05 and abs(refined.frequency / frequency - 1.0) < 0.02
-        peak = refined if refined.converged and near else None
-        if peak is None:
-            peak = replace(refined, y=y, frequency=frequency, amplitude=amplitude, status="converged")
+        near = abs(peak.amplitude / amplitude - 1.0) < 0.05 and abs(peak.frequency / frequency - 1.0) < 0.02
+        if not (peak.converged and near) or isinstance(study.evaluation, Sampled):  # samples make many small peaks
+            peak = replace(peak, y=y, frequency=frequency, amplitude=amplitude, residual=float(result.residual[top.index]),
+                           status="converged")  # fmt: skip
     else:
         if not result.converged:
             raise SettingError(f"peak: expected a converged one, found status '{result.status}'")
@@ -183,7 +184,7 @@ def change_of_peak(
     except FloatingPointError:
         return np.nan, np.nan, np.inf, "not finite"
     change = max(abs(e.amplitude), abs(e.frequency))
-    trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.25 * change
+    trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.1 * change
     if trusted or not solve or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
     guesses = [e.y] if np.isfinite(e.size) and e.size < 0.3 else []
@@ -191,22 +192,17 @@ def change_of_peak(
     if found is not None:
         found = higher_nearby(b, found)
         return found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0, 0.0, "solved"
-    if richer.harmonic_numbers == study.harmonic_numbers:
-        amplitude, frequency = _with_one_harmonic(study, richer, preload, peak.frequency)
-        if np.isfinite(amplitude):
-            return amplitude, frequency, 0.0, "peaks with one harmonic compared"
-    return e.amplitude, e.frequency, e.defect, "one Newton step, not to be trusted: Newton leads nowhere"
-
-
-def _with_one_harmonic(study: Study, richer: Study, preload: float, frequency: float) -> tuple[float, float]:
-    """Relative change of the highest peak around a frequency with one harmonic only."""
-    peaks = []
-    for variant in (study, richer):
-        single = variant.with_effects(replace(Effects.of(variant), harmonics=1))
-        peaks.append(single.peak(preload, (0.88 * frequency, 1.12 * frequency)))
-    if not all(peak.converged for peak in peaks):
-        return np.nan, np.nan
-    return peaks[1].amplitude / peaks[0].amplitude - 1.0, peaks[1].frequency / peaks[0].frequency - 1.0
+    around = (0.9 * peak.frequency, 1.1 * peak.frequency)
+    try:
+        if richer.harmonic_numbers != study.harmonic_numbers or study.harmonic_numbers == (1,):
+            before, after, how = peak, richer.peak(preload, around), "found anew"
+        else:
+            single = [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in (study, richer)]
+            before, after = (s.peak(preload, around) for s in single)
+            how = "peaks with one harmonic compared"
+    except BdamperError:
+        return e.amplitude, e.frequency, e.defect, "one Newton step, not to be trusted: no peak found"
+    return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how
 
 
 def _missed_events(study: Study, preload: float, y: NDArray) -> tuple[float, float, int]:
@@ -271,7 +267,7 @@ def _model_with_stand_ins(study: Study, harmonics: list[int]) -> Model:
 
 def _more_harmonics(study: Study) -> Richer:
     own = study.harmonic_numbers
-    top = min(own[-1] + max(4, own[-1]), MAX_HARMONIC)
+    top = min(own[-1] + max(8, own[-1]), MAX_HARMONIC)
     lacking = missing_harmonics(study, top)
     text = f"harmonics 1 to {top}"
     if lacking:
@@ -307,11 +303,10 @@ def _more_modes(study: Study) -> Richer | None:
     blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
     most = max(blade, default=0)
-    more = min(2 * study.blade_modes, most)
-    elastic = min([study.damper_modes + 2, *damper]) if damper else study.damper_modes
-    if more > study.blade_modes:
-        text = f"{more} modes" + (f", {elastic} elastic modes of the damper" if damper else "")
-        return Richer(replace(study, blade_modes=more, damper_modes=elastic), 1.0, text)
+    elastic = max(min(damper, default=0), study.damper_modes)
+    if most > study.blade_modes:
+        text = f"{most} modes" + (f", {elastic} elastic modes of the damper" if damper else "")
+        return Richer(replace(study, blade_modes=most, damper_modes=elastic), 1.0, text)
     own = min(study.blade_modes, most)
     if own < 2:
         return None

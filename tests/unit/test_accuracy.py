@@ -1,0 +1,214 @@
+"""Error estimates by source, ladders of settings: against solutions of richer studies, and each other."""
+
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.accuracy import by_sweep, by_tracking, make_ladders, richest, varied
+from bdamper.errors import SettingError
+from bdamper.estimates import estimates_from_json
+from bdamper.estimation import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
+from bdamper.peaks import PeakOptions
+from tests import accuracy_cases, models
+
+
+@pytest.fixture(scope="module")
+def study():
+    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=2)
+
+
+@pytest.fixture(scope="module")
+def place():
+    """Preload and interval of a peak with slip and separation."""
+    return 5000.0, (320.0, 365.0)
+
+
+@pytest.fixture(scope="module")
+def peak(study, place):
+    return study.peak(*place)
+
+
+def test_all_sources_of_a_peak(study, place, peak):
+    errors = study.estimate_errors(peak)
+    assert [s.source for s in errors.sources] == list(SOURCES)
+    assert peak.shares[1] + peak.shares[2] > 0.0  # there is something to estimate
+    assert all(s.known for s in errors.sources), str(errors)
+    assert errors["solver"].size < 1e-8
+    assert errors["evaluation"].size < 1e-5
+    assert errors.total >= errors.largest.size
+    text = str(errors)
+    assert all(source in text for source in SOURCES) and len(text.splitlines()) == 1 + len(SOURCES)
+    assert estimates_from_json(errors.to_json()) == errors
+    with pytest.raises(KeyError, match="friction"):
+        errors["friction"]
+
+
+@pytest.mark.parametrize("source", ["harmonics", "contact points", "modes", "evaluation"])
+def test_estimate_is_the_change_to_the_richer_study(study, place, source):
+    changes = {"contact points": {"contact_points": 6}, "evaluation": {"evaluation": bd.Sampled(64)}}.get(source, {})
+    own = replace(study, **changes)
+    curve = own.track(*place)
+    estimated = own.estimate_errors(curve, sources=[source])[source]
+    true = richer_study(own, source).study.peak(*place)
+    error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
+    assert np.abs(error).max() > 1e-6
+    size = max(abs(estimated.amplitude), abs(estimated.frequency))
+    assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
+
+
+def test_solver_error_is_that_of_a_loose_peak(study, place, peak):
+    loose = study.peak(*place, options=PeakOptions(tolerance=1e-3, position_tolerance=1e-2))
+    moved = replace(peak, y=peak.y * (1.0 + 1e-4), amplitude=peak.amplitude * (1.0 + 1e-4))
+    estimated = study.estimate_errors(moved, sources=["solver"])["solver"]
+    assert estimated.amplitude == pytest.approx(-1e-4, rel=0.1)
+    assert abs(loose.amplitude / peak.amplitude - 1.0) < 1e-2
+
+
+def test_curve_carries_its_errors(study, place, tmp_path):
+    curve = study.track(*place)
+    with_errors = study.with_errors(curve, sources=["harmonics", "solver"])
+    assert curve.error_estimates is None and "solver" not in str(curve)
+    assert with_errors.error_estimates == curve.errors(study, sources=["harmonics", "solver"])
+    assert "harmonics: amplitude" in str(with_errors) and "contact 0." in str(with_errors)
+    with_errors.save(tmp_path / "curve.h5")
+    assert bd.load_curve(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
+
+
+def test_peak_carries_its_cost(peak):
+    assert peak.cost is not None
+    assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
+    assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
+    assert "contact" in str(peak)
+
+
+def test_what_is_refused(study, place, peak):
+    with pytest.raises(SettingError, match="sources"):
+        study.estimate_errors(peak, sources=["friction"])
+    with pytest.raises(SettingError, match="preload"):
+        study.estimate_errors(replace(peak, parameter=np.nan))
+    with pytest.raises(SettingError, match="unknowns"):
+        replace(study, harmonics=3).estimate_errors(peak)
+    with pytest.raises(SettingError, match="converged"):
+        study.estimate_errors(replace(peak, status="lost"))
+    for wrong in ({"vary": "bearing"}, {"vary": {"model": [1]}}, {"vary": {"harmonics": []}}, {"quantity": "temperature"},
+                  {"repeats": 0}, {"tolerance": 2.0}):  # fmt: skip
+        with pytest.raises(SettingError):
+            bd.accuracy_cost(study, *place, **wrong)
+
+
+def test_stand_ins_leave_present_modes_alone(study):
+    assert missing_harmonics(study, 3) == []
+    assert missing_harmonics(study, 15) == []
+    small = bd.Study(models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3), bd.Excitation("tip"), 2, harmonics=2)
+    assert missing_harmonics(small, 5) == [4, 5]
+    wide = with_stand_ins(small, 5)
+    assert wide.harmonic_numbers == (1, 2, 3, 4, 5)
+    for l in range(1, 4):
+        np.testing.assert_array_equal(wide.bases[l].G, small.coupling.basis(l).G)
+    for l in (4, 5):
+        np.testing.assert_array_equal(wide.bases[l].omega2, small.bases[1].omega2)
+
+
+def test_change_between_equal_studies_is_nothing(study, place, peak):
+    amplitude, frequency, _, _ = change_of_peak(study, replace(study), place[0], peak)
+    assert abs(amplitude) < 1e-8 and abs(frequency) < 1e-8
+
+
+# ---- ladders ----
+
+
+@pytest.fixture(scope="module")
+def result(study, place):
+    vary = {"harmonics": [1, 2, 3], "evaluation": [bd.Sampled(64), "exact"], "contact_points": [6, 9]}
+    return bd.accuracy_cost(study, *place, quantity="curve", vary=vary, repeats=3, tolerance=0.02)
+
+
+def test_errors_are_those_of_the_curves(study, place, result):
+    assert result.ladders == ("harmonics", "evaluation", "contact_points")
+    reference = result.reference("harmonics")
+    assert reference.name == "harmonics 6" and np.isfinite(reference.error)
+    true = with_stand_ins(study, 6).peak(*place)
+    assert reference.amplitude == pytest.approx(true.amplitude, rel=1e-8)
+    rung = result.ladder("harmonics")[0]
+    own = replace(study, harmonics=1).track(*place).peak
+    assert rung.amplitude_error == pytest.approx(own.amplitude / true.amplitude - 1.0, rel=1e-6)
+    assert rung.frequency_error == pytest.approx(own.frequency / true.frequency - 1.0, rel=1e-6)
+    exact = result.ladder("evaluation")[-1]
+    assert exact.name == "exact events" and exact.error < 1e-6
+    assert result.ladder("contact_points")[-1].error < 1e-6 < result.ladder("contact_points")[0].error
+
+
+def test_front_and_recommendation(result):
+    for ladder in result.ladders:
+        rungs = result.ladder(ladder)
+        assert min(r.ratio for r in rungs) == 1.0
+        for r in rungs:
+            beaten = any(o is not r and o.seconds <= r.seconds and o.error < r.error for o in rungs)
+            assert r.pareto != beaten
+        front = result.pareto(ladder)
+        assert all(a.error > b.error for a, b in zip(front, front[1:]))
+        best = result.recommended(0.5 * max(r.error for r in rungs), ladder)
+        assert best is None or best.pareto
+    assert result.recommended(1e-15, "harmonics") is None
+
+
+def test_result_prints_plots_and_saves(result, tmp_path):
+    text = str(result)
+    assert "Pareto" in text and "harmonics 3" in text and "itself good to" in text
+    assert result.markdown("harmonics").count("\n") == 6
+    ax = result.plot()
+    assert ax.get_xscale() == ax.get_yscale() == "log"
+    assert len(result.plot(ladders=["harmonics"]).texts) == 3
+    result.save(tmp_path / "ladders.h5")
+    assert bd.load_accuracy(tmp_path / "ladders.h5") == result
+    with h5py.File(tmp_path / "ladders.h5", "a") as file:
+        file.attrs["format"] = "another"
+    with pytest.raises(bd.BdamperError, match="bdamper-accuracy"):
+        bd.load_accuracy(tmp_path / "ladders.h5")
+
+
+@pytest.mark.parametrize("name", models.ALL_MODELS)
+def test_default_ladders_suit_every_model(name):
+    study = bd.Study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
+    ladders = make_ladders(study, None)
+    names = dict.fromkeys(s.ladder for s in ladders)
+    assert list(names) == ["harmonics", "evaluation", "contact_points", "blade_modes"]
+    for ladder in names:
+        rungs = [s for s in ladders if s.ladder == ladder]
+        changes, text = richest(study, rungs)
+        best = varied(study, changes)
+        for rung in rungs:
+            own = varied(study, rung.changes)
+            assert own.system(0.0).n_unknowns <= best.system(0.0).n_unknowns, text
+
+
+def test_combined_ladder_has_one_front(study, place):
+    vary = {"harmonics": [1, 2], "contact_points": [6, 9]}
+    result = bd.accuracy_cost(study, *place, vary=vary, combine=True, repeats=1)
+    assert result.ladders == ("harmonics x contact_points",) and len(result.rungs) == 4
+    assert {r.name for r in result.rungs} >= {"harmonics 1, contact points 6", "harmonics 2, contact points 9"}
+
+
+def test_ways_to_find_a_peak(study, place):
+    settings = [
+        bd.Setting("method", "tracking", solver=by_tracking),
+        bd.Setting("method", "sweep of 40", solver=by_sweep(40)),
+        bd.Setting("method", "sweep of 400", solver=by_sweep(400)),
+    ]
+    result = bd.accuracy_cost(study, *place, vary=settings, repeats=1)
+    tracking, coarse, fine = result.rungs
+    assert tracking.error < 1e-8 < fine.error < coarse.error
+    assert tracking.amplitude_error > fine.amplitude_error  # a grid misses the top
+
+
+# ---- effectivity ----
+
+
+@pytest.mark.parametrize("number", [2, 4, 8, 12, 20])
+def test_effectivity_on_a_sample(number):
+    compared = accuracy_cases.compare(number)
+    assert compared is not None
+    assert 0.3 < compared.effectivity < 3.0, compared
