@@ -24,6 +24,7 @@ def test_split_between_diagonal_and_residual_modes():
     assert rows[0].amplitude == pytest.approx(rows[1].amplitude, rel=0.02)
 
 
+@pytest.mark.slow
 def test_contact_points():
     pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
     rows = example("contact_point_convergence").convergence((9, 24))
