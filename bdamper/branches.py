@@ -239,20 +239,25 @@ def _known(system: HarmonicSystem, pieces: Sequence[Piece], y: NDArray, options:
 
 def linear_resonances(
     system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
-) -> list[tuple[float, NDArray]]:
-    """Undamped resonances of the structure without contact and with every closed point stuck: (rad/s, modal row)."""
+) -> list[tuple[float, float, NDArray]]:
+    """Resonances of the structure without contact and with every closed point stuck.
+
+    Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
+    """
     out = []
     mass = np.asarray(system.bases[1].omega2) * 0.0 + 1.0
     if getattr(system.bases[1], "mass", None) is not None:
         mass = np.asarray(system.bases[1].mass, float)
     if (mass != 1.0).any():
         return []  # coordinates without inertia: their resonances are left to the control of the step
+    rate = np.asarray(system.bases[1].damping_ratio) * np.sqrt(system.bases[1].omega2)
     for k in springs:
         matrix = system.linear_matrix(0.0, k)
         poles, vectors = np.linalg.eigh(0.5 * (matrix + matrix.conj().T))
         for pole, vector in zip(poles, vectors.T):
             if low**2 < pole < high**2:
-                out.append((float(np.sqrt(pole)), vector.conj()))
+                width = max(float(np.abs(vector) ** 2 @ rate), 1e-9 * float(np.sqrt(pole)))
+                out.append((float(np.sqrt(pole)), width, vector.conj()))
     return out
 
 

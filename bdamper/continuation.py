@@ -113,7 +113,7 @@ class Path:
     points : tuple of PathPoint
     status : str
         "complete", "turned back" (to the bound where it started), "closed" (on itself), "tangle" (too many folds without
-        progress), "stalled", "too many points" or "interrupted".
+        progress), "walked off" (a free body that nothing stops), "stalled", "too many points" or "interrupted".
     reason : str
     iterations, failed_steps : int
     """
@@ -123,6 +123,12 @@ class Path:
     reason: str
     iterations: int
     failed_steps: int
+
+
+WALKED_OFF = (
+    "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "
+    "constraint plane takes load"
+)
 
 
 class _Follower:
@@ -205,8 +211,8 @@ class _Follower:
 
     def _over_resonance(self, a: NDArray, b: NDArray) -> bool:
         """Whether a linear resonance in a step is not resolved: the phase of its modal coordinate jumps."""
-        for omega, row in self.system.watched:
-            if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > 1e-9 * omega:
+        for omega, width, row in self.system.watched:
+            if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > width:
                 before = self.system.amplitudes(a[:-1], 1) @ row
                 after = self.system.amplitudes(b[:-1], 1) @ row
                 if (before.conjugate() * after).real < 0.5 * abs(before * after):
@@ -407,6 +413,11 @@ class _Follower:
         """Sense of progress in frequency."""
         return 1.0 if up else -1.0
 
+    def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
+        """Whether the mean position is out of all proportion to the vibration and to where it began."""
+        n = self.system.n_mean
+        return float(np.linalg.norm(y[:n])) > ratio * max(self.largest, float(np.linalg.norm(start[:n])))
+
     def _closes(self, y: NDArray, new: Correction) -> bool:
         """Whether a step passes through the first point of the path in the sense in which the path set off."""
         first = self.points[0]
@@ -446,6 +457,8 @@ class _Follower:
             here = PathPoint(y, tangent, scale, point.shares, point.residual, point.iterations, point.rank_deficiency)
             new, step, reach, refused = self.advance(y, tangent, scale, step)
             if new is None:
+                if self.walks(tangent) and self._far(y, start, 1e3):
+                    return "walked off", WALKED_OFF
                 return "stalled", f"at {y[-1] / (2 * np.pi):.6g} Hz: {refused} at the smallest step"
             omega = new.y[-1]
             if not self.low <= omega <= self.high:
@@ -468,6 +481,8 @@ class _Follower:
             point = self.record(new, scale, kind)
             turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
             if self.walks(new.tangent) and self.walks(tangent):
+                if self._far(new.y, start, 1e6):
+                    return "walked off", WALKED_OFF
                 step = min(4.0 * step, 2.0)  # straight and at one frequency: nothing to miss
                 continue
             growth = min(2.0, 0.6 * options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)

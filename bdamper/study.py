@@ -788,7 +788,8 @@ class Study:
         meter.failed_steps += path.failed_steps
         if path.status != "complete":
             reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
-            log.append(f"excitation raised from the static state: stopped at {reached} ({path.status})")
+            why = path.reason if path.status == "walked off" else path.status
+            log.append(f"excitation raised from the static state: stopped at {reached} ({why})")
             return None, log
         log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega), log

@@ -173,8 +173,8 @@ class HarmonicSystem:
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
         self._parameter: dict[str, Any] = {}
-        self.watched: list[tuple[float, NDArray]] = []
-        """Linear resonances that a path must not step over: frequency (rad/s), row of modal amplitudes of harmonic 1."""
+        self.watched: list[tuple[float, float, NDArray]] = []
+        """Linear resonances that a path must not step over: frequency and half-width (rad/s), modal row."""
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
         """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""

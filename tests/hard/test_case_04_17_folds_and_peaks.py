@@ -1,0 +1,71 @@
+"""Rows 4 and 17, and the curve-level promises on folds: location, both branches, nothing stepped over."""
+
+import numpy as np
+import pytest
+
+from bdamper.branches import linear_resonances
+from bdamper.continuation import ContinuationOptions, follow
+from tests.oscillators import oscillator
+
+
+def two_oscillators(n_harm, **settings):
+    """Anchor A7: tangential x and normal y, coupled, with one contact point that separates."""
+    return oscillator(
+        1.0, 0.05, [[1.0, 0.3], [0.3, 2.0]], [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]], [0.1, 0.12], [0.0, 1.0], n_harm,
+        kt=0.6, kn=6.0, mu=0.4, n0=0.35, **settings,
+    )  # fmt: skip
+
+
+def followed(system, low, high, springs, **options):
+    start = np.append(system.pack(np.zeros(system.n_mean), system.linear_response(low, springs)), low)
+    return follow(system, start, (low, high), options=ContinuationOptions(**options))
+
+
+STUCK = np.array([[0.6, 0.0, 6.0]])
+
+
+def test_case_04_fold_beside_lift_off_is_passed_on_both_branches():
+    path = followed(two_oscillators(13), 1.0, 3.5, STUCK)
+    assert path.status == "complete"
+    folds = [p.y[-1] for p in path.points if p.kind == "fold"]
+    # published values of two independent programs
+    np.testing.assert_allclose(sorted(folds), [1.962464, 2.441122], atol=2e-6)
+    # contact is kept up to right beside the upper fold: the first point that opens is near it
+    first = next(i for i, p in enumerate(path.points) if p.shares[2] > 0.0)
+    assert path.points[first - 1].y[-1] <= 2.441123
+    assert abs(path.points[first].y[-1] - 2.4411) < 0.05
+    senses = {np.sign(p.tangent[-1]) for p in path.points if p.kind == "regular"}
+    assert senses == {1.0, -1.0}
+
+
+@pytest.mark.parametrize(("n_harm", "expected"), [(1, (1.934680, 2.435580)), (13, (1.962464, 2.441122))])
+def test_smooth_folds_are_located_to_1e_minus_10(n_harm, expected):
+    system = two_oscillators(n_harm)
+    path = followed(system, 1.0, 3.5, STUCK, tolerance=1e-12)
+    other = followed(system, 1.0, 3.5, STUCK, tolerance=1e-12, max_step=0.07, step=0.03)
+    for omega in expected:
+        a, b = (min((p.y[-1] for p in q.points if p.kind == "fold"), key=lambda w: abs(w - omega)) for q in (path, other))
+        assert abs(a - omega) < 2e-6
+        assert abs(a - b) < 1e-10 * omega  # two different paths agree on it
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1e-4, 1e-5])
+def test_case_17_fully_stuck_peak_is_not_stepped_over(ratio):
+    # two modes: the sharp one is hardly excited, so that nothing but its phase tells of it from afar
+    k = np.array([[1.0, -0.005], [-0.005, 2.0]])
+    system = oscillator(
+        1.0, 2.0 * ratio, k, [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]], [0.0, 1e-3], [1.0, 0.0], 1,
+        kt=0.6, kn=6.0, mu=0.4, n0=10.0,
+    )  # fmt: skip
+    omega = np.sqrt(np.linalg.eigvalsh(k + np.diag([0.6, 6.0])))[0]
+    around = omega * (1.0 + ratio * np.linspace(-3, 3, 601))
+    exact = max(abs(system.linear_response(w, STUCK) @ system.response_rows[1]) for w in around)
+
+    def peak(path):
+        assert path.status == "complete"
+        return max(abs(system.response(p.y[:-1])[1]) for p in path.points if abs(p.y[-1] - omega) < 0.05)
+
+    system.watched = linear_resonances(system, (None, STUCK), 0.8, 2.5)
+    assert abs(peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) / exact - 1.0) < 1e-3
+    system.watched = []  # with long steps and nothing to watch it is stepped over: what the test guards against
+    assert peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) < 0.5 * exact

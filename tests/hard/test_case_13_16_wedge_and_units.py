@@ -1,0 +1,79 @@
+"""Rows 13 to 16: self-locking wedges, nodal diameters of harmonics, no excitation, units."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from tests.models import acyclic_model, wedge_model
+
+
+@pytest.mark.parametrize(
+    ("n_blades", "engine_order", "expected"), [(12, 4, [0, 4, 4, 0]), (12, 6, [0, 6, 0, 6]), (8, 8, [0, 0, 0, 0])]
+)
+def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, expected):
+    model = wedge_model(1, n_blades, engine_order, harmonics=3)
+    study = bd.Study(
+        model, engine_order=engine_order, harmonics=3, contact_stiffness="model",
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    assert [b.nodal_diameter for b in study.bases] == expected
+    # phase 0 or pi between neighbours: real relative motion; else complex
+    phase = 2 * np.pi * engine_order / n_blades
+    for l, b in enumerate(study.bases):
+        real = abs(np.sin(l * phase)) < 1e-12
+        assert (np.abs(b.G.imag).max() < 1e-12 * np.abs(b.G).max()) == real
+    assert study.track(100.0, (250.0, 300.0)).complete
+
+
+def test_case_15_no_excitation_gives_the_static_state():
+    study = bd.Study(
+        acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 0.0)
+    )
+    curve = study.track(200.0, (250.0, 300.0))
+    assert curve.complete, curve.reason
+    assert not curve.amplitude.any()
+    np.testing.assert_allclose(
+        curve.unknowns[:, : len(study.static(200.0).q)], np.tile(study.static(200.0).q, (len(curve), 1)), rtol=1e-9
+    )
+    assert curve.peak.amplitude == 0.0
+
+
+@pytest.mark.parametrize("factor", [1e6, 1e-6])
+def test_case_16_excitation_and_preload_scaled_together(factor):
+    model = acyclic_model(1)
+    # without gaps the equations are homogeneous
+    faces = {name: replace(face, gap=np.zeros(face.n_points)) for name, face in model.interfaces.items()}
+    model = replace(model, interfaces=faces)
+
+    def curve(scale):
+        study = bd.Study(
+            model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 2.0 * scale)
+        )
+        return study.track(200.0 * scale, (250.0, 400.0))
+
+    one, other = curve(1.0), curve(factor)
+    assert one.complete
+    assert other.complete
+    assert abs(other.peak.frequency / one.peak.frequency - 1.0) < 1e-6
+    assert abs(other.peak.amplitude / one.peak.amplitude / factor - 1.0) < 1e-6
+
+
+@pytest.mark.parametrize("unit", [1e6, 1e-6])
+def test_case_16_another_unit_of_time(unit):
+    """Frequencies, stiffness and damping in other units: the same path, point by point."""
+    from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed
+    from tests.oscillators import oscillator
+
+    def path(t):
+        system = oscillator(
+            1.0, 0.05 / t, np.array([[1.0, 0.3], [0.3, 2.0]]) / t**2, [[1.0, 0.0], [0.0, 0.0], [0.0, 1.0]],
+            np.array([0.1, 0.12]) / t**2, [0.0, 1.0], 3, kt=0.6 / t**2, kn=6.0 / t**2, mu=0.4, n0=0.35 / t**2,
+        )  # fmt: skip
+        return followed(system, 1.0 / t, 3.0 / t, STUCK / t**2)
+
+    one, other = path(1.0), path(unit)
+    assert one.status == other.status == "complete"
+    folds = [np.array([p.y[-1] for p in q.points if p.kind == "fold"]) for q in (one, other)]
+    np.testing.assert_allclose(folds[1] * unit, folds[0], rtol=1e-8)

@@ -1,0 +1,80 @@
+"""Time integration of all sectors against harmonic balance, closed forms and its own order of accuracy."""
+
+import pytest
+
+import bdamper as bd
+from bdamper.timedomain import Ring, verify_solution
+from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
+from tests.models import acyclic_model, wedge_model
+
+
+def distance(n_harm, periods=90, steps=600):
+    system = two_oscillators(n_harm)
+    p = max(followed(system, 1.0, 3.5, STUCK).points, key=lambda q: abs(system.response(q.y[:-1])[1]))
+    return verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=periods, steps_per_period=steps)
+
+
+def test_settled_response_approaches_harmonic_balance_with_more_harmonics():
+    one, many = distance(1).distance, distance(13).distance
+    assert many < 5e-3
+    assert many < 0.2 * one
+
+
+def test_linear_motion_to_second_order():
+    """Fully stuck: harmonic balance is exact, so the distance is the error of the integration."""
+    system = two_oscillators(1)
+    p = followed(system, 1.0, 1.02, STUCK).points[0]
+    errors = [
+        verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=150, steps_per_period=n).distance for n in (100, 200)
+    ]
+    assert 3.5 < errors[0] / errors[1] < 4.5
+    assert errors[1] < 1e-3
+
+
+def test_ring_of_sectors_keeps_the_travelling_wave():
+    """Bias, fundamental and second harmonic in different nodal diameters; friction and separation; all sectors."""
+    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    study = bd.Study(
+        model,
+        engine_order=2,
+        harmonics=3,
+        contact_stiffness=3e6,
+        friction_coefficient=0.3,
+        damping_ratio=0.03,
+        excitation=bd.Excitation("tip", "tangential", 20.0),
+    )
+    curve = study.track(400.0, (250.0, 350.0))
+    assert curve.complete
+    result = study.verify(curve, periods=20)
+    assert result.sectors == 4  # the pattern repeats
+    assert (curve.shares[curve.peak.index, 1:] > 0.01).all()  # slip and separation
+    assert result.distance < 0.03
+    assert "distance" in str(result)
+    assert result.plot().get_xlabel() == "time, periods"
+
+
+def test_verification_can_fail():
+    """A motion that is not the solution is told from it."""
+    system = two_oscillators(5)
+    p = followed(system, 1.5, 2.2, STUCK).points[3]
+    wrong = p.y[:-1].copy()
+    wrong[2:] *= 1.3
+    assert verify_solution(system, wrong, p.y[-1], 1, 0, periods=60, steps_per_period=400).distance > 0.1
+
+
+def test_what_cannot_be_integrated_is_refused():
+    model = wedge_model(4, n_blades=8, engine_order=1, n_points=4, n_blade_modes=2, harmonics=3)
+    study = bd.Study(
+        model, engine_order=1, harmonics=3, single_basis=True, contact_stiffness="model",
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    with pytest.raises(bd.SettingError, match="single_basis"):
+        Ring(study.system(100.0), 8, 1)
+    study = bd.Study(
+        acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0)
+    )
+    curve = study.track(200.0, (300.0, 310.0))
+    with pytest.raises(bd.SettingError, match="index"):
+        study.verify(curve, 10**6)
+    with pytest.raises(bd.SettingError, match="steps_per_period"):
+        study.verify(curve, 0, steps_per_period=8)
