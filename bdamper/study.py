@@ -45,7 +45,7 @@ from bdamper.errors import SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.model import ContactStiffness, Model
-from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.preload import OPEN, PreloadState, StaticSystem, is_self_locking, scaled_state, static_state
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve
@@ -596,6 +596,20 @@ class Study:
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
         return wedge_friction(self.coupling, self.friction, self._check_preload(preload))
 
+    @cached_property
+    def self_locking(self) -> tuple[str, ...]:
+        """Bodies whose wedge faces are so steep that friction alone holds them: their static normal load is not unique."""
+        out = []
+        mu = self._friction_by_interface()
+        for body in self.model.bodies.values():
+            if body.load is None:
+                continue
+            faces = [name for name, side in body.ports if side == "a" and mu.get(name, 0.0) > 0.0]
+            normals = np.array([self.model.interfaces[name].frame[:, 2].mean(axis=0) for name in faces]).reshape(-1, 3)
+            if is_self_locking(normals, np.array([mu[name] for name in faces]), body.load.direction):
+                out.append(body.name)
+        return tuple(out)
+
     def _check_preload(self, preload: float) -> float:
         preload = float(preload)
         if not np.isfinite(preload) or preload < 0.0:
@@ -1005,7 +1019,8 @@ class Study:
             settings=self._settings(options),
             model_hash=self.model.hash,
             start_log=log,
-            notes=notes(system, self.coupling.model, self.bases[0].coordinates, points),
+            notes=notes(system, self.coupling.model, self.bases[0].coordinates, points)
+            + tuple(f"{name} is self-locking: its static normal load is not unique" for name in self.self_locking),
         )
 
     # ---- accuracy ----

@@ -9,6 +9,38 @@ import bdamper as bd
 from tests.models import acyclic_model, wedge_model
 
 
+@pytest.mark.parametrize(("angle", "mu", "locks"), [(45.0, 0.3, False), (20.0, 0.3, False), (15.0, 0.3, True)])
+def test_case_13_self_locking_is_named(angle, mu, locks):
+    """tan(alpha) <= mu: 15 degrees lock at mu = 0.3 (16.7 degrees), 20 do not."""
+    alpha = np.radians(angle)
+    study = bd.Study(
+        acyclic_model(1, alpha=alpha, beta=alpha, n_damper_modes=0),
+        engine_order=0,
+        contact_stiffness="model",
+        friction_coefficient=mu,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )
+    assert study.self_locking == (("damper",) if locks else ())
+    curve = study.track(200.0, (250.0, 300.0))
+    assert any("not unique" in note for note in curve.notes) == locks
+    if locks:
+        # the same load by another history: another normal load, both in equilibrium
+        from dataclasses import replace
+
+        from bdamper.preload import StaticSystem, static_state
+
+        force, shift = study._load
+        system = StaticSystem(
+            study.bases[0].omega2, study.bases[0].G.real, study._kt, study._k[:, 2], study.friction,
+            -study._k[:, 2] * study._gap, force, shift, np.zeros_like(force),
+        )  # fmt: skip
+        direct = static_state(system, 200.0)
+        over = static_state(replace(system), 200.0, start=static_state(system, 2000.0))
+        assert direct.converged
+        assert over.converged
+        assert over.force[:, 2].sum() > 1.05 * direct.force[:, 2].sum()
+
+
 @pytest.mark.parametrize(
     ("n_blades", "engine_order", "expected"), [(12, 4, [0, 4, 4, 0]), (12, 6, [0, 6, 0, 6]), (8, 8, [0, 0, 0, 0])]
 )
