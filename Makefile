@@ -50,7 +50,7 @@ lint: $(VENV)/dev.stamp
 	$(call step,ruff,$(PY) -m ruff check .)
 	$(call step,mypy,$(PY) -m mypy bdamper)
 	$(call step,clang-format,$(VENV)/bin/clang-format --dry-run --Werror csrc/*.c csrc/*.h $(wildcard tests/c/*.c tests/c/*.h))
-	$(call step,compiler warnings,sh tools/warnings.sh)
+	$(call step,compiler warnings,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/warnings.sh)
 
 sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)

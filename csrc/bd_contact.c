@@ -19,13 +19,14 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
     bd_coulomb_destroy(&evaluator->coulomb);
 }
 
-void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
-                              bd_status_share *share, bd_evaluator *evaluator) {
+void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                              bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
     bd_status_share unused[BD_LANES];
     if (!share) share = unused;
     if (evaluator->evaluation == BD_EXACT) {
-        for (int i = 0; i < n; ++i) bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->event);
+        for (int i = 0; i < n; ++i)
+            bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->event);
         return;
     }
     bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);

@@ -30,8 +30,8 @@ void bd_contact_evaluate(const bd_element *element, const double *x, bd_response
                          bd_evaluator *evaluator);
 
 /* The same for n <= BD_LANES points: element (n), x (n, 3, n_coef), out (n), share (n). */
-void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out,
-                              bd_status_share *share, bd_evaluator *evaluator);
+void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                              bd_evaluator *evaluator);
 
 /* Parts of the cycle of direction d in the latest evaluation of a single point; returns their number. */
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment);

@@ -59,15 +59,13 @@ static void *array_data(PyObject *object, const char *name, int type, const char
     }
     if (!has_shape(array, n_dim, shape)) {
         PyObject *expected = shape_text(n_dim, shape), *found = shape_text(PyArray_NDIM(array), PyArray_DIMS(array));
-        if (expected && found)
-            PyErr_Format(PyExc_ValueError, "%s: expected shape %U, found %U", name, expected, found);
+        if (expected && found) PyErr_Format(PyExc_ValueError, "%s: expected shape %U, found %U", name, expected, found);
         Py_XDECREF(expected);
         Py_XDECREF(found);
         return NULL;
     }
     if (!PyArray_IS_C_CONTIGUOUS(array) || !PyArray_ISALIGNED(array) || (writable && !PyArray_ISWRITEABLE(array))) {
-        PyErr_Format(PyExc_ValueError, "%s: expected an aligned C-contiguous%s array", name,
-                     writable ? ", writable" : "");
+        PyErr_Format(PyExc_ValueError, "%s: expected an aligned C-contiguous%s array", name, writable ? ", writable" : "");
         return NULL;
     }
     return PyArray_DATA(array);
@@ -116,8 +114,10 @@ static int check_n_harm(npy_intp n_harm) {
 
 static int check_law(int law, int evaluation) {
     if (bd_evaluation_serves((bd_evaluation)evaluation, (bd_law)law)) return 1;
-    PyErr_Format(PyExc_ValueError, "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2 "
-                 "with them, found 0", BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT);
+    PyErr_Format(PyExc_ValueError,
+                 "law: the coupled laws (%d, %d) have no exact evaluation; expected evaluation 1 or 2 "
+                 "with them, found 0",
+                 BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT);
     return 0;
 }
 
@@ -138,8 +138,7 @@ static int check_slider(const double *w, int law) {
 /* ---- System ---- */
 
 typedef struct {
-    PyObject_HEAD
-    bd_hbm hbm;
+    PyObject_HEAD bd_hbm hbm;
     bd_newton_work newton;
     PyThread_type_lock lock;
 } SystemObject;
@@ -177,22 +176,22 @@ static int read_points(PyObject *const *object, bd_hbm_input *in, npy_intp n_poi
         }
     for (npy_intp p = 0; p < n_point; ++p)
         if (!check_law(in->law[p], in->evaluation) || !check_slider(in->w + 2 * p, in->law[p])) return 0;
-    if (object[7] != Py_None && (!(in->load = vector(object[7], "load", n_point, 0)) ||
-                                 !all_satisfy(in->load, n_point, "load", 0)))
+    if (object[7] != Py_None &&
+        (!(in->load = vector(object[7], "load", n_point, 0)) || !all_satisfy(in->load, n_point, "load", 0)))
         return 0;
     return (in->shift = doubles(object[6], "shift", 2, by3, 0)) && all_satisfy(in->shift, 3 * n_point, "shift", 0);
 }
 
 static PyObject *System_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_mode", "stiffness", "mass", "damping", "G", "kt", "kn", "mu", "n0", "w", "law",
-                            "shift", "force", "evaluation", "n_time", "load", NULL};
+    static char *names[] = {"n_mode", "stiffness", "mass",  "damping", "G",          "kt",     "kn",   "mu", "n0",
+                            "w",      "law",       "shift", "force",   "evaluation", "n_time", "load", NULL};
     PyObject *n_mode, *stiffness, *mass, *damping, *G, *force, *point[8];
     point[7] = Py_None;
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiO:System", names, &n_mode, &stiffness, &mass,
-                                     &damping, &G, &point[0], &point[1], &point[2], &point[3], &point[4], &point[5],
-                                     &point[6], &force, &evaluation, &in.n_time, &point[7]))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiO:System", names, &n_mode, &stiffness, &mass, &damping,
+                                     &G, &point[0], &point[1], &point[2], &point[3], &point[4], &point[5], &point[6],
+                                     &force, &evaluation, &in.n_time, &point[7]))
         return NULL;
     if (!PyArray_Check(n_mode) || PyArray_NDIM((PyArrayObject *)n_mode) != 1) {
         PyErr_SetString(PyExc_TypeError, "n_mode: expected a one-dimensional numpy array");
@@ -259,12 +258,10 @@ static PyObject *System_evaluate(SystemObject *self, PyObject *args, PyObject *k
     if (J_object != Py_None && !(J = doubles(J_object, "J", 2, square, 1))) return NULL;
     if (d_object != Py_None && !(d = vector(d_object, "r_omega", n, 1))) return NULL;
     bd_status status;
-    Py_BEGIN_ALLOW_THREADS
-    lock_without_gil(self);
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
     status = bd_hbm_evaluate(&self->hbm, u, omega, r, J, d);
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS
-    return PyLong_FromLong(status);
+    Py_END_ALLOW_THREADS return PyLong_FromLong(status);
 }
 
 /* Stick, slip and open, averaged over the points with friction at the latest evaluation. */
@@ -284,8 +281,9 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
 }
 
 static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"y", "normal", "scale", "row_scale", "tangent", "tolerance", "max_iterations",
-                            "line_search", "least_norm", "rank_tolerance", "ramp", "omega", NULL};
+    static char *names[] = {"y",         "normal",         "scale",       "row_scale",  "tangent",
+                            "tolerance", "max_iterations", "line_search", "least_norm", "rank_tolerance",
+                            "ramp",      "omega",          NULL};
     PyObject *object[5], *ramp = Py_None;
     bd_newton_options options = {.least_norm = 1, .rank_tolerance = 1e-14};
     if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOd:correct", names, &object[0], &object[1], &object[2],
@@ -303,15 +301,13 @@ static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kw
     bd_newton_report report;
     bd_status status;
     double mean[3];
-    Py_BEGIN_ALLOW_THREADS
-    lock_without_gil(self);
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
     status = bd_newton_correct(&self->hbm, &self->newton, &options, y, normal, scale, row_scale, tangent, &report);
     mean_shares(&self->hbm, mean);
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS
-    return Py_BuildValue("iiddddi(ddd)i", (int)status, report.iterations, report.residual, report.first_step,
-                         report.last_step, report.condition, report.rank, mean[0], mean[1], mean[2],
-                         report.orientation);
+    Py_END_ALLOW_THREADS return Py_BuildValue("iiddddi(ddd)i", (int)status, report.iterations, report.residual,
+                                              report.first_step, report.last_step, report.condition, report.rank, mean[0],
+                                              mean[1], mean[2], report.orientation);
 }
 
 static void copy_shares(const bd_hbm *hbm, double *share) {
@@ -345,16 +341,14 @@ static PyObject *System_contact(SystemObject *self, PyObject *args) {
     double *r = PyMem_Malloc(sizeof(double) * (size_t)n);
     if (!r) return PyErr_NoMemory();
     bd_status status;
-    Py_BEGIN_ALLOW_THREADS
-    lock_without_gil(self);
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
     status = bd_hbm_evaluate(&self->hbm, u, 0.0, r, NULL, NULL);
     const size_t size = sizeof(double) * (size_t)(3 * n_point * self->hbm.n_coef);
     memcpy(X, self->hbm.X, size);
     memcpy(F, self->hbm.F, size);
     copy_shares(&self->hbm, share);
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS
-    PyMem_Free(r);
+    Py_END_ALLOW_THREADS PyMem_Free(r);
     return PyLong_FromLong(status);
 }
 
@@ -375,7 +369,8 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14, ramp=None, omega=0.0)\n-> (status, iterations, residual, first_step, last_step, condition, rank, (stick, slip, open))\n\n"
+     "rank_tolerance=1e-14, ramp=None, omega=0.0)\n-> (status, iterations, residual, first_step, last_step, condition, "
+     "rank, (stick, slip, open))\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
      "with ramp (n_unknown), a factor on that part of the excitation at the given omega."},
     {"shares", (PyCFunction)System_shares, METH_O,
@@ -385,11 +380,12 @@ static PyMethodDef System_methods[] = {
      "(n_point, 5): stick and slip along t1, stick and slip along t2, open."},
     {NULL, NULL, 0, NULL}};
 
-static PyGetSetDef System_getset[] = {
-    {"cost", (getter)System_get_cost, NULL,
-     "Seconds in contact, assembly and algebra; evaluations, Jacobians, factorisations.", NULL},
-    {"n_unknown", (getter)System_get_n_unknown, NULL, "Number of unknowns without the frequency.", NULL},
-    {NULL, NULL, NULL, NULL, NULL}};
+static PyGetSetDef System_getset[] = {{"cost", (getter)System_get_cost, NULL,
+                                       "Seconds in contact, assembly and algebra; evaluations, Jacobians, factorisations.",
+                                       NULL},
+                                      {"n_unknown", (getter)System_get_n_unknown, NULL,
+                                       "Number of unknowns without the frequency.", NULL},
+                                      {NULL, NULL, NULL, NULL, NULL}};
 
 static PyType_Slot System_slots[] = {{Py_tp_new, System_new},
                                      {Py_tp_dealloc, System_dealloc},
@@ -411,8 +407,10 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
     PyObject *list = PyList_New(n);
     for (int i = 0; list && i < n; ++i) {
         PyObject *item = Py_BuildValue("ddi", segment[i].start, segment[i].end, segment[i].state);
-        if (!item) Py_CLEAR(list);
-        else PyList_SET_ITEM(list, i, item);
+        if (!item)
+            Py_CLEAR(list);
+        else
+            PyList_SET_ITEM(list, i, item);
     }
     return list;
 }
@@ -420,8 +418,7 @@ static PyObject *segment_list(const bd_evaluator *evaluator, int d) {
 /* Spreads the blocks of one point into the dense (3, n_coef, 3, n_coef) tangent. */
 static void spread(const double *block, int row, int column, npy_intp n_coef, double *J) {
     for (npy_intp i = 0; i < n_coef; ++i)
-        for (npy_intp j = 0; j < n_coef; ++j)
-            J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
+        for (npy_intp j = 0; j < n_coef; ++j) J[((row * n_coef + i) * 3 + column) * n_coef + j] = block[i * n_coef + j];
 }
 
 static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs) {
@@ -447,9 +444,8 @@ static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kw
     double *w = kt ? vector(w_object, "w", 2, 0) : NULL, *F = w ? doubles(F_object, "F", 2, shape, 1) : NULL;
     double *J = F ? doubles(J_object, "J", 4, shape_J, 1) : NULL;
     if (!J || !check_n_harm(n_harm) || !check_evaluation(evaluation, n_time, n_harm) ||
-        !all_satisfy(x, 3 * n_coef, "x", 0) || !all_satisfy(kt, 2, "kt", 1) ||
-        !all_satisfy(&element.kn, 1, "kn", 1) || !all_satisfy(&element.mu, 1, "mu", 1) ||
-        !all_satisfy(&element.n0, 1, "n0", 0))
+        !all_satisfy(x, 3 * n_coef, "x", 0) || !all_satisfy(kt, 2, "kt", 1) || !all_satisfy(&element.kn, 1, "kn", 1) ||
+        !all_satisfy(&element.mu, 1, "mu", 1) || !all_satisfy(&element.n0, 1, "n0", 0))
         return NULL;
     if (law < 0 || law >= BD_N_LAW) {
         PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_N_LAW - 1, law);
@@ -470,8 +466,11 @@ static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kw
         PyErr_NoMemory();
         goto done;
     }
-    bd_response out = {.F = F, .dT = {block, block + nn}, .dTv = {block + 2 * nn, block + 3 * nn},
-                       .dTc = {block + 4 * nn, block + 5 * nn}, .dN = block + 6 * nn};
+    bd_response out = {.F = F,
+                       .dT = {block, block + nn},
+                       .dTv = {block + 2 * nn, block + 3 * nn},
+                       .dTc = {block + 4 * nn, block + 5 * nn},
+                       .dN = block + 6 * nn};
     bd_status_share share;
     bd_contact_evaluate(&element, x, &out, &share, &evaluator);
     bd_element_write_blocks(&element, n_harm, &out);
@@ -525,17 +524,24 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
         ++p;
         while (*p == ' ') ++p;
         const size_t span = strcspn(p, ",)");
-        if (strncmp(p, "char *", 6) == 0) kinds[n++] = 'c';
-        else if (strncmp(p, "int *", 5) == 0) kinds[n++] = 'i';
-        else if (strncmp(p, "double *", 8) == 0) kinds[n++] = 'd';
-        else if (strncmp(p, "__pyx_t_5scipy_6linalg_", 23) == 0 && span > 4 && strncmp(p + span - 4, "_d *", 4) == 0) kinds[n++] = 'd';
-        else kinds[n++] = '?';
+        if (strncmp(p, "char *", 6) == 0)
+            kinds[n++] = 'c';
+        else if (strncmp(p, "int *", 5) == 0)
+            kinds[n++] = 'i';
+        else if (strncmp(p, "double *", 8) == 0)
+            kinds[n++] = 'd';
+        else if (strncmp(p, "__pyx_t_5scipy_6linalg_", 23) == 0 && span > 4 && strncmp(p + span - 4, "_d *", 4) == 0)
+            kinds[n++] = 'd';
+        else
+            kinds[n++] = '?';
         p += span;
     }
     kinds[n] = '\0';
     if (strncmp(signature, "void (", 6) != 0 || strcmp(kinds, pattern) != 0) {
-        PyErr_Format(PyExc_ImportError, "bdamper: %s of this SciPy has the signature '%s', expected arguments '%s' "
-                     "(c: char*, i: int*, d: double*); build with -Dlapack=system instead", name, signature, pattern);
+        PyErr_Format(PyExc_ImportError,
+                     "bdamper: %s of this SciPy has the signature '%s', expected arguments '%s' "
+                     "(c: char*, i: int*, d: double*); build with -Dlapack=system instead",
+                     name, signature, pattern);
         return -1;
     }
     void *pointer = PyCapsule_GetPointer(capsule, signature);

@@ -39,7 +39,7 @@
 
 enum { MOST_PERIODS = 400, PLAIN_PERIODS = 3 };
 enum { STEP_STICK, STEP_SLIP, STEP_OPEN, STEP_CLOSE };
-static const double EDGE = 1e-12;   /* relative distance at which T counts as on the edge of the disk */
+static const double EDGE = 1e-12;    /* relative distance at which T counts as on the edge of the disk */
 static const double SETTLED = 2e-14; /* |P(s) - s| relative to the size of the forces */
 
 /* ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1 */
@@ -310,7 +310,8 @@ static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element,
         for (int d = 0; d < 2; ++d) e[i][d] = (p[d] - set->s[d]) / size;
     }
     if (set->n == 1) {
-        const double *p = work->p + 2 * set->sample[0], ratio = mu * work->g[set->sample[0]] / norm(p[0] - given[0], p[1] - given[1]);
+        const double *p = work->p + 2 * set->sample[0],
+                     ratio = mu * work->g[set->sample[0]] / norm(p[0] - given[0], p[1] - given[1]);
         for (int d = 0; d < 2; ++d) {
             for (int c = 0; c < 2; ++c) {
                 const double same = c == d ? 1.0 : 0.0;
@@ -331,7 +332,8 @@ static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element,
         const double *b = basis_at(work, set->sample[i]);
         for (size_t d = 0; d < 2; ++d)
             for (size_t j = 0; j < n_coef; ++j) {
-                for (size_t c = 0; c < 2; ++c) work->slider[d * n_col + c * n_coef + j] += M[i][d][c] * element->kt[c] * b[j];
+                for (size_t c = 0; c < 2; ++c)
+                    work->slider[d * n_col + c * n_coef + j] += M[i][d][c] * element->kt[c] * b[j];
                 work->slider[d * n_col + 2 * n_coef + j] += m[i][d] * mu * kn * b[j];
             }
     }
@@ -550,8 +552,8 @@ static void write_rest(bd_coulomb_work *work, const bd_element *element, bd_resp
 }
 
 /* The force of a slider at rest. */
-static void rest(bd_coulomb_work *work, const bd_element *element, const double *x, const double *given,
-                 const bd_rest *set, bd_response *out, bd_status_share *share) {
+static void rest(bd_coulomb_work *work, const bd_element *element, const double *x, const double *given, const bd_rest *set,
+                 bd_response *out, bd_status_share *share) {
     bd_element held = *element;
     for (int d = 0; d < 2; ++d) {
         held.w[d] = element->kt[d] > 0.0 ? set->s[d] / element->kt[d] : 0.0;

@@ -7,19 +7,19 @@
 
 typedef struct {
     int n_harm, n_time, interpolate;
-    const double *power;  /* (n_time, n_power), owned by the sampled evaluator */
-    double *p;            /* (n_time, 2) kt u, N */
-    double *g;            /* (n_time) n0 + kn v, or the constant load, N */
-    double *slider;       /* (2, 3 n_coef + 2) derivative of the slider: u1, u2, v, slider at the start of the period */
-    double *next;         /* the same after a step */
-    double *held;         /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
-    double *stretch;      /* (n_coef) sum of the basis since the slider was last set */
-    double *products;     /* (n_coef, n_coef) */
-    double *contact;      /* (n_power) */
-    bd_segment *segment;  /* (n_time) parts of the cycle; state slip is BD_SLIP_PLUS */
+    const double *power; /* (n_time, n_power), owned by the sampled evaluator */
+    double *p;           /* (n_time, 2) kt u, N */
+    double *g;           /* (n_time) n0 + kn v, or the constant load, N */
+    double *slider;      /* (2, 3 n_coef + 2) derivative of the slider: u1, u2, v, slider at the start of the period */
+    double *next;        /* the same after a step */
+    double *held;        /* (2, n_coef, 3 n_coef + 2) sum of the basis times the derivative over samples in contact */
+    double *stretch;     /* (n_coef) sum of the basis since the slider was last set */
+    double *products;    /* (n_coef, n_coef) */
+    double *contact;     /* (n_power) */
+    bd_segment *segment; /* (n_time) parts of the cycle; state slip is BD_SLIP_PLUS */
     int n_segment;
-    int n_period;         /* periods that the latest evaluation marched to settle, and how many of them led to */
-    int n_newton;         /* a Newton step */
+    int n_period; /* periods that the latest evaluation marched to settle, and how many of them led to */
+    int n_newton; /* a Newton step */
     double *memory;
 } bd_coulomb_work;
 

@@ -115,8 +115,7 @@ void bd_cycle_friction(const bd_element *element, int d, const bd_cycle *cycle, 
         F[i] += scale * mu_kn * sum;
         if (tangent)
             for (int j = 0; j < n_coef; ++j)
-                dTv[(size_t)i * n + (size_t)j] =
-                    scale * (mu_kn * row[j] - kt * cycle->held_v[(size_t)i * n + (size_t)j]);
+                dTv[(size_t)i * n + (size_t)j] = scale * (mu_kn * row[j] - kt * cycle->held_v[(size_t)i * n + (size_t)j]);
     }
 }
 
@@ -173,6 +172,5 @@ void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response 
         if (out->tangential[d] != BD_BLOCK_FULL || !out->with_normal[d]) set_diagonal(out->dTv[d], n_coef, 0.0);
         if (out->dTc[d] && (out->tangential[d] != BD_BLOCK_FULL || !out->coupled)) set_diagonal(out->dTc[d], n_coef, 0.0);
     }
-    if (out->normal != BD_BLOCK_FULL)
-        set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
+    if (out->normal != BD_BLOCK_FULL) set_diagonal(out->dN, n_coef, out->normal == BD_BLOCK_LINEAR ? element->kn : 0.0);
 }

@@ -5,13 +5,13 @@
 #include "bd_types.h"
 
 typedef enum {
-    BD_LAW_SEPARABLE = 0,    /* two independent tangential directions, each 1-D friction with variable normal load */
-    BD_LAW_NORMAL = 1,       /* unilateral normal spring alone: constraint planes, mu = 0 */
-    BD_LAW_CONSTANT = 2,     /* as separable, but friction is limited by the constant `load`, and the normal spring is */
-                             /* two-sided: what a contact does that stays closed and hardly changes its load */
-    BD_LAW_COUPLED = 3,      /* the friction force lies in a disk of radius mu N */
+    BD_LAW_SEPARABLE = 0, /* two independent tangential directions, each 1-D friction with variable normal load */
+    BD_LAW_NORMAL = 1,    /* unilateral normal spring alone: constraint planes, mu = 0 */
+    BD_LAW_CONSTANT = 2,  /* as separable, but friction is limited by the constant `load`, and the normal spring is */
+                          /* two-sided: what a contact does that stays closed and hardly changes its load */
+    BD_LAW_COUPLED = 3,   /* the friction force lies in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
-    BD_LAW_BONDED = 5        /* linear springs in all directions and both senses */
+    BD_LAW_BONDED = 5            /* linear springs in all directions and both senses */
 } bd_law;
 enum { BD_N_LAW = 6 };
 
@@ -20,10 +20,10 @@ typedef struct {
     double kt[2]; /* N/m */
     double kn;    /* N/m */
     double mu;
-    double n0;    /* N, normal load at v = 0; negative: a gap of -n0/kn */
-    double w[2];  /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
-                  /* interval on that side */
-    double load;  /* N, normal load that limits the friction of the laws of constant load */
+    double n0;   /* N, normal load at v = 0; negative: a gap of -n0/kn */
+    double w[2]; /* m, slider positions that a point keeps if it never slips; infinite: the end of the admissible */
+                 /* interval on that side */
+    double load; /* N, normal load that limits the friction of the laws of constant load */
 } bd_element;
 
 static inline int bd_law_is_constant(bd_law law) { return law == BD_LAW_CONSTANT || law == BD_LAW_COUPLED_CONSTANT; }
@@ -53,9 +53,9 @@ typedef struct {
 
 /* What is known of the tangent of one component. */
 typedef enum {
-    BD_BLOCK_ZERO = 0,    /* no force: the blocks are zero and were not written */
-    BD_BLOCK_FULL = 1,    /* the blocks were written */
-    BD_BLOCK_LINEAR = 2   /* the spring alone, kt or kn times the identity: the blocks were not written */
+    BD_BLOCK_ZERO = 0,  /* no force: the blocks are zero and were not written */
+    BD_BLOCK_FULL = 1,  /* the blocks were written */
+    BD_BLOCK_LINEAR = 2 /* the spring alone, kt or kn times the identity: the blocks were not written */
 } bd_block;
 
 /* Force coefficients and tangent of one point.  A block is (n_coef, n_coef) row-major. */
@@ -66,7 +66,7 @@ typedef struct {
     double *dTc[2]; /* dT_d/du of the other direction; NULL unless a law couples them */
     double *dN;     /* dN/dv */
     bd_block tangential[2], normal;
-    int coupled;    /* 1: dTc is part of the tangent */
+    int coupled;        /* 1: dTc is part of the tangent */
     int with_normal[2]; /* 0: dTv of this direction is zero and was not written */
 } bd_response;
 

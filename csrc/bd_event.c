@@ -50,11 +50,11 @@ typedef struct {
 typedef struct {
     int n_harm, n_coef, n_power;
     int n_event;
-    int n_lift;             /* events 0 .. n_lift-1 are lift-offs and closings */
-    int n_lo;               /* then n_lo extrema of lo, the rest are extrema of hi; */
-    int common;             /* 1: lo and hi have the same extrema, listed once */
-    double r;               /* mu kn/kt, 0 under a constant load */
-    const double *lo, *hi;  /* polynomials */
+    int n_lift;            /* events 0 .. n_lift-1 are lift-offs and closings */
+    int n_lo;              /* then n_lo extrema of lo, the rest are extrema of hi; */
+    int common;            /* 1: lo and hi have the same extrema, listed once */
+    double r;              /* mu kn/kt, 0 under a constant load */
+    const double *lo, *hi; /* polynomials */
     const double *dlo, *dhi;
     bd_event_work *work;
 } direction;
@@ -63,7 +63,7 @@ typedef struct {
 typedef struct {
     int state;
     double start;
-    int at;                 /* work->power[at] belongs to its beginning */
+    int at; /* work->power[at] belongs to its beginning */
     slider held;
 } run;
 
@@ -526,8 +526,10 @@ static void hold_constant(const direction *dir, int d, const bd_element *element
     bd_event_work *work = dir->work;
     slider s = {GIVEN, -1, element->w[d]};
     double factor = 0.0;
-    if (s.w < dir->lo[0]) s.w = dir->lo[0], s.kind = SET_BY_LO, factor = -dir->r;
-    else if (s.w > dir->hi[0]) s.w = dir->hi[0], s.kind = SET_BY_HI, factor = dir->r;
+    if (s.w < dir->lo[0])
+        s.w = dir->lo[0], s.kind = SET_BY_LO, factor = -dir->r;
+    else if (s.w > dir->hi[0])
+        s.w = dir->hi[0], s.kind = SET_BY_HI, factor = dir->r;
     work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
     double *one = work->power[0];
     memset(one, 0, sizeof(double) * (size_t)dir->n_coef);
@@ -550,8 +552,8 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
                                bd_status_share *share, bd_event_work *work) {
     const int n_coef = bd_n_coef(work->n_harm);
     const double *u = x + d * n_coef, *v = x + 2 * n_coef;
-    direction dir = {.n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm), .n_lift = n_lift,
-                     .work = work};
+    direction dir = {
+        .n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm), .n_lift = n_lift, .work = work};
     if (make_bounds(element, d, u, v, &dir)) {
         stay_stuck(element, d, u, out, share, work);
         return;
@@ -566,8 +568,7 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
     }
     sort_events(&dir);
     flag_pieces(&dir, element, v);
-    for (int e = 0; e < dir.n_event; ++e)
-        pair_at(dir.n_harm, dir.lo, dir.hi, work->z + 2 * e, work->lo + e, work->hi + e);
+    for (int e = 0; e < dir.n_event; ++e) pair_at(dir.n_harm, dir.lo, dir.hi, work->z + 2 * e, work->lo + e, work->hi + e);
     const slider s = settle(&dir, element->w[d]);
     if (s.kind == GIVEN) {
         stay_stuck(element, d, u, out, share, work);
@@ -617,7 +618,6 @@ void bd_event_evaluate(const bd_element *element, const double *x, bd_response *
     for (int d = 0; d < 2; ++d) {
         if (element->law == BD_LAW_BONDED) stay_stuck(element, d, x + d * n_coef, out, share, work);
         if (share->open == 1.0) whole_cycle(work, d, BD_OPEN);
-        if (bd_element_rubs(element, d) && share->open < 1.0)
-            evaluate_direction(element, d, n_lift, x, out, share, work);
+        if (bd_element_rubs(element, d) && share->open < 1.0) evaluate_direction(element, d, n_lift, x, out, share, work);
     }
 }

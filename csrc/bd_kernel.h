@@ -4,33 +4,33 @@
 
 #include "bd_types.h"
 
-enum { BD_LANES = 8 };      /* contact points that the sampled evaluation takes together */
+enum { BD_LANES = 8 };       /* contact points that the sampled evaluation takes together */
 enum { BD_KERNEL_PAD = 16 }; /* numbers that may be read behind the end of a matrix */
 
 /* Rows of a tangent times the modes: see fill_rows below. */
 typedef struct {
     int n_harm, n_source;
-    const int *n_mode, *first;   /* (n_harm + 1) modes and first column of each harmonic */
-    const double *block[3];      /* (n_coef, n_coef) of each source */
-    const double *const *g;      /* (n_harm + 1, n_source) first row of G for that harmonic and source; rows follow */
-    double *const *z;            /* (n_coef) rows to write */
+    const int *n_mode, *first; /* (n_harm + 1) modes and first column of each harmonic */
+    const double *block[3];    /* (n_coef, n_coef) of each source */
+    const double *const *g;    /* (n_harm + 1, n_source) first row of G for that harmonic and source; rows follow */
+    double *const *z;          /* (n_coef) rows to write */
 } bd_fill;
 
 /* One tangential direction of BD_LANES contact points, sampled: see bd_lanes.c. */
 typedef struct {
     int n_harm, n_time, interpolate;
-    const double *power;   /* (n_time, n_power) powers of exp(i theta_k) */
-    const double *u, *g;   /* (n_time, BD_LANES) displacement; n0 + kn v, or the constant load */
-    double slope[BD_LANES];     /* mu/kt: half width of the sticking range for each newton */
-    double w[BD_LANES];         /* slider at the start, and at the end */
-    int origin[BD_LANES];       /* sample that set the slider, -1 if none did */
-    double *stick, *slip;  /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
-    double *held;          /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
+    const double *power;     /* (n_time, n_power) powers of exp(i theta_k) */
+    const double *u, *g;     /* (n_time, BD_LANES) displacement; n0 + kn v, or the constant load */
+    double slope[BD_LANES];  /* mu/kt: half width of the sticking range for each newton */
+    double w[BD_LANES];      /* slider at the start, and at the end */
+    int origin[BD_LANES];    /* sample that set the slider, -1 if none did */
+    double *stick, *slip;    /* (n_power, BD_LANES) sums of powers over samples that stick, slip plus minus minus */
+    double *held;            /* (BD_LANES, n_coef) sum of w times the basis over samples that stick */
     double *held_u, *held_g; /* (BD_LANES, n_coef, n_coef) its derivatives, or NULL */
-    double *saved;         /* (n_power, BD_LANES) work */
-    double *lo, *hi;       /* (n_time, BD_LANES) work: the clip of each sample */
-    double *path;          /* (n_time, BD_LANES) work: the slider after each sample */
-    unsigned char *state;  /* (n_time, BD_LANES) bd_state of each sample, or NULL */
+    double *saved;           /* (n_power, BD_LANES) work */
+    double *lo, *hi;         /* (n_time, BD_LANES) work: the clip of each sample */
+    double *path;            /* (n_time, BD_LANES) work: the slider after each sample */
+    unsigned char *state;    /* (n_time, BD_LANES) bd_state of each sample, or NULL */
 } bd_lanes;
 
 typedef struct {

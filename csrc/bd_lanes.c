@@ -83,7 +83,8 @@ static __attribute__((noinline)) void end_stretch(bd_lanes *l, int lane, double 
         dg[i] = part[2] * b0[i] + part[3] * b1[i];
     }
     for (size_t i = 0; i < nc; ++i) {
-        double *restrict hu = l->held_u + ((size_t)lane * nc + i) * nc, *restrict hg = l->held_g + ((size_t)lane * nc + i) * nc;
+        double *restrict hu = l->held_u + ((size_t)lane * nc + i) * nc, *restrict hg =
+                                                                            l->held_g + ((size_t)lane * nc + i) * nc;
         for (size_t j = 0; j < nc; ++j) {
             hu[j] += g[i] * du[j];
             hg[j] += g[i] * dg[j];
@@ -117,7 +118,8 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
         }
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const bd_vec lo = bd_load(l->lo + k * BD_LANES + v * BD_WIDTH), hi = bd_load(l->hi + k * BD_LANES + v * BD_WIDTH);
+            const bd_vec lo = bd_load(l->lo + k * BD_LANES + v * BD_WIDTH),
+                         hi = bd_load(l->hi + k * BD_LANES + v * BD_WIDTH);
             const bd_vec next = bd_min(hi, bd_max(lo, w[v]));
             const bd_mask set = (bd_mask)(next != w[v]) | (bd_mask)(lo == hi);
             origin[v] = (set & ((bd_mask){0} + k)) | (~set & origin[v]);
@@ -179,8 +181,10 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
                 bd_store(to_slip, bd_load(to_slip) + power[n] * slipping);
             }
             for (int i = 0; l->state && i < BD_WIDTH; ++i)
-                l->state[k * BD_LANES + v * BD_WIDTH + i] =
-                    (unsigned char)(stick[i] ? BD_STICK : plus[i] ? BD_SLIP_PLUS : minus[i] ? BD_SLIP_MINUS : BD_OPEN);
+                l->state[k * BD_LANES + v * BD_WIDTH + i] = (unsigned char)(stick[i]   ? BD_STICK
+                                                                            : plus[i]  ? BD_SLIP_PLUS
+                                                                            : minus[i] ? BD_SLIP_MINUS
+                                                                                       : BD_OPEN);
         }
     }
     for (int v = 0; v < N_VEC; ++v) {

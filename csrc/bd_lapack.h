@@ -9,8 +9,8 @@ typedef struct {
     void (*dgetrs)(char *trans, int *n, int *nrhs, double *a, int *lda, int *ipiv, double *b, int *ldb, int *info);
     void (*dgecon)(char *norm, int *n, double *a, int *lda, double *anorm, double *rcond, double *work, int *iwork,
                    int *info);
-    void (*dgelsy)(int *m, int *n, int *nrhs, double *a, int *lda, double *b, int *ldb, int *jpvt, double *rcond,
-                   int *rank, double *work, int *lwork, int *info);
+    void (*dgelsy)(int *m, int *n, int *nrhs, double *a, int *lda, double *b, int *ldb, int *jpvt, double *rcond, int *rank,
+                   double *work, int *lwork, int *info);
 } bd_lapack;
 
 #ifdef BD_SYSTEM_LAPACK

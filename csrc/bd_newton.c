@@ -150,8 +150,7 @@ static bd_status evaluate(bd_hbm *hbm, bd_newton_work *w, const bd_newton_option
                           int with_jacobian) {
     const size_t n = (size_t)w->n;
     const double omega = options->ramp ? options->omega : y[n];
-    bd_status status =
-        bd_hbm_evaluate(hbm, y, omega, w->r, with_jacobian ? w->J : NULL, with_jacobian ? w->r_omega : NULL);
+    bd_status status = bd_hbm_evaluate(hbm, y, omega, w->r, with_jacobian ? w->J : NULL, with_jacobian ? w->r_omega : NULL);
     if (options->ramp)
         for (size_t i = 0; i < n; ++i) {
             w->r[i] += (1.0 - y[n]) * options->ramp[i];
@@ -203,7 +202,7 @@ bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *w, const bd_newton_opti
     const size_t n = (size_t)w->n, n1 = n + 1;
     *report = (bd_newton_report){.residual = INFINITY, .rank = (int)n1};
     memcpy(w->y_old, y, sizeof(double) * n1); /* doubles as the prediction for the first border equation */
-    double border = 0.0, started_at = 0.0; /* normal . (z - z_predicted), carried along */
+    double border = 0.0, started_at = 0.0;    /* normal . (z - z_predicted), carried along */
     int stalls = 0;
     for (int i = 0;; ++i) {
         bd_status status = evaluate(hbm, w, options, y, 1);

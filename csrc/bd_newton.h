@@ -6,22 +6,22 @@
 #include "bd_lapack.h"
 
 typedef struct {
-    double tolerance;    /* on the largest scaled residual */
+    double tolerance; /* on the largest scaled residual */
     int max_iterations;
-    int line_search;     /* 1: halve a step that does not reduce the residual */
-    int least_norm;      /* 1: a rank-deficient system is solved by least norm instead of failing */
+    int line_search;       /* 1: halve a step that does not reduce the residual */
+    int least_norm;        /* 1: a rank-deficient system is solved by least norm instead of failing */
     double rank_tolerance; /* reciprocal condition below which the system counts as rank-deficient */
-    const double *ramp;  /* NULL: the last unknown is omega.  Else (n): it is a factor on this part of the excitation, */
-    double omega;        /* at this fixed omega */
+    const double *ramp;    /* NULL: the last unknown is omega.  Else (n): it is a factor on this part of the excitation, */
+    double omega;          /* at this fixed omega */
 } bd_newton_options;
 
 typedef struct {
     int iterations;
-    double residual;     /* largest scaled residual at the returned point */
+    double residual;              /* largest scaled residual at the returned point */
     double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
-    double condition;    /* estimated reciprocal condition of the last factorisation (1-norm, equilibrated) */
-    int rank;            /* rank that the least-norm solution found, n + 1 where LU served */
-    int orientation;     /* sign of the determinant of the last bordered matrix, 0 where it is rank-deficient */
+    double condition;             /* estimated reciprocal condition of the last factorisation (1-norm, equilibrated) */
+    int rank;                     /* rank that the least-norm solution found, n + 1 where LU served */
+    int orientation;              /* sign of the determinant of the last bordered matrix, 0 where it is rank-deficient */
 } bd_newton_report;
 
 typedef struct {

@@ -163,7 +163,10 @@ static void finish_lane(const bd_element *element, int d, int lane, const double
     const size_t n = (size_t)bd_n_coef(work->n_harm), at = (size_t)lane;
     const double weight = BD_TWO_PI / work->n_time;
     const int tangent = work->lanes.held_u != NULL;
-    bd_cycle cycle = {.n_harm = work->n_harm, .stick = work->stick, .slip = work->slip, .held = work->lanes.held + at * n,
+    bd_cycle cycle = {.n_harm = work->n_harm,
+                      .stick = work->stick,
+                      .slip = work->slip,
+                      .held = work->lanes.held + at * n,
                       .held_u = tangent ? work->held_u + at * n * n : NULL,
                       .held_v = tangent ? work->held_g + at * n * n : NULL};
     one_lane(work, work->lanes.stick, lane, work->stick);
@@ -211,8 +214,7 @@ static void tangential_direction(int n, const bd_element *element, int d, const 
         const double *xl = x + 3 * n_coef * (size_t)lane;
         if (lanes->slope[lane] == 0.0) continue;
         if (lanes->origin[lane] >= 0) {
-            if (share[lane].open < 1.0)
-                finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
+            if (share[lane].open < 1.0) finish_lane(element + lane, d, lane, xl, out + lane, share + lane, work);
             continue;
         }
         bd_element_stuck(element + lane, work->n_harm, d, xl + (size_t)d * n_coef, out + lane);
@@ -242,6 +244,5 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     const int touching = normal_direction(n, element, x, out, share, work);
     for (int d = 0; d < 2 && n == 1; ++d) whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
     work->lanes.g = find_limit(n, element, work);
-    for (int d = 0; d < 2 && touching; ++d)
-        tangential_direction(n, element, d, x, out, share, work);
+    for (int d = 0; d < 2 && touching; ++d) tangential_direction(n, element, d, x, out, share, work);
 }

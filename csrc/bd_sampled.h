@@ -9,13 +9,13 @@
 typedef struct {
     int n_harm, n_time;
     const bd_kernel *kernel;
-    double *power;      /* (n_time, n_power) powers of exp(i theta_k) */
-    double *x;          /* (3, n_coef, BD_LANES) u1, u2, n0 + kn v */
-    double *u, *g;      /* (n_time, BD_LANES) */
-    double *limit;      /* (n_time, BD_LANES) g, or the constant load in the lanes of such laws */
-    double *contact;    /* (n_power, BD_LANES) */
+    double *power;              /* (n_time, n_power) powers of exp(i theta_k) */
+    double *x;                  /* (3, n_coef, BD_LANES) u1, u2, n0 + kn v */
+    double *u, *g;              /* (n_time, BD_LANES) */
+    double *limit;              /* (n_time, BD_LANES) g, or the constant load in the lanes of such laws */
+    double *contact;            /* (n_power, BD_LANES) */
     double *stick, *slip, *one; /* (n_power) of one lane */
-    double *scratch;    /* (n_coef, n_coef) */
+    double *scratch;            /* (n_coef, n_coef) */
     bd_lanes lanes;
     double *held_u, *held_g;
     unsigned char *state;   /* (n_time, BD_LANES) */

@@ -120,7 +120,7 @@ double bd_trig_bracketed_root(int n_harm, const double *f, double a, double b) {
     if (fa == 0.0) return a;
     if (fb == 0.0) return b;
     if ((fa < 0.0) == (fb < 0.0)) return fabs(fa) <= fabs(fb) ? a : b; /* an end is the root, but for rounding */
-    double x = a + (b - a) * (fa / (fa - fb)); /* the secant is a good start on a small cell */
+    double x = a + (b - a) * (fa / (fa - fb));                         /* the secant is a good start on a small cell */
     if (!(x > a && x < b)) x = 0.5 * (a + b);
     for (int i = 0; i < 100; ++i) {
         const double fx = value_and_slope(n_harm, f, x, &slope);
@@ -279,7 +279,8 @@ int bd_trig_roots_with_powers(const bd_trig_grid *grid, const double *f, const d
         if (fabs(f0) > 2.0 * h * fabs(slope[k]) || fabs(f1) > 2.0 * h * fabs(slope[next])) continue;
         if (n + 2 <= most) n = hidden_pair(grid, f, k, sign, root, z, n);
     }
-    if (n > 0 && root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root found at the very end of the period is one at its beginning */
+    if (n > 0 &&
+        root[n - 1] >= BD_TWO_PI - 1e-14) { /* a root found at the very end of the period is one at its beginning */
         const double z_last[2] = {z[2 * n - 2], z[2 * n - 1]};
         for (int i = n - 1; i > 0; --i) {
             root[i] = root[i - 1];

@@ -8,7 +8,7 @@
 typedef struct {
     int n_harm;
     int n_time;
-    double *basis;   /* (n_coef, n_time) row-major: one row for each basis function, so that rows vectorise */
+    double *basis; /* (n_coef, n_time) row-major: one row for each basis function, so that rows vectorise */
 } bd_trig_grid;
 
 bd_status bd_trig_grid_create(bd_trig_grid *grid, int n_harm, int n_time);

@@ -18,15 +18,15 @@
 
 #define BD_PI 3.14159265358979323846
 #define BD_TWO_PI 6.28318530717958647692
-#define BD_MAX_HARM 64                    /* bounds the tables on the stack of the root finder */
+#define BD_MAX_HARM 64 /* bounds the tables on the stack of the root finder */
 #define BD_MAX_COEF (2 * BD_MAX_HARM + 1)
 
 typedef enum {
     BD_OK = 0,
-    BD_NOT_CONVERGED = 1,   /* iterations used up, or progress stopped */
-    BD_DIVERGED = 2,        /* the residual grew beyond any use */
-    BD_SINGULAR = 3,        /* no usable Newton step */
-    BD_NOT_FINITE = 4,      /* the evaluation gave a NaN or an infinity */
+    BD_NOT_CONVERGED = 1, /* iterations used up, or progress stopped */
+    BD_DIVERGED = 2,      /* the residual grew beyond any use */
+    BD_SINGULAR = 3,      /* no usable Newton step */
+    BD_NOT_FINITE = 4,    /* the evaluation gave a NaN or an infinity */
     BD_BAD_ARGUMENT = 5,
     BD_NO_MEMORY = 6
 } bd_status;

@@ -8,24 +8,24 @@
 
 static int n_checks, n_failures;
 
-#define CHECK(condition)                                                                                            \
-    do {                                                                                                            \
-        ++n_checks;                                                                                                 \
-        if (!(condition)) {                                                                                         \
-            ++n_failures;                                                                                           \
-            printf("%s:%d: %s\n", __FILE__, __LINE__, #condition);                                                  \
-        }                                                                                                           \
+#define CHECK(condition)                                                                                                   \
+    do {                                                                                                                   \
+        ++n_checks;                                                                                                        \
+        if (!(condition)) {                                                                                                \
+            ++n_failures;                                                                                                  \
+            printf("%s:%d: %s\n", __FILE__, __LINE__, #condition);                                                         \
+        }                                                                                                                  \
     } while (0)
 
 /* |value - expected| <= tolerance; a NaN fails. */
-#define CHECK_NEAR(value, expected, tolerance)                                                                      \
-    do {                                                                                                            \
-        const double check_a = (value), check_b = (expected);                                                       \
-        ++n_checks;                                                                                                 \
-        if (!(fabs(check_a - check_b) <= (tolerance))) {                                                            \
-            ++n_failures;                                                                                           \
-            printf("%s:%d: %s is %.17g, expected %.17g\n", __FILE__, __LINE__, #value, check_a, check_b);           \
-        }                                                                                                           \
+#define CHECK_NEAR(value, expected, tolerance)                                                                             \
+    do {                                                                                                                   \
+        const double check_a = (value), check_b = (expected);                                                              \
+        ++n_checks;                                                                                                        \
+        if (!(fabs(check_a - check_b) <= (tolerance))) {                                                                   \
+            ++n_failures;                                                                                                  \
+            printf("%s:%d: %s is %.17g, expected %.17g\n", __FILE__, __LINE__, #value, check_a, check_b);                  \
+        }                                                                                                                  \
     } while (0)
 
 static inline int check_result(void) {

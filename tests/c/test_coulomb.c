@@ -15,8 +15,8 @@ typedef struct {
 static void evaluate(bd_evaluator *e, const bd_element *element, const double *x, result *r) {
     const int nn = bd_n_coef(e->n_harm) * bd_n_coef(e->n_harm);
     double *b = r->block;
-    r->out = (bd_response){.F = r->F, .dT = {b, b + nn}, .dTv = {b + 2 * nn, b + 3 * nn}, .dTc = {b + 4 * nn, b + 5 * nn},
-                           .dN = b + 6 * nn};
+    r->out = (bd_response){
+        .F = r->F, .dT = {b, b + nn}, .dTv = {b + 2 * nn, b + 3 * nn}, .dTc = {b + 4 * nn, b + 5 * nn}, .dN = b + 6 * nn};
     bd_contact_evaluate(element, x, &r->out, &r->share, e);
     bd_element_write_blocks(element, e->n_harm, &r->out);
 }
@@ -96,8 +96,12 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
     CHECK(bd_evaluator_create(&e, evaluation, 2, 64) == BD_OK);
     int wrong = 0, slipping = 0, opening = 0;
     for (int trial = 0; trial < 200; ++trial) {
-        const bd_element element = {.law = law, .kt = {1.5 + uniform(&seed), 1.5 + uniform(&seed)}, .kn = 1.5 + uniform(&seed),
-                                    .mu = 0.6 + 0.4 * uniform(&seed), .n0 = 0.8 + uniform(&seed), .load = 1.0};
+        const bd_element element = {.law = law,
+                                    .kt = {1.5 + uniform(&seed), 1.5 + uniform(&seed)},
+                                    .kn = 1.5 + uniform(&seed),
+                                    .mu = 0.6 + 0.4 * uniform(&seed),
+                                    .n0 = 0.8 + uniform(&seed),
+                                    .load = 1.0};
         double x[15], d[15], plus[15], minus[15];
         for (int i = 0; i < 15; ++i) x[i] = uniform(&seed), d[i] = uniform(&seed);
         const double h = 1e-6;

@@ -14,7 +14,9 @@ typedef struct {
 static result make_result(int n_coef) {
     const size_t nn = (size_t)n_coef * (size_t)n_coef;
     result r = {.F = not_numbers(3 * (size_t)n_coef), .block = not_numbers(5 * nn)};
-    r.out = (bd_response){.F = r.F, .dT = {r.block, r.block + nn}, .dTv = {r.block + 2 * nn, r.block + 3 * nn},
+    r.out = (bd_response){.F = r.F,
+                          .dT = {r.block, r.block + nn},
+                          .dTv = {r.block + 2 * nn, r.block + 3 * nn},
                           .dN = r.block + 4 * nn};
     return r;
 }
@@ -85,8 +87,10 @@ static void check_segments(const bd_event_work *work, int d) {
 }
 
 static bd_element random_element(unsigned long long *seed) {
-    bd_element e = {.kt = {1.5 + uniform(seed), 1.5 + uniform(seed)}, .kn = 1.5 + uniform(seed),
-                    .mu = 0.5 + 0.4 * uniform(seed), .n0 = 2.0 * uniform(seed),
+    bd_element e = {.kt = {1.5 + uniform(seed), 1.5 + uniform(seed)},
+                    .kn = 1.5 + uniform(seed),
+                    .mu = 0.5 + 0.4 * uniform(seed),
+                    .n0 = 2.0 * uniform(seed),
                     .w = {uniform(seed), uniform(seed)}};
     return e;
 }

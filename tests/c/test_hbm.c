@@ -35,10 +35,23 @@ static void make_structure(structure *s, unsigned long long *seed, double mu, bd
         s->law[p] = p == 1 ? BD_LAW_NORMAL : BD_LAW_SEPARABLE;
     }
     for (int i = 0; i < UNKNOWN; ++i) s->force[i] = uniform(seed);
-    s->input = (bd_hbm_input){.n_point = POINTS, .n_harm = HARM, .n_mode = n_mode, .stiffness = s->stiffness,
-                              .mass = s->mass, .damping = s->damping, .G = s->G, .kt = s->kt, .kn = s->kn,
-                              .mu = s->mu, .n0 = s->n0, .w = s->w, .law = s->law, .shift = s->shift,
-                              .force = s->force, .evaluation = evaluation, .n_time = 64};
+    s->input = (bd_hbm_input){.n_point = POINTS,
+                              .n_harm = HARM,
+                              .n_mode = n_mode,
+                              .stiffness = s->stiffness,
+                              .mass = s->mass,
+                              .damping = s->damping,
+                              .G = s->G,
+                              .kt = s->kt,
+                              .kn = s->kn,
+                              .mu = s->mu,
+                              .n0 = s->n0,
+                              .w = s->w,
+                              .law = s->law,
+                              .shift = s->shift,
+                              .force = s->force,
+                              .evaluation = evaluation,
+                              .n_time = 64};
 }
 
 /* With so much friction and preload that nothing slips or opens the contact is a set of springs. */
@@ -184,10 +197,8 @@ static void test_sizes(void) {
     CHECK(bd_hbm_create(&one, &s.input) == BD_OK);
     double *r3 = not_numbers(UNKNOWN), *J3 = not_numbers(UNKNOWN * UNKNOWN);
     CHECK(bd_hbm_evaluate(&one, u, 1.0, r3, J3, NULL) == BD_OK);
-    for (int i = 0; i < UNKNOWN; ++i)
-        CHECK_NEAR(r2[i], r[i] + 1666.0 * (r1[i] - r[i]) + (r3[i] - r[i]), 1e-8);
-    for (int i = 0; i < UNKNOWN * UNKNOWN; ++i)
-        CHECK_NEAR(J2[i], J0[i] + 1666.0 * (J1[i] - J0[i]) + (J3[i] - J0[i]), 1e-8);
+    for (int i = 0; i < UNKNOWN; ++i) CHECK_NEAR(r2[i], r[i] + 1666.0 * (r1[i] - r[i]) + (r3[i] - r[i]), 1e-8);
+    for (int i = 0; i < UNKNOWN * UNKNOWN; ++i) CHECK_NEAR(J2[i], J0[i] + 1666.0 * (J1[i] - J0[i]) + (J3[i] - J0[i]), 1e-8);
     bd_hbm_destroy(&one);
     bd_hbm_destroy(&all);
     bd_hbm_destroy(&hbm);

@@ -71,8 +71,13 @@ static void test_fill(const bd_kernel *kernel, int n_source, unsigned long long 
     for (int m = 0; m <= HARM; ++m)
         for (int s = 0; s < n_source; ++s) g[m * n_source + s] = G[s][m];
     for (int i = 0; i < COEF; ++i) z[i] = Z + (size_t)i * stride;
-    bd_fill fill = {.n_harm = HARM, .n_source = n_source, .n_mode = n_mode, .first = first,
-                    .block = {block[0], block[1], block[2]}, .g = g, .z = z};
+    bd_fill fill = {.n_harm = HARM,
+                    .n_source = n_source,
+                    .n_mode = n_mode,
+                    .first = first,
+                    .block = {block[0], block[1], block[2]},
+                    .g = g,
+                    .z = z};
     kernel->fill_rows(&fill);
     for (int i = 0; i < COEF; ++i)
         for (int m = 0; m <= HARM; ++m) {
@@ -123,7 +128,8 @@ int main(void) {
     for (int v = 0; v < n; ++v) {
         unsigned long long seed = 50;
         for (size_t m = 1; m <= 13; ++m)
-            for (size_t columns = 1; columns <= 50; ++columns) test_product(kernel[v], m, columns, (m + columns) % 7, &seed);
+            for (size_t columns = 1; columns <= 50; ++columns)
+                test_product(kernel[v], m, columns, (m + columns) % 7, &seed);
         test_product(kernel[v], 33, 112, 72, &seed);
         for (size_t pairs = 1; pairs <= 3; ++pairs)
             for (size_t columns = 1; columns <= 37; ++columns) test_vectors(kernel[v], pairs, columns, &seed);

@@ -13,15 +13,34 @@ typedef struct {
 } oscillator;
 
 static void make(oscillator *o, double stiffness_of_mean, double excitation) {
-    const oscillator blank = {.n_mode = {1, 1}, .law = {BD_LAW_SEPARABLE}, .stiffness = {stiffness_of_mean, 1.0},
-                              .mass = {1.0, 1.0}, .damping = {0.0, 0.02},
-                              .G = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0}, .kt = {1.0, 0.0},
-                              .kn = {0.0}, .mu = {0.5}, .n0 = {2.0}, .force = {0.0, excitation, 0.0}};
+    const oscillator blank = {.n_mode = {1, 1},
+                              .law = {BD_LAW_SEPARABLE},
+                              .stiffness = {stiffness_of_mean, 1.0},
+                              .mass = {1.0, 1.0},
+                              .damping = {0.0, 0.02},
+                              .G = {1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0},
+                              .kt = {1.0, 0.0},
+                              .kn = {0.0},
+                              .mu = {0.5},
+                              .n0 = {2.0},
+                              .force = {0.0, excitation, 0.0}};
     *o = blank;
-    const bd_hbm_input input = {.n_point = 1, .n_harm = 1, .n_mode = o->n_mode, .stiffness = o->stiffness,
-                                .mass = o->mass, .damping = o->damping, .G = o->G, .kt = o->kt, .kn = o->kn,
-                                .mu = o->mu, .n0 = o->n0, .w = o->w, .law = o->law, .shift = o->shift,
-                                .force = o->force, .evaluation = BD_EXACT};
+    const bd_hbm_input input = {.n_point = 1,
+                                .n_harm = 1,
+                                .n_mode = o->n_mode,
+                                .stiffness = o->stiffness,
+                                .mass = o->mass,
+                                .damping = o->damping,
+                                .G = o->G,
+                                .kt = o->kt,
+                                .kn = o->kn,
+                                .mu = o->mu,
+                                .n0 = o->n0,
+                                .w = o->w,
+                                .law = o->law,
+                                .shift = o->shift,
+                                .force = o->force,
+                                .evaluation = BD_EXACT};
     const bd_lapack lapack = bd_lapack_system();
     CHECK(bd_hbm_create(&o->hbm, &input) == BD_OK);
     CHECK(bd_newton_create(&o->work, o->hbm.n_unknown, &lapack) == BD_OK);
@@ -34,8 +53,8 @@ static void finish(oscillator *o) {
 }
 
 static const double ones[4] = {1.0, 1.0, 1.0, 1.0}, at_frequency[4] = {0.0, 0.0, 0.0, 1.0};
-static const bd_newton_options usual = {.tolerance = 1e-12, .max_iterations = 30, .line_search = 1,
-                                        .least_norm = 1, .rank_tolerance = 1e-14};
+static const bd_newton_options usual = {
+    .tolerance = 1e-12, .max_iterations = 30, .line_search = 1, .least_norm = 1, .rank_tolerance = 1e-14};
 
 static void test_converges(void) {
     oscillator o;
@@ -115,8 +134,7 @@ static void test_failures(void) {
     CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, z, at_frequency, ones, ones, NULL, &report) == BD_NOT_FINITE);
     double few[4] = {0.1, 0.5, 1.5, 1.0};
     options.max_iterations = 1;
-    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, few, at_frequency, ones, ones, NULL, &report) ==
-          BD_NOT_CONVERGED);
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, few, at_frequency, ones, ones, NULL, &report) == BD_NOT_CONVERGED);
     CHECK(report.iterations == 1 && report.residual > 1e-12);
     finish(&o);
 }

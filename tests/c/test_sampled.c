@@ -4,8 +4,10 @@
 #include "march.h"
 
 static bd_element random_element(unsigned long long *seed) {
-    bd_element e = {.kt = {1.5 + uniform(seed), 1.5 + uniform(seed)}, .kn = 1.5 + uniform(seed),
-                    .mu = 0.5 + 0.4 * uniform(seed), .n0 = 2.0 * uniform(seed),
+    bd_element e = {.kt = {1.5 + uniform(seed), 1.5 + uniform(seed)},
+                    .kn = 1.5 + uniform(seed),
+                    .mu = 0.5 + 0.4 * uniform(seed),
+                    .n0 = 2.0 * uniform(seed),
                     .w = {uniform(seed), uniform(seed)}};
     return e;
 }

@@ -189,7 +189,8 @@ static void test_roots_on_samples(void) {
     const double x[5] = {0.0, 0.0, 0.0, 0.0, 1.0}; /* sin 2 theta */
     double found[4];
     CHECK(roots_of(2, x, found) == 4);
-    for (int i = 0; i < 4; ++i) CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)), BD_TWO_PI), 0.0, 1e-14);
+    for (int i = 0; i < 4; ++i)
+        CHECK_NEAR(remainder(found[i] - (found[0] < 1.0 ? 0.5 * BD_PI * i : 0.5 * BD_PI * (i + 1)), BD_TWO_PI), 0.0, 1e-14);
 }
 
 /* One root exactly on a sample and another in a cell beside it. */
@@ -207,8 +208,7 @@ static void test_root_beside_a_sample(void) {
                 CHECK(count == n);
                 for (int i = 0; i < n; ++i) {
                     double nearest = 10.0;
-                    for (int j = 0; j < count; ++j)
-                        nearest = fmin(nearest, fabs(remainder(found[j] - root[i], BD_TWO_PI)));
+                    for (int j = 0; j < count; ++j) nearest = fmin(nearest, fabs(remainder(found[j] - root[i], BD_TWO_PI)));
                     CHECK_NEAR(nearest, 0.0, 1e-10);
                 }
             }

@@ -183,7 +183,8 @@ def test_test_rig(tmp_path):
     """Figs 19 to 22: an optimum, microslip at high load, little change with more blade modes."""
     example = load("fig19_22_test_rig")
     points = tmp_path / "points.csv"
-    points.write_text("# made up\nload,frequency,amplitude\n0,282.9,1.44e-3\n60,318,3.6e-5\n1000,346,3.7e-4\n1e6,353,1.3e-3\n")
+    rows = ["# made up", "load,frequency,amplitude", "0,282.9,1.44e-3", "60,318,3.6e-5", "1000,346,3.7e-4", "1e6,353,1.3e-3"]
+    points.write_text("\n".join(rows) + "\n")
     out = example.main(tmp_path, points, n=30)
     assert {(fit.points, fit.outside) for fit in out.fits.values()} == {(2, 1)}
     assert max(fit.rms for fit in out.fits.values()) < 0.1
