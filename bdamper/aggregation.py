@@ -123,3 +123,8 @@ def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
 def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDArray:
     """(n_groups, 3) stiffness of the groups of a face from those of its patches, (n_points, 3)."""
     return _Groups(face, n_points).sum @ np.broadcast_to(stiffness, (face.n_points, 3))
+
+
+def united_gap(face: Interface, n_points: int, gap: NDArray) -> NDArray:
+    """(n_groups,) mean distance of the surfaces over the groups of a face from that at its patches, (n_points,)."""
+    return _Groups(face, n_points).mean @ gap

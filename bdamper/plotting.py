@@ -990,6 +990,8 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
         ax.set_xscale("symlog", linthresh=tolerance)
         ax.set_yticks(place, [e.name for e in effects])
         ax.axvline(0.0, color="k", linewidth=0.6)
+        if any(e.reliability == "must be on" for e in effects):
+            ax.barh([], [], color="w", edgecolor="k", linewidth=0.4, hatch="///", label="must be on")
         ax.set_xlabel("Estimated change of the peak (%)")
         ax.set_title(title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz", fontsize=9.0)
         ax.legend(fontsize=7.0)

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.aggregation import unite_contact_points, united_stiffness
+from bdamper.aggregation import unite_contact_points, united_gap, united_stiffness
 from bdamper.branches import (
     Piece,
     ending,
@@ -487,6 +487,9 @@ class Study:
         for name in self.coupling.interfaces:
             face = self.coupling.model.interfaces[name]
             gap = np.asarray(given.get(name, face.gap), float)
+            whole = self.model.interfaces[name]
+            if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
+                gap = united_gap(whole, self.contact_points, gap)
             if gap.shape != (face.n_points,) or not np.isfinite(gap).all():
                 raise SettingError(f"gap of '{name}': expected {face.n_points} finite numbers, found shape {gap.shape}")
             parts.append(gap)

@@ -210,6 +210,14 @@ def test_given_stiffness_is_that_of_the_points_of_the_model(full):
     np.testing.assert_allclose(by_name._k[0], [3e7, 6e7, 9e7])
 
 
+def test_given_gap_is_that_of_the_points_of_the_model(full):
+    gap = np.linspace(0.0, 5e-6, 6)
+    united = replace(full, contact_points=2, gap={"left": gap})
+    np.testing.assert_allclose(np.sort(united._gap[:2]).mean(), gap.mean())
+    assert united._gap[:2].min() > 0.0
+    np.testing.assert_array_equal(united._gap[2:4], 0.0)
+
+
 # ---- the interface ----
 
 
