@@ -108,7 +108,8 @@ def test_shared_variant_is_the_study_made_anew(full):
 
 def test_without_separation_the_normal_spring_is_two_sided(full):
     rng = np.random.default_rng(2)
-    study = full.with_effects(effects(full, separation=False))
+    gap = np.linspace(0.0, 1e-7, 6)
+    study = replace(full.with_effects(effects(full, separation=False)), gap={"left": gap, "right": gap})
     closed = ~(study.static(PRELOAD).status == OPEN).any(axis=1)
     friction = np.arange(18) < 12
     system, u = state_of(study, rng, 3e-5)
@@ -117,7 +118,9 @@ def test_without_separation_the_normal_spring_is_two_sided(full):
     held = np.flatnonzero(closed & friction)
     assert system.n_points == n + len(held)
     both = F[: len(held), 2] - F[n:, 2]
+    assert (study._gap[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
     expected = study._k[held, 2, None] * X[: len(held), 2]
+    expected[:, 0] -= study._k[held, 2] * study._gap[held]
     np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
     assert np.abs(F[n:]).max() > 1e-3 * np.abs(F).max(), "no point was pulled: the test saw nothing"
     assert (share[: len(held), 4] > 0.0).any()

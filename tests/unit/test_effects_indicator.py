@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.adaptive import adaptive_peak
+from bdamper.adaptive import _Search, adaptive_peak
 from bdamper.indicator import Estimate, embed, estimate_change, fullest, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
 from tests import models
@@ -38,7 +38,7 @@ def test_estimate_is_the_derivative_of_the_peak(full, peak):
     system = full.system(40.0)
     direction = rng.standard_normal(system.n_unknowns) * np.abs(system.force).max()
     direction[: system.n_mean] = 0.0
-    error = []
+    error, defect = [], []
     for size in (4e-4, 2e-4, 1e-4):
         other = system.with_force(system.force + size * direction)
         e = estimate_change(other, peak.y)
@@ -47,8 +47,11 @@ def test_estimate_is_the_derivative_of_the_peak(full, peak):
         change = true.amplitude / peak.amplitude - 1.0
         assert abs(change) > 1e-5
         error.append(abs(e.amplitude - change))
+        defect.append(e.defect)
         assert e.amplitude == pytest.approx(change, rel=0.1)
     assert error[0] / error[1] > 3.0 and error[1] / error[2] > 3.0
+    # the second residual tells a good part of what is missing; the rest is the phase that the peak need not keep
+    assert all(0.1 < d / m < 10.0 for d, m in zip(defect, error)), (defect, error)
 
 
 def test_a_solution_of_the_system_itself_has_no_change(full, peak):
@@ -135,6 +138,19 @@ def test_fullest_asks_for_what_the_model_has(full):
     assert bd.Effects.of(full).missing(rich).keys() == {
         "harmonics", "damper modes", "blade modes", "coupled friction",
     }
+
+
+def test_harmonics_are_called_for_by_their_shares(full):
+    search = _Search(full, 40.0, INTERVAL, 0.01)
+    search.own = replace(bd.Effects.of(full), harmonics=5)
+
+    def asked(*shares):
+        return search.called_for(Estimate(sum(shares), 0.0, 0.0, np.zeros(1), np.array([0.0, 0.0, *shares])), (1,))
+
+    assert asked(0.05, 1e-4, 1e-5, 1e-6) == (1, 2)
+    assert asked(1e-4, 0.05, 1e-5, 0.02) == (1, 3, 5)
+    assert asked(0.002, 0.002, 0.05, 1e-5) == (1, 3, 4)  # one of two that matter together
+    assert asked(0.1, -0.1, 0.1, 0.1) == (1, 2, 3, 4, 5)
 
 
 def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
