@@ -58,6 +58,10 @@ def test_tracking(tmp_path):
     free, stuck, *curves = out["mode 1"]
     assert all(len(c.folds) >= 2 for c in curves)
     assert all(c.shares[c.peak.index, 2] > 0.1 for c in curves)
+    # an unstable branch between two stable ones: the typical fold, in the words of the paper
+    for curve in curves:
+        assert curve.stable is not None and (~curve.stable).any()
+        assert np.all(curve.backward[~curve.stable]) and curve.stable[0] and curve.stable[-1]
     # the resonance moves from the free to the stuck one as the preload rises
     frequency = [free.peak.frequency, *(c.peak.frequency for c in curves), stuck.peak.frequency]
     assert np.all(np.diff(frequency) > 0.0)
@@ -183,8 +187,15 @@ def test_test_rig(tmp_path):
     """Figs 19 to 22: an optimum, microslip at high load, little change with more blade modes."""
     example = load("fig19_22_test_rig")
     points = tmp_path / "points.csv"
-    rows = ["# made up", "load,frequency,amplitude", "0,282.9,1.44e-3", "60,318,3.6e-5", "1000,346,3.7e-4", "1e6,353,1.3e-3"]
-    points.write_text("\n".join(rows) + "\n")
+    rows = (
+        "# made up",
+        "load,frequency,amplitude",
+        "0,282.9,1.44e-3",
+        "60,318,3.6e-5",
+        "1000,346,3.7e-4",
+        "1e6,353,1.3e-3",
+    )
+    points.write_text("\n".join(rows))
     out = example.main(tmp_path, points, n=30)
     assert {(fit.points, fit.outside) for fit in out.fits.values()} == {(2, 1)}
     assert max(fit.rms for fit in out.fits.values()) < 0.1
