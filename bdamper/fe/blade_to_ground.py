@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from bdamper.fe.assemble import discretise
+from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, sector_mesh
@@ -27,6 +27,16 @@ from bdamper.model import Body, Model
 from bdamper.reduction.bodies import constrained_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
+
+
+def blade_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
+    """The sector of one blade, held at the bore and at its cut faces: an acyclic structure."""
+    body = discretise(sector_mesh(g, density), material)
+    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * g.pitch - 1e-9)
+    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
+    nothing = np.empty(0, int)
+    return body, CyclicSector(body, nothing, nothing, clamped, 1, 0)
 
 
 def blade_to_ground(
@@ -50,12 +60,7 @@ def blade_to_ground(
     geometry, material : optional
     """
     g = geometry or Geometry()
-    body = discretise(sector_mesh(g, MeshDensity.preset(mesh)), material or Material())
-    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
-    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * g.pitch - 1e-9)
-    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
-    nothing = np.empty(0, int)
-    structure = CyclicSector(body, nothing, nothing, clamped, 1, 0)
+    body, structure = blade_structure(g, MeshDensity.preset(mesh), material or Material())
 
     # the underside as the blade has it: t1 up the slope like the damper's, the normal toward the ground
     face = wedge_patches(g, "left", points)

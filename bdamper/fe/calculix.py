@@ -115,6 +115,12 @@ def free_input(body: Discretisation, n_modes: int) -> str:
     return "\n".join([_model(body), "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
 
 
+def clamped_input(body: Discretisation, clamped: NDArray, n_modes: int) -> str:
+    """Input file for a body that is held at some of its nodes (n,), without symmetry."""
+    held = ["*NSET, NSET=CLAMPED", _numbers(clamped), "*BOUNDARY", "CLAMPED, 1, 3"]
+    return "\n".join([_model(body), *held, "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
+
+
 def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
     """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
 

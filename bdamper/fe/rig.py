@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 
-from bdamper.fe.assemble import discretise
+from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, rig_mesh
@@ -35,6 +35,16 @@ from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches
+
+
+def rig_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
+    """The test blade between its dummies, held at the bore and at the cut faces of the segment."""
+    body = discretise(rig_mesh(g, density), material)
+    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 1.5 * g.pitch - 1e-9)
+    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
+    nothing = np.empty(0, int)
+    return body, CyclicSector(body, nothing, nothing, clamped, 1, 0)
 
 
 def rig(
@@ -62,12 +72,7 @@ def rig(
     geometry, material : optional
     """
     g, steel, density = geometry or Geometry(), material or Material(), MeshDensity.preset(mesh)
-    blades = discretise(rig_mesh(g, density), steel)
-    angle = np.arctan2(blades.nodes[:, 0], blades.nodes[:, 1])
-    radius = np.hypot(blades.nodes[:, 0], blades.nodes[:, 1])
-    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 1.5 * g.pitch - 1e-9)
-    nothing = np.empty(0, int)
-    structure = CyclicSector(blades, nothing, nothing, np.flatnonzero((radius < g.bore_radius + 1e-8) | cut), 1, 0)
+    blades, structure = rig_structure(g, density, steel)
     # The damper at the right stands between sector 0 and 1; the one at the left is the same, a pitch back.
     damper = FreeBody(discretise(damper_mesh(g, density), steel), turn(0.5 * g.pitch).T)
     faces = {side: wedge_patches(g, side, points) for side in ("left", "right")}

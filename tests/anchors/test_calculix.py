@@ -14,7 +14,10 @@ if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
 from bdamper.fe import calculix
+from bdamper.fe.blade_to_ground import blade_structure
+from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity
+from bdamper.fe.rig import rig_structure
 from bdamper.fe.sector import SectorFE
 
 SHIPPED = Path(__file__).resolve().parents[2] / "bdamper" / "data" / "bladed_disk_24.h5"
@@ -43,6 +46,14 @@ def test_free_damper(fe, tmp_path):
     theirs = calculix.run(calculix.free_input(fe.damper.body, 14), tmp_path)
     assert np.all(theirs[:6] < 1.0)
     np.testing.assert_allclose(theirs[6:], ours[6:], rtol=1e-5)
+
+
+@pytest.mark.parametrize("structure", [blade_structure, rig_structure], ids=["blade to ground", "test rig"])
+def test_acyclic_structures(structure, tmp_path):
+    body, held = structure(Geometry(), MeshDensity.preset("coarse"), Material())
+    ours = np.sqrt(held.modes(8)[0]) / (2 * np.pi)
+    theirs = calculix.run(calculix.clamped_input(body, held.clamped, 8), tmp_path)
+    np.testing.assert_allclose(theirs, ours, rtol=1e-5)
 
 
 @pytest.mark.skipif(not SHIPPED.exists(), reason=f"the shipped model {SHIPPED.name} has not been made")
