@@ -888,9 +888,8 @@ def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDA
             ax.set_xlabel("Preload (N)")
             ax.set_ylabel(label)
             ax.grid(True, color="0.9")
-        axes[1].legend(
-            *axes[0].get_legend_handles_labels(), ncols=6, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.2)
-        )
+        handles, labels = axes[0].get_legend_handles_labels()
+        axes[0].figure.legend(handles, labels, ncols=6, fontsize=7.0, loc="outside lower center")
         axes[1].set_title(title, fontsize=9.0)
     return axes
 
