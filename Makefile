@@ -21,7 +21,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test bench examples docs accuracy hard fuzz lint sanitize clean prerequisites
+.PHONY: demo test bench examples docs accuracy hard fuzz lint sanitize nastran clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -40,6 +40,9 @@ docs: $(VENV)/docs.stamp
 	$(call step,documentation,$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html)
 	@echo "docs/_build/html/index.html"
 
+nastran: | prerequisites
+	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
+
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)
 
@@ -56,7 +59,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
