@@ -51,13 +51,13 @@ def test_every_example_has_a_test():
 def test_tracking(tmp_path):
     """Figs 6, 7: several solutions in mode 1, due to separation; none in mode 2 while the faces stay closed."""
     example = load("fig06_07_tracking")
-    out = example.main(tmp_path, preloads_1=(100.0, 500.0, 2000.0), preloads_2=(50.0, 200.0, 1000.0, 5000.0))
+    out = example.main(tmp_path)
     for curves in out.values():
         assert all(c.complete for c in curves)
         assert max(c.residual.max() for c in curves) < 1e-8
     free, stuck, *curves = out["mode 1"]
     assert all(len(c.folds) >= 2 for c in curves)
-    assert all(c.shares[c.peak.index, 2] > 0.1 for c in curves)
+    assert all(c.shares[c.peak.index, 2] > 0.05 for c in curves)
     # an unstable branch between two stable ones: the typical fold, in the words of the paper
     for curve in curves:
         assert curve.stable is not None and (~curve.stable).any()
@@ -154,6 +154,8 @@ def test_contact_points(tmp_path):
     # 9 points underestimate where the faces are mostly closed, and all curves are close to each other there
     assert amplitude[48][1] > 1.01 * amplitude[9][1] and amplitude[48][2] > 1.01 * amplitude[9][2]
     assert amplitude[48][1:] == pytest.approx(amplitude[24][1:], rel=0.03)
+    # it is not so where the faces are open for most of the period
+    assert amplitude[48][0] < 0.9 * amplitude[9][0] and out["curves"][9][0].shares[:, 2].max() > 0.8
     # three rows along the slope in both: the model does not tell 9 from 24 points
     assert amplitude[24] == pytest.approx(amplitude[9], rel=2e-3)
     status = out["status"]
@@ -206,6 +208,7 @@ def test_test_rig(tmp_path):
     # where the bladed disk is locked, the rig slips
     ratio, slip = example.at_normalised_load(rig, 100.0)
     assert ratio < 0.9 and slip > 0.02
+    assert example.at_normalised_load(rig, 500.0)[1] > 0.0
     ratio, slip = example.at_normalised_load(disk, 100.0)
     assert ratio == pytest.approx(1.0, abs=1e-6) and slip == 0.0
     # the frequency rises with the load, to the stuck one
