@@ -40,6 +40,8 @@ MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
 SURPRISE = 0.05
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
+ANOTHER = 0.5
+"""Relative change of amplitude beyond which it is another peak."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 
 
@@ -126,9 +128,8 @@ class _Search:
             self.variants[harmonics] = study, study.system(self.preload)
         return self.variants[harmonics]
 
-    def tracked(self, harmonics: tuple[int, ...]) -> tuple[list[Peak], str]:
+    def tracked(self, harmonics: tuple[int, ...], coarse: bool = True) -> tuple[list[Peak], str]:
         study, system = self.variant(harmonics)
-        coarse = harmonics == (1,)
         curve = study.track(self.preload, self.frequency, options=coarse_options() if coarse else None)
         if coarse and not curve.complete:
             curve = study.track(self.preload, self.frequency)
@@ -187,7 +188,7 @@ class _Search:
                 found = self.climbed(peak, harmonics, wanted)
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 found = higher_nearby(system, found)
-            if found is None:
+            if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
                 raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with harmonics {_names(wanted)}")
             peak, harmonics = found, wanted
 
@@ -198,7 +199,7 @@ class _Search:
         for on in [*way, wanted]:
             study, system = self.variant(on)
             start = embed_between(old, study, before, system, self.preload, peak.y)
-            found = carried_over(system, [start], start, peak.scale[-1])
+            found = carried_over(system, [start], start, peak.scale[-1], quick=True)
             if found is None:
                 if on == wanted:
                     return None
@@ -207,11 +208,13 @@ class _Search:
         return peak
 
 
-def carried_over(system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float) -> Peak | None:
+def carried_over(
+    system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
+) -> Peak | None:
     """The peak of a system near that of a simpler one, ``start``.
 
     Newton is tried at the phase of the simpler peak, which follows a resonance that moves, from each guess and then with
-    line search; then at its frequency.
+    line search; then, unless ``quick``, at its frequency.
     """
     _, normal, _ = amplitude_and_phase(system, start[:-1])
     scale = peak_scale(system, start, width)
@@ -220,7 +223,7 @@ def carried_over(system: HarmonicSystem, guesses: list[NDArray], start: NDArray,
     fixed = np.zeros(len(start))
     fixed[-1] = 1.0
     tries = [(guess, phase, False) for guess in guesses]
-    tries += [(start, phase, True), (start, fixed, False), (start, fixed, True)]
+    tries += [(start, phase, True)] if quick else [(start, phase, True), (start, fixed, False), (start, fixed, True)]
     for guess, plane, search in tries:
         c = system.correct(guess, plane, scale, 1e-6, 25 if search else LOOSE.max_iterations, search)
         if c.status == OK and _near(c.y, start, scale):
@@ -300,7 +303,7 @@ def adaptive_peak(
     everything = search.own.harmonic_numbers
     several = len(peaks) > 1 and best is not None and best[1] != (1,)
     if everything != (1,) and (best is None or several):
-        peaks, reason = search.tracked(everything)
+        peaks, reason = search.tracked(everything, coarse=not peaks and search.curve.complete)
         if peaks and (best is None or peaks[0].amplitude > best[0].amplitude):
             best = peaks[0], everything, None
     seconds = time.perf_counter() - begin
