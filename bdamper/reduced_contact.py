@@ -10,7 +10,8 @@ contact would open.  Friction acts where there is pressure, ``|T| <= mu max(n0 +
 With a constant friction limit the core has laws of its own, which keep the static normal load and a two-sided normal
 spring.
 
-Friction points that are open in the static state stay open: they are left out.
+Friction points that are open in the static state stay open: they are left out.  Bonded points neither open nor slip in any
+case, and remain what they are.
 """
 
 from __future__ import annotations
@@ -22,7 +23,15 @@ from numpy.typing import NDArray
 
 from bdamper.coupling import HarmonicBasis
 from bdamper.preload import OPEN, PreloadState
-from bdamper.system import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, LAW_SEPARABLE, PointArrays
+from bdamper.system import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    PointArrays,
+)
 
 CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
 """The law of constant normal load that stands for each law of variable load."""
@@ -55,8 +64,9 @@ def without_separation(
         First the points that are kept, in their order, then the additional ones.
     """
     closed = ~(state.status == OPEN).any(axis=1)
-    keep = np.flatnonzero(closed | ~friction_points)
-    held = np.flatnonzero(closed & friction_points)
+    bonded = points.law == LAW_BONDED
+    keep = np.flatnonzero(closed | bonded | ~friction_points)
+    held = np.flatnonzero(closed & friction_points & ~bonded)
     if constant_load:
         return _with_constant_load(bases, points, state, keep, np.isin(keep, held))
     normal = np.array([0.0, 0.0, 1.0])

@@ -660,7 +660,7 @@ class Study:
         mean = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
         scale = (mean or 1.0, vibration or mean or 1.0)
         system = HarmonicSystem(bases, points, force, self._response_rows, self.evaluation, scale)
-        system.bases = self.bases  # linear springs are those of the points of the coupling
+        system.spring_bases = self.bases  # linear springs are those of the points of the coupling
         return system
 
     def _extreme_sliders(self, points: PointArrays, preload: float) -> NDArray:

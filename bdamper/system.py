@@ -139,6 +139,8 @@ class HarmonicSystem:
         force_scale: tuple[float, float] = (1.0, 1.0),
     ) -> None:
         self.bases = bases
+        self.spring_bases = bases
+        """Modes at the points and along the axes to which linear springs are given."""
         self.points = points
         self.force = np.ascontiguousarray(force, float)
         self.response_rows = response
@@ -305,7 +307,7 @@ class HarmonicSystem:
 
     def linear_matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
         """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
-        b = self.bases[harmonic]
+        b = self.spring_bases[harmonic]
         w = harmonic * omega
         Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
         if contact is not None:

@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.aggregation import group_patches, unite_contact_points
+from bdamper.peaks import walked
 from bdamper.preload import OPEN
 from bdamper.system import LAW_CONSTANT
 from tests import models
@@ -293,3 +294,30 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
 def test_an_effect_given_twice_is_refused(full):
     with pytest.raises(bd.SettingError, match="harmonics: expected only one of effects and harmonics"):
         bd.Study(full.model, bd.Excitation("tip"), engine_order=2, harmonics=3, effects=bd.Effects(harmonics=2))
+
+
+# ---- settings together ----
+
+
+@pytest.mark.parametrize("changes", [{"separation": False}, {"variable_normal_load": False}], ids=str)
+def test_bonded_points_do_not_know_of_separation(full, changes):
+    """They pull as well as they push, open in the static state or not."""
+    gap = {name: np.linspace(0.0, 1e-4, 6) for name in ("left", "right")}
+    bonded = replace(full, friction_law="bonded", constraints=False, gap=gap)
+    assert (bonded.static(PRELOAD).status == OPEN).any()
+    plain, other = bonded.system(PRELOAD), replace(bonded, **changes).system(PRELOAD)
+    u = np.random.default_rng(5).normal(size=plain.n_unknowns)
+    for a, b in zip(plain.evaluate(u, 2000.0), other.evaluate(u, 2000.0)):
+        np.testing.assert_allclose(b, a, rtol=1e-9, atol=1e-9 * np.abs(a).max())
+
+
+@pytest.mark.parametrize("changes", [{"separation": False}, {"friction_axes": "major"}], ids=str)
+def test_modes_of_a_system_are_those_of_its_points(full, changes):
+    """Whatever reads the equations of a system finds the motion of its points in its modes."""
+    system = replace(full, **changes).system(PRELOAD)
+    u = np.random.default_rng(6).normal(size=system.n_unknowns)
+    X, _, _ = system.contact(u)
+    for l in range(1, 4):
+        motion = np.einsum("pim,m->pi", system.bases[l].G, system.amplitudes(u, l))
+        np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
+    assert len(walked(system, np.append(u, 2000.0), np.ones(len(u) + 1))) >= 1
