@@ -97,8 +97,7 @@ class Effects:
 
     def __post_init__(self) -> None:
         check_harmonics(self.harmonics)
-        if not isinstance(self.harmonics, int):
-            object.__setattr__(self, "harmonics", tuple(int(l) for l in self.harmonics))
+        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         for name in ("rotation", "translation"):
             object.__setattr__(self, name, _axes(name, getattr(self, name)))
         if self.contact_points is not None and (int(self.contact_points) != self.contact_points or self.contact_points < 1):
@@ -227,6 +226,11 @@ def check_harmonics(harmonics: int | Sequence[int]) -> None:
         raise SettingError(f"{what}, found {harmonics!r}") from error
     if not good or (isinstance(harmonics, Sequence) and 1 not in given) or len(set(given)) != len(given):
         raise SettingError(f"{what}, found {harmonics!r}")
+
+
+def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
+    """A count or set of harmonics as Python's own integers."""
+    return tuple(int(l) for l in harmonics) if isinstance(harmonics, Sequence) else int(harmonics)
 
 
 def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:

@@ -40,7 +40,7 @@ from bdamper.branches import (
 from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
-from bdamper.effects import Effects, check_harmonics, harmonic_numbers
+from bdamper.effects import Effects, check_harmonics, harmonic_numbers, whole_harmonics
 from bdamper.errors import SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
@@ -141,9 +141,11 @@ class Response:
         _direction(self.direction, "response direction")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Study:
     """Settings of an analysis of one model.
+
+    Studies are told apart by identity; what two of them have in common is seen in the settings of their results.
 
     Parameters
     ----------
@@ -158,6 +160,8 @@ class Study:
         Harmonics of the response besides the mean: how many, or which.
     contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
         Method (see :mod:`bdamper.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
+    contact_stiffness_factor : float
+        On all contact stiffness, whatever its method; what residual modes carry is not changed.
     blade_modes : int
         Modes of each constrained body (at most what the model has).
     damper_modes : int
@@ -235,6 +239,7 @@ class Study:
     load_history: tuple[float, ...] = (1.0,)
     stability: bool = False
     effects: Effects | None = None
+    contact_stiffness_factor: float = 1.0
     _states: dict[tuple[float, ...], PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
     _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
 
@@ -248,6 +253,7 @@ class Study:
         if int(self.engine_order) != self.engine_order or self.engine_order < 0:
             raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
         check_harmonics(self.harmonics)
+        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         _ = Effects.of(self)
         for name, place in (("excitation", self.excitation), ("response", self._response)):
             if place.location not in self.model.locations:
@@ -259,6 +265,10 @@ class Study:
             raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history[-1]}")
         if self.damping_ratio is not None and not 0.0 <= self.damping_ratio < 1.0:
             raise SettingError(f"damping_ratio: expected between 0 and 1, found {self.damping_ratio}")
+        if not (np.isfinite(self.contact_stiffness_factor) and self.contact_stiffness_factor > 0.0):
+            raise SettingError(
+                f"contact_stiffness_factor: expected a finite number > 0, found {self.contact_stiffness_factor}"
+            )
         for name, mu in self._friction_by_interface().items():
             if not (np.isfinite(mu) and mu >= 0.0):
                 raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
@@ -446,7 +456,10 @@ class Study:
     @cached_property
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
-        return self._contact.stiffness
+        factor = float(self.contact_stiffness_factor)
+        if factor == 1.0:
+            return self._contact.stiffness
+        return {n: replace(c, stiffness=factor * c.stiffness) for n, c in self._contact.stiffness.items()}
 
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
@@ -1237,9 +1250,10 @@ class Study:
             "friction_coefficient": self._friction_by_interface(),
             "excitation": asdict(self.excitation),
             "response": asdict(self._response),
-            "contact_stiffness": given if isinstance(given, str) else _stiffness_setting(given),
+            "contact_stiffness": _stiffness_setting(given),
+            "contact_stiffness_factor": self.contact_stiffness_factor,
             "load_history": list(self.load_history),
-            "gap": None if self.gap is None else {n: np.asarray(g, float).tolist() for n, g in self.gap.items()},
+            "gap": self.gap,
             "blade_modes": int(self.blade_modes),
             "damper_modes": int(self.damper_modes),
             "rigid_modes": list(self.rigid_modes),
@@ -1254,7 +1268,8 @@ class Study:
         }
         if options is not None:
             out["continuation"] = asdict(options)
-        return out
+        settings: dict[str, Any] = _plain(out)
+        return settings
 
 
 def _check_auto(effects: str) -> None:
@@ -1263,7 +1278,20 @@ def _check_auto(effects: str) -> None:
 
 
 def _stiffness_setting(given: Any) -> Any:
-    return {"residual_modes": asdict(given)} if isinstance(given, ResidualModes) else "user"
+    if isinstance(given, ResidualModes):
+        return {"residual_modes": asdict(given)}
+    if isinstance(given, PerArea):
+        return {"per_area": given.stiffness}
+    return given if isinstance(given, str) else {"values": given}
+
+
+def _plain(value: Any) -> Any:
+    """Settings as they stand in a file: numbers, texts, lists and mappings of these."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def _check_history(history: Sequence[float]) -> tuple[float, ...]:

@@ -16,6 +16,7 @@ import numpy as np
 
 from bdamper.errors import SettingError
 from bdamper.model import Body, Model
+from bdamper.residual import ResidualModes
 
 if TYPE_CHECKING:
     from bdamper.study import Study
@@ -30,7 +31,7 @@ _KEPT = {
     "excitation.amplitude": _EXCITATION,
     "excitation.phase": _EXCITATION,
     "damping_ratio": ("coupling", "friction", *_CONTACT),
-    "contact_stiffness_factor": ("coupling", "friction"),
+    "contact_stiffness_factor": ("coupling", "friction", "_contact"),
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
 }
@@ -39,7 +40,7 @@ _KEPT = {
 
 def setting_names(study: Study) -> list[str]:
     """All names that :func:`vary` understands."""
-    names = [f.name for f in fields(study) if f.init and f.name != "model"]
+    names = [f.name for f in fields(study) if f.init and f.name not in ("model", *FACTORS)]
     names += [f"excitation.{f.name}" for f in fields(study.excitation)]
     names += [f"response.{f.name}" for f in fields(study.excitation) if f.name in ("location", "direction")]
     return [*names, *FACTORS]
@@ -74,7 +75,11 @@ def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
     if new is old or not all(name in _KEPT for name in names):
         return new
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
-    if "friction_coefficient" in names and old.contact_stiffness != "eq4":
+    method = old.contact_stiffness
+    residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
+    if residual and "damper_mass_factor" in names:
+        kept -= set(_CONTACT)  # the patterns are those of stuck modes
+    if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
         kept |= set(_CONTACT).intersection(*others)
     for part in kept:
@@ -105,11 +110,7 @@ def _scaled(study: Study, name: str, factor: float) -> Study:
     if not (np.isfinite(factor) and factor > 0.0):
         raise SettingError(f"{name}: expected a finite number > 0, found {factor}")
     if name == "contact_stiffness_factor":
-        new = replace(study)
-        new.__dict__["stiffness"] = {
-            face: replace(contact, stiffness=factor * contact.stiffness) for face, contact in study.stiffness.items()
-        }
-        return new
+        return replace(study, contact_stiffness_factor=factor * study.contact_stiffness_factor)
     if name == "damping_factor":
         if study.damping_ratio is not None:
             return replace(study, damping_ratio=factor * study.damping_ratio)

@@ -1,5 +1,6 @@
 """What a study carries with an effect switched off: unknowns, points, kernels, and what remains of the equations."""
 
+import pickle
 from dataclasses import fields, replace
 
 import numpy as np
@@ -321,3 +322,35 @@ def test_modes_of_a_system_are_those_of_its_points(full, changes):
         motion = np.einsum("pim,m->pi", system.bases[l].G, system.amplitudes(u, l))
         np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
     assert len(walked(system, np.append(u, 2000.0), np.ones(len(u) + 1))) >= 1
+
+
+def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
+    interval = (600.0, 800.0)
+    faces = {name: np.full((face.n_points, 3), 1e6) for name, face in full.model.interfaces.items()}
+    stiffness = [1e6, 2e6, bd.PerArea(1e12), bd.PerArea((1e12, 1e12, 2e12)), faces, "unit_traction"]
+    curves = [replace(full, contact_stiffness=k).free(interval) for k in stiffness]
+    for i, a in enumerate(curves):
+        assert all(a.settings != b.settings for b in curves[:i])
+    # numbers of whatever kind can be saved
+    numbers = replace(
+        full,
+        harmonics=np.int64(2),
+        blade_modes=np.int64(3),
+        contact_points=np.int64(2),
+        evaluation=bd.Sampled(np.int64(64)),
+        damping_ratio=np.float32(0.001),
+        excitation=bd.Excitation("tip", direction=np.array([1.0, 0.0, 0.0]), amplitude=np.float32(2.0)),
+        contact_stiffness=faces,
+        gap={"left": np.linspace(0.0, 1e-6, 6)},
+    ).free(interval)
+    numbers.save(tmp_path / "curve.h5")
+    assert bd.load_curve(tmp_path / "curve.h5").settings == numbers.settings
+    assert numbers.settings["harmonics"] == [1, 2]
+    assert numbers.settings["gap"]["left"][-1] == 1e-6
+
+
+def test_studies_can_be_keys_and_be_sent_elsewhere(full):
+    again = pickle.loads(pickle.dumps(full))
+    assert len({full: 1, replace(full): 2, full: 3}) == 2
+    assert again.model.hash == full.model.hash
+    np.testing.assert_array_equal(again.static(PRELOAD).force, full.static(PRELOAD).force)

@@ -261,6 +261,22 @@ class TestVary:
         for a, b in zip(fast.evaluate(peak.y[:-1], 2000.0), slow.evaluate(peak.y[:-1], 2000.0)):
             assert a == pytest.approx(b, rel=1e-12)
 
+    @pytest.mark.parametrize("method", ["residual_modes", "eq4", "unit_traction"])
+    def test_a_varied_coefficient_of_friction_makes_the_contact_stiffness_anew(self, study, method):
+        study = replace(study, contact_stiffness=method)
+        assert study.stiffness.keys() == study.model.interfaces.keys()
+        varied, fresh = vary(study, {"friction_coefficient": 0.05}), replace(study, friction_coefficient=0.05)
+        for name, contact in fresh.stiffness.items():
+            assert varied.stiffness[name].stiffness == pytest.approx(contact.stiffness, rel=1e-9)
+
+    def test_a_factor_stays_while_other_settings_are_varied(self, study):
+        twice = vary(vary(study, {"contact_stiffness_factor": 2.0}), {"harmonics": 2})
+        for name, contact in study.stiffness.items():
+            assert twice.stiffness[name].stiffness == pytest.approx(2.0 * contact.stiffness)
+        assert twice.free((300.0, 350.0)).settings["contact_stiffness_factor"] == 2.0
+        with pytest.raises(bd.SettingError, match="contact_stiffness_factor"):
+            replace(study, contact_stiffness_factor=0.0)
+
     def test_denser_damper(self, study):
         new = vary(study, {"damper_mass_factor": 2.0})
         old_body, body = study.model.bodies["damper"], new.model.bodies["damper"]
