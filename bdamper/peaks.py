@@ -179,7 +179,10 @@ def walked(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
     n = system.n_mean
     if n == 0:
         return []
-    _, J, _ = system.evaluate(y[:-1], y[-1])
+    try:
+        _, J, _ = system.evaluate(y[:-1], y[-1])
+    except FloatingPointError:
+        return []
     v = np.linalg.svd(J[:n, :n] * scale[:n])[2][-1] * scale[:n]
     v /= np.linalg.norm(v)
     X, F, _ = system.contact(y[:-1])

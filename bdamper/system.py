@@ -273,7 +273,8 @@ class HarmonicSystem:
         n_coef = 2 * self.n_harmonics + 1
         X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
         share = np.empty((self.n_points, 5))
-        self.core.contact(np.ascontiguousarray(u, float), X, F, share)
+        if self.core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+            raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
 
     def slider_interval(self, u: NDArray) -> NDArray:
@@ -299,7 +300,8 @@ class HarmonicSystem:
         for end, far in enumerate((-np.inf, np.inf)):
             w = np.where(one_d[:, None], far, self.arrays["w"])
             core = _core.System(**{**self.arrays, "w": w}, **self._evaluation)
-            core.contact(np.ascontiguousarray(u, float), X, F, share)
+            if core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+                raise FloatingPointError("the contact forces are not finite at this point")
             rests = one_d[:, None] & (share[:, [0, 2]] > 1.0 - 1e-9)
             kt = np.where(rests, self.arrays["kt"], 1.0)
             out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / kt, np.nan)

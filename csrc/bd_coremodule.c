@@ -323,8 +323,10 @@ static PyObject *System_shares(SystemObject *self, PyObject *object) {
     const npy_intp by5[2] = {self->hbm.n_point, 5};
     double *share = doubles(object, "share", 2, by5, 1);
     if (!share) return NULL;
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
     copy_shares(&self->hbm, share);
-    Py_RETURN_NONE;
+    PyThread_release_lock(self->lock);
+    Py_END_ALLOW_THREADS Py_RETURN_NONE;
 }
 
 /* Motion, force and state shares of all points at u. */
@@ -354,8 +356,12 @@ static PyObject *System_contact(SystemObject *self, PyObject *args) {
 
 static PyObject *System_get_cost(SystemObject *self, void *closure) {
     (void)closure;
-    const bd_cost c = self->hbm.cost;
-    return Py_BuildValue("dddlll", c.contact, c.assembly, c.algebra, c.n_evaluation, c.n_jacobian, c.n_factorisation);
+    bd_cost c;
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
+    c = self->hbm.cost;
+    PyThread_release_lock(self->lock);
+    Py_END_ALLOW_THREADS return Py_BuildValue("dddlll", c.contact, c.assembly, c.algebra, c.n_evaluation, c.n_jacobian,
+                                              c.n_factorisation);
 }
 
 static PyObject *System_get_n_unknown(SystemObject *self, void *closure) {
@@ -370,7 +376,7 @@ static PyMethodDef System_methods[] = {
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
      "rank_tolerance=1e-14, ramp=None, omega=0.0)\n-> (status, iterations, residual, first_step, last_step, condition, "
-     "rank, (stick, slip, open))\n\n"
+     "rank, (stick, slip, open), orientation)\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
      "with ramp (n_unknown), a factor on that part of the excitation at the given omega."},
     {"shares", (PyCFunction)System_shares, METH_O,
@@ -439,13 +445,14 @@ static PyObject *evaluate_contact(PyObject *module, PyObject *args, PyObject *kw
     }
     const npy_intp n_coef = PyArray_DIM((PyArrayObject *)x_object, 1);
     const npy_intp shape[2] = {3, n_coef}, shape_J[4] = {3, n_coef, 3, n_coef};
+    if (!check_n_harm((n_coef - 1) / 2)) return NULL;
     const int n_harm = (int)((n_coef - 1) / 2);
     double *x = doubles(x_object, "x", 2, shape, 0), *kt = x ? vector(kt_object, "kt", 2, 0) : NULL;
     double *w = kt ? vector(w_object, "w", 2, 0) : NULL, *F = w ? doubles(F_object, "F", 2, shape, 1) : NULL;
     double *J = F ? doubles(J_object, "J", 4, shape_J, 1) : NULL;
-    if (!J || !check_n_harm(n_harm) || !check_evaluation(evaluation, n_time, n_harm) ||
-        !all_satisfy(x, 3 * n_coef, "x", 0) || !all_satisfy(kt, 2, "kt", 1) || !all_satisfy(&element.kn, 1, "kn", 1) ||
-        !all_satisfy(&element.mu, 1, "mu", 1) || !all_satisfy(&element.n0, 1, "n0", 0))
+    if (!J || !check_evaluation(evaluation, n_time, n_harm) || !all_satisfy(x, 3 * n_coef, "x", 0) ||
+        !all_satisfy(kt, 2, "kt", 1) || !all_satisfy(&element.kn, 1, "kn", 1) || !all_satisfy(&element.mu, 1, "mu", 1) ||
+        !all_satisfy(&element.n0, 1, "n0", 0))
         return NULL;
     if (law < 0 || law >= BD_N_LAW) {
         PyErr_Format(PyExc_ValueError, "law: expected 0 to %d, found %d", BD_N_LAW - 1, law);

@@ -4,10 +4,11 @@
  *     normal . (z - z_predicted) = 0,      z = (u, omega)/scale,
  *
  * which is regular at folds of the response curve.  In place of omega the last unknown may be a factor on the vibratory
- * excitation at fixed omega, which serves to grow a response from the static state.  The matrix is built in scaled unknowns and its rows are brought to
- * unit size before the LU factorisation, so the condition estimate does not depend on units.  If the estimate says that
- * the system is rank-deficient (a free body whose mean position no contact determines) the least-norm solution of a
- * rank-revealing QR takes the place of the LU solution, which leaves such a position where it is.
+ * excitation at fixed omega, which serves to grow a response from the static state.  The matrix is built in scaled
+ * unknowns and its rows are brought to unit size before the LU factorisation, so the condition estimate does not depend on
+ * units.  If the estimate says that the system is rank-deficient (a free body whose mean position no contact determines)
+ * the least-norm solution of a rank-revealing QR takes the place of the LU solution, which leaves such a position where it
+ * is.
  *
  * With the last factorisation the tangent t of the branch is one more solution, with right-hand side (0, ..., 0, 1).
  * The sign of the determinant of the bordered matrix is that of det [J; t], which does not change along a curve, not even
@@ -62,7 +63,8 @@ static double largest(const double *r, const double *row_scale, size_t n) {
     double most = 0.0;
     for (size_t i = 0; i < n; ++i) {
         const double a = fabs(r[i] * row_scale[i]);
-        if (!(a <= most)) most = a; /* keeps a NaN */
+        if (isnan(a)) return a;
+        if (a > most) most = a;
     }
     return most;
 }

@@ -42,8 +42,9 @@ typedef struct {
 bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack *lapack);
 void bd_newton_destroy(bd_newton_work *work);
 
-/* y (n + 1) holds unknowns and parameter (frequency, or excitation factor): the prediction on entry, the corrected point on return.  The corrected point
- * lies in the plane through the prediction that is normal to `normal` (n + 1) in scaled unknowns z = y/scale.
+/* y (n + 1) holds unknowns and parameter (frequency, or excitation factor): the prediction on entry, the corrected point
+ * on return.  The corrected point lies in the plane through the prediction that is normal to `normal` (n + 1) in scaled
+ * unknowns z = y/scale.
  * row_scale (n) multiplies the residual.  On BD_OK tangent (n + 1, unit length in z, normal . tangent > 0) is the
  * direction of the branch; it may be NULL. */
 bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *work, const bd_newton_options *options, double *y,

@@ -137,6 +137,13 @@ def test_failures_are_statuses():
     out, _, _ = solve(system, np.append(np.full(n, np.nan), 1.0))
     assert out[0] == NOT_FINITE
     assert np.isinf(out[2])
+    scales = np.ones(n)
+    scales[0] = np.nan  # a residual that is not a number stays one, wherever it stands
+    y, tangent = start.copy(), np.zeros(n + 1)
+    border = np.eye(n + 1)[n]
+    out = system.correct(y, border, np.ones(n + 1), scales, tangent, 1e9, 0)
+    assert out[0] == NOT_CONVERGED
+    assert np.isnan(out[2])
     empty = random_arrays(rng, (0, 1), 0)
     empty["stiffness"][:] = empty["mass"][:] = empty["damping"][:] = 0.0
     out, _, _ = solve(_core.System(**empty), [0.0, 0.0, 1.0])  # 0 x = force

@@ -5,8 +5,9 @@ import threading
 import numpy as np
 import pytest
 
+import bdamper as bd
 from bdamper import _core
-from tests import oracle
+from tests import models, oracle
 from tests.cases import PLAIN, SAMPLED, difference, evaluate_system, for_oracle, random_arrays
 
 LAYOUTS = {
@@ -210,6 +211,12 @@ def test_a_point_that_is_not_finite_is_a_status():
     u[3] = np.nan
     assert system.evaluate(u, 1.0, r) == 4
     assert system.evaluate(np.zeros(8), np.inf, r) == 4
+    study = bd.Study(models.wedge_model(1), bd.Excitation("tip"), engine_order=2)
+    equations = study.system(10.0)
+    with pytest.raises(FloatingPointError, match="contact forces are not finite"):
+        equations.contact(np.full(equations.n_unknowns, np.nan))
+    with pytest.raises(FloatingPointError, match="contact forces are not finite"):
+        equations.slider_interval(np.full(equations.n_unknowns, np.nan))
 
 
 def run_together(work, n_threads=4):
