@@ -1,6 +1,6 @@
 # Everything a user or developer runs.  Prerequisites: Python 3.11+, a C compiler, make.
 #   make demo      main job on the shipped reference model, figures in figures/
-#   make test      test suite
+#   make test      test suite (make test-slow: the tests that take minutes)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean.
@@ -21,13 +21,16 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test bench examples docs accuracy hard fuzz lint sanitize nastran clean prerequisites
+.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize nastran clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
 
 test: $(VENV)/test.stamp
-	$(call step,test suite,$(PY) -m pytest $(PYTEST_ARGS))
+	$(call step,test suite,$(PY) -m pytest -n auto -m "not slow" $(PYTEST_ARGS))
+
+test-slow: $(VENV)/test.stamp
+	$(call step,slow tests,$(PY) -m pytest -n auto -m slow $(PYTEST_ARGS))
 
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks)
