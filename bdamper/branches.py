@@ -245,19 +245,13 @@ def linear_resonances(
     Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
     """
     out = []
-    mass = np.asarray(system.bases[1].omega2) * 0.0 + 1.0
-    if getattr(system.bases[1], "mass", None) is not None:
-        mass = np.asarray(system.bases[1].mass, float)
-    if (mass != 1.0).any():
-        return []  # coordinates without inertia: their resonances are left to the control of the step
-    rate = np.asarray(system.bases[1].damping_ratio) * np.sqrt(system.bases[1].omega2)
+    basis = system.bases[1]
     for k in springs:
-        matrix = system.linear_matrix(0.0, k)
-        poles, vectors = np.linalg.eigh(0.5 * (matrix + matrix.conj().T))
-        for pole, vector in zip(poles, vectors.T):
-            if low**2 < pole < high**2:
-                width = max(float(np.abs(vector) ** 2 @ rate), 1e-9 * float(np.sqrt(pole)))
-                out.append((float(np.sqrt(pole)), width, vector.conj()))
+        frequencies, vectors = system.linear_modes(k)
+        for omega, vector in zip(frequencies, vectors.T):
+            if low < omega < high:
+                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), 1e-9 * float(omega))
+                out.append((float(omega), width, vector.conj() * basis.mass))
     return out
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bdamper.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.errors import SettingError
 from bdamper.study import Study
-from bdamper.system import segments
+from bdamper.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, segments
 
 STICK, SLIP, OPEN = range(3)
 """States of a contact point in pictures and maps."""
@@ -147,21 +147,39 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
     """
     system = study.system(preload)
     X, _, _ = system.contact(np.asarray(unknowns, float))
-    p = system.points
+    p = system.arrays
     theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
     n_harmonics = (X.shape[2] - 1) // 2
     wave = np.empty((X.shape[2], n_theta))
     wave[0] = 1.0
     for l in range(1, n_harmonics + 1):
         wave[2 * l - 1], wave[2 * l] = np.cos(l * theta), np.sin(l * theta)
-    normal = np.maximum(p.n0[:, None] + p.kn[:, None] * (X[:, 2] @ wave), 0.0)
+    model = study.coupling.model  # with united contact points, if the study asks for that
+    names = tuple(name for name in study.coupling.interfaces for _ in range(model.interfaces[name].n_points))
+    points = np.concatenate([model.interfaces[name].points for name in study.coupling.interfaces])
     plain = {0: STICK, 1: SLIP, 2: SLIP, 3: OPEN}
-    state = np.zeros((len(X), 2, n_theta), int)
-    parts = []
-    for i, x in enumerate(X):
-        found = segments(x, p.kt[i], float(p.kn[i]), float(p.mu[i]), float(p.n0[i]), p.slider[i], int(p.law[i]))
+    # points that the equations leave out are open
+    state = np.full((len(points), 2, n_theta), OPEN)
+    whole = ((0.0, 2.0 * np.pi, OPEN),)
+    parts: list[tuple[tuple[tuple[float, float, int], ...], ...]] = [(whole, whole)] * len(points)
+    normal = np.zeros((len(points), n_theta))
+    index = np.arange(len(X)) if system.points.index is None else system.points.index
+    known: set[int] = set()
+    for i, (x, at) in enumerate(zip(X, index.tolist())):
+        level = p["n0"][i] + p["kn"][i] * (x[2] @ wave)
+        two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
+        force = level if two_sided else np.maximum(level, 0.0)
+        normal[at] += -force if at in known else force
+        if at in known:
+            continue
+        known.add(at)
+        found = segments(
+            x, p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
+            study.evaluation, float(p["load"][i]),
+        )  # fmt: skip
         both = []
-        for d, pieces in enumerate(found):
+        for d, listed in enumerate(found):
+            pieces = listed or _without_friction(x, p["kn"][i], p["n0"][i], two_sided)
             merged: list[tuple[float, float, int]] = []
             for start, end, kind in pieces:
                 if merged and merged[-1][2] == plain[kind] and abs(merged[-1][1] - start) < 1e-12:
@@ -169,13 +187,20 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
                 else:
                     merged.append((start, end, plain[kind]))
             for start, end, kind in merged:
-                state[i, d, (theta - start) % (2.0 * np.pi) < end - start] = kind
+                state[at, d, (theta - start) % (2.0 * np.pi) < end - start] = kind
             both.append(tuple(merged))
-        parts.append(tuple(both))
-    model = study.coupling.model  # with united contact points, if the study asks for that
-    names = tuple(name for name in study.coupling.interfaces for _ in range(model.interfaces[name].n_points))
-    points = np.concatenate([model.interfaces[name].points for name in study.coupling.interfaces])
+        parts[at] = tuple(both)
     return ContactStatus(points, names, theta, state, normal, tuple(parts))
+
+
+def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list[tuple[float, float, int]]:
+    """Parts of the period of a point without friction: what is not open slides."""
+    sliding = 1
+    if two_sided:
+        return [(0.0, 2.0 * np.pi, sliding)]
+    friction = 1e-12  # next to none, so that the parts in contact are listed
+    parts = segments(x, np.full(2, kn), float(kn), friction, float(n0), np.zeros(2))[0]
+    return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
 
 
 @dataclass(frozen=True)

@@ -83,6 +83,7 @@ def without_separation(
         slider=points.slider[source],
         law=points.law[source],
         shift=points.shift[source] * mask,
+        index=source,
     )
     reverse = slice(n_keep, n_keep + n_held)
     new.law[n_keep:] = LAW_NORMAL
@@ -109,5 +110,6 @@ def _with_constant_load(
         law=law,
         shift=points.shift[keep],
         load=state.force[keep, 2],
+        index=keep,
     )
     return [replace(b, G=b.G[keep]) for b in bases], new

@@ -871,7 +871,10 @@ class Study:
         if effects == "auto":
             from bdamper.adaptive import adaptive_curve
 
-            return adaptive_curve(self, preload, frequency, tolerance=tolerance, options=options)
+            if from_high or progress or search_branches is not False:
+                raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
+            judged = self.with_effects(replace(Effects.of(self), stability=True)) if stability else self
+            return adaptive_curve(judged, preload, frequency, tolerance=tolerance, options=options)
         options = options or ContinuationOptions()
         low, high = _check_interval(frequency)
         preload = self._check_preload(preload)
@@ -954,9 +957,19 @@ class Study:
     def _check_curve(self, curve: Curve) -> None:
         if curve.kind != "tracking" or curve.model_hash != self.model.hash:
             raise SettingError("curve: expected a tracking curve of this model, found another")
-        n = self.system(curve.preload).n_unknowns
+        system = self.system(curve.preload)
+        n = system.n_unknowns
         if curve.unknowns.shape[1] != n:
             raise SettingError(f"curve: expected one of this study with {n} unknowns, found {curve.unknowns.shape[1]}")
+        if not len(curve) or "adaptive" in curve.settings:  # such a curve solves the equations to its own tolerance
+            return
+        i = curve.peak.index
+        r, _, _ = system.evaluate(curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i]))
+        error = float(np.abs(r * system.row_scale).max())
+        if error > max(1e-6, 100.0 * float(curve.residual[i])):
+            raise SettingError(
+                f"curve: expected one of this study, found one with other settings (residual {error:.2g} at its peak)"
+            )
 
     def _follow_from(
         self,
@@ -1098,6 +1111,8 @@ class Study:
         if effects == "auto":
             from bdamper.optimal import resonance_interval
 
+            if options is not None:
+                raise SettingError('effects: expected "all" with options, found "auto"')
             return self.adaptive_peak(preload, frequency or resonance_interval(self, mode), tolerance=tolerance)
         from bdamper.optimal import highest_peak
 

@@ -68,6 +68,9 @@ class PointArrays:
         Constant part of (u1, u2, v) that the modes do not carry.
     load : (n_points,) float, N, optional
         Normal load that limits friction under the laws of constant load; ``n0`` by default.
+    index : (n_points,) int, optional
+        Contact point of the structure that each is made of; where two are made of one, the second one's normal force is
+        taken off that of the first.
     """
 
     kt: NDArray
@@ -78,6 +81,7 @@ class PointArrays:
     law: NDArray
     shift: NDArray
     load: NDArray | None = None
+    index: NDArray | None = None
 
 
 @dataclass(frozen=True)

@@ -33,7 +33,8 @@ void bd_contact_evaluate(const bd_element *element, const double *x, bd_response
 void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                               bd_evaluator *evaluator);
 
-/* Parts of the cycle of direction d in the latest evaluation of a single point; returns their number. */
+/* Parts of the cycle of direction d in the latest evaluation of a single point; returns their number, which is 0 for a
+ * direction without friction in a contact that is not open all the time. */
 int bd_contact_segments(const bd_evaluator *evaluator, int d, const bd_segment **segment);
 
 #endif

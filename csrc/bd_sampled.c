@@ -242,7 +242,10 @@ void bd_sampled_evaluate(int n, const bd_element *element, const double *x, bd_r
     work->lanes.state = n == 1 ? work->state : NULL;
     load_lanes(n, element, x, work);
     const int touching = normal_direction(n, element, x, out, share, work);
-    for (int d = 0; d < 2 && n == 1; ++d) whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
+    for (int d = 0; d < 2 && n == 1; ++d) {
+        whole_cycle(work, d, touching ? BD_STICK : BD_OPEN);
+        if (touching && !bd_element_rubs(element, d) && element->law != BD_LAW_BONDED) work->n_segment[d] = 0;
+    }
     work->lanes.g = find_limit(n, element, work);
     for (int d = 0; d < 2 && touching; ++d) tangential_direction(n, element, d, x, out, share, work);
 }

@@ -8,7 +8,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.aggregation import group_patches, unite_contact_points
-from bdamper.peaks import walked
+from bdamper.branches import linear_resonances
+from bdamper.peaks import PeakOptions, walked
 from bdamper.preload import OPEN
 from bdamper.system import LAW_CONSTANT
 from tests import models
@@ -354,3 +355,35 @@ def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     assert len({full, full, replace(full), again}) == 3
     assert again.model.hash == full.model.hash
     np.testing.assert_array_equal(again.static(PRELOAD).force, full.static(PRELOAD).force)
+
+
+def test_a_curve_of_other_settings_is_refused(full):
+    curve = full.track(PRELOAD, (1090.0, 1110.0))
+    assert len(curve)
+    assert full.with_stability(curve).stable is not None
+    with pytest.raises(bd.SettingError, match="found one with other settings"):
+        replace(full, friction_coefficient=0.1).with_stability(curve)
+
+
+def test_options_that_do_not_go_with_auto_are_refused(full):
+    for options in ({"from_high": True}, {"search_branches": True}, {"progress": True}):
+        with pytest.raises(bd.SettingError, match='effects: expected "all" with from_high'):
+            full.track(PRELOAD, (1090.0, 1110.0), effects="auto", **options)
+    with pytest.raises(bd.SettingError, match='effects: expected "all" with options'):
+        full.peak(PRELOAD, (1090.0, 1110.0), effects="auto", options=PeakOptions())
+    assert full.track(PRELOAD, (1090.0, 1110.0), effects="auto", stability=True).stable is not None
+
+
+def test_linear_resonances_are_those_of_the_linear_curves(full):
+    """With residual modes, which have no inertia or that of the modes left out, as well as without."""
+    for method in ("unit_traction", "residual_modes"):
+        study = replace(full, contact_stiffness=method)
+        system, springs = study.system(PRELOAD), study._stuck_springs(study.static(PRELOAD))
+        low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
+        found = linear_resonances(system, (springs,), low, high)
+        assert len(found) >= 4
+        for omega, width, row in found:
+            near = omega + width * np.array([-1.0, 0.0, 1.0])
+            height = [abs(row @ system.linear_response(w, springs)) for w in near]
+            assert height[1] / height[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
+            assert height[1] / height[2] == pytest.approx(np.sqrt(2.0), rel=0.05)

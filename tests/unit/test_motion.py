@@ -85,6 +85,36 @@ def test_status_agrees_with_the_curve_and_with_itself(solved):
     assert np.all(status.normal[both][~opened] >= 0.0)
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"separation": False},
+        {"variable_normal_load": False},
+        {"friction_axes": "major"},
+        {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
+        {"friction_law": "bonded"},
+        {"friction_coefficient": {"left": 0.3, "right": 0.0}},
+    ],
+    ids=str,
+)
+def test_status_under_every_law(solved, settings):
+    study = replace(solved[0], **settings)
+    curve = study.track(500.0, (350.0, 380.0))
+    i = curve.peak.index
+    _, F, core = (a[: study.coupling.n_points] for a in study.system(500.0).contact(curve.unknowns[i]))
+    status = contact_status(study, curve.unknowns[i], 500.0, n_theta=2000)
+    assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
+    for state in range(3):
+        assert (status.state == state).mean(axis=2) == pytest.approx(status.share[..., state], abs=2e-2)
+    rubs = study.friction > 0.0
+    if len(core) == len(rubs) and study.system(500.0).points.index is None:
+        assert status.share[rubs][..., 0] == pytest.approx(core[rubs][:, [0, 2]], abs=1e-9)
+        opened = np.column_stack([core[:, 4]] * 2)
+        assert status.share[rubs][..., 2] == pytest.approx(opened[rubs], abs=1e-9)
+        assert status.share[..., 2] == pytest.approx(opened, abs=1.0 / 64.0)  # samples
+        assert status.normal.mean(axis=1) == pytest.approx(F[:, 2, 0], rel=1e-3, abs=1e-2 * np.abs(F[:, 2]).max())
+
+
 def test_export_to_vtu(solved, tmp_path):
     meshio = pytest.importorskip("meshio")
     study, curve = solved
