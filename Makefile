@@ -46,6 +46,9 @@ docs: $(VENV)/docs.stamp
 nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
+accuracy: $(VENV)/test.stamp
+	$(call step,ladders of accuracy against time into docs/accuracy.md,$(PY) -m benchmarks.bench_accuracy)
+
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)
 

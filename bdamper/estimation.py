@@ -278,7 +278,21 @@ def _more_harmonics(study: Study) -> Richer:
 def _exact_events(study: Study) -> Richer | None:
     if not isinstance(study.evaluation, Sampled):
         return None
-    return Richer(replace(study, evaluation="exact"), 1.0, "exact events")
+    finer = finer_evaluation(study, study.harmonic_numbers[-1])
+    if finer.evaluation == "exact":
+        return Richer(finer, 1.0, "exact events")
+    dense = Sampled(4 * study.evaluation.n_time)
+    return Richer(replace(study, evaluation=dense), 1.0, f"{dense.n_time} samples")
+
+
+def finer_evaluation(study: Study, harmonics: int) -> Study:
+    """The study with exact events; with coupled friction, which has none, with 32 samples for each harmonic at least."""
+    if not isinstance(study.evaluation, Sampled):
+        return study
+    try:
+        return replace(study, evaluation="exact")
+    except SettingError:
+        return replace(study, evaluation=Sampled(max(study.evaluation.n_time, 128, 32 * harmonics)))
 
 
 def points_on_a_face(study: Study) -> int:

@@ -837,7 +837,7 @@ class Study:
         search_branches: bool | Sequence[float] = False,
         stability: bool = False,
         effects: Literal["all", "auto"] = "all",
-        tolerance: float = 0.01,
+        tolerance: float | None = None,
     ) -> Curve:
         """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
 
@@ -858,8 +858,10 @@ class Study:
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         effects : {"all", "auto"}
             "auto": harmonics of the study are on only where they matter; see :func:`bdamper.adaptive.adaptive_curve`.
-        tolerance : float
-            Relative, for "auto".
+        tolerance : float, optional
+            Relative.  With "auto": at every point, by leaving harmonics of the study out (0.01 by default).  With "all": at
+            the highest peak, by choosing harmonics and evaluation whatever the study has
+            (:func:`bdamper.tolerance.track_to_tolerance`); the notes of the curve say what was chosen and why.
 
         Returns
         -------
@@ -874,7 +876,15 @@ class Study:
             if from_high or progress or search_branches is not False:
                 raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
             judged = self.with_effects(replace(Effects.of(self), stability=True)) if stability else self
-            return adaptive_curve(judged, preload, frequency, tolerance=tolerance, options=options)
+            within = 0.01 if tolerance is None else tolerance
+            return adaptive_curve(judged, preload, frequency, tolerance=within, options=options)
+        if tolerance is not None:
+            from bdamper.tolerance import track_to_tolerance
+
+            return track_to_tolerance(
+                self, preload, frequency, tolerance, options=options, from_high=from_high, progress=progress,
+                search_branches=search_branches, stability=stability,
+            )  # fmt: skip
         options = options or ContinuationOptions()
         low, high = _check_interval(frequency)
         preload = self._check_preload(preload)

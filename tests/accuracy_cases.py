@@ -6,13 +6,17 @@ highest peak under settings richer than those that the estimate looks at.
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 import bdamper as bd
 from bdamper.accuracy import varied
 from bdamper.estimation import estimate_errors, points_on_a_face
+from bdamper.tolerance import richest_study
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes")
@@ -54,7 +58,9 @@ def compare(number: int) -> Compared | None:
         changes = {"contact_points": full}
     else:
         study = replace(study, blade_modes=8 if case.kind == "reference" else 2)
-        changes = dict(zip(("blade_modes", "damper_modes"), (40, 10) if case.kind == "reference" else (5, 2)))
+        changes = {"blade_modes": 40, "damper_modes": 10}
+        if case.kind != "reference":
+            changes = {"blade_modes": 5, "damper_modes": 2}
     place = scene(study, case)
     if place is None:
         return None
@@ -64,11 +70,69 @@ def compare(number: int) -> Compared | None:
         if not curve.complete:
             return None
         peak = curve.peak
-        true = varied(study, changes).peak(preload, interval)
+        richest = varied(study, changes)
+        true = richest.peak(preload, interval)
     except bd.BdamperError:
         return None
-    error = true.amplitude / peak.amplitude - 1.0, true.frequency / peak.frequency - 1.0
+    finer = richest.track(preload, interval)
+    if not finer.complete:
+        return None
+    top = finer.peak if finer.peak.amplitude > true.amplitude else true
+    error = top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0
     if max(map(abs, error)) < 1e-8:
         return None
     found = estimate_errors(study, curve, sources=[source])[source]
     return Compared(case, source, (found.amplitude, found.frequency), error, bool(curve.folds), found.against)
+
+
+@dataclass(frozen=True)
+class Tried:
+    """What the choice of settings by tolerance gave and cost, beside the shortest series of harmonics that would do."""
+
+    case: Case
+    tolerance: float
+    error: float
+    seconds: float
+    cheapest: float
+    chosen: str
+    series: int
+
+    @property
+    def ratio(self) -> float:
+        """Time over that of the cheapest setting of the ladder within the tolerance."""
+        return self.seconds / self.cheapest
+
+
+def try_tolerance(number: int, repeats: int = 1) -> Tried | None:
+    """One case of a curve to a tolerance against the ladder of harmonics; None where there is no peak."""
+    case = draw(number)
+    tolerance = float(np.random.default_rng([81, number]).choice([0.03, 0.01, 0.003]))
+    study = replace(study_of(case), harmonics=1, damper_modes=0)
+    place = scene(study, case)
+    if place is None:
+        return None
+    most = richest_study(study)
+    truth = most.track(*place)
+    if not (truth.complete and "maximum" in truth.point_kind):
+        return None
+
+    def error(curve: bd.Curve) -> float:
+        top, true = curve.peak, truth.peak
+        return max(abs(top.amplitude / true.amplitude - 1.0), abs(top.frequency / true.frequency - 1.0))
+
+    def timed(run: Callable[[], bd.Curve]) -> tuple[bd.Curve, float]:
+        seconds = []
+        for _ in range(repeats):
+            begin = time.perf_counter()
+            curve = run()
+            seconds.append(time.perf_counter() - begin)
+        return curve, float(np.median(seconds))
+
+    curve, seconds = timed(lambda: study.track(*place, tolerance=tolerance))
+    for series in range(1, most.harmonic_numbers[-1] + 1):
+        rung = replace(study, harmonics=series)
+        rung.system(place[0])
+        found, cheapest = timed(partial(rung.track, *place))
+        if found.complete and error(found) <= tolerance:
+            break
+    return Tried(case, tolerance, error(curve), seconds, cheapest, str(curve.settings["chosen"]["harmonics"]), series)

@@ -212,3 +212,33 @@ def test_effectivity_on_a_sample(number):
     compared = accuracy_cases.compare(number)
     assert compared is not None
     assert 0.3 < compared.effectivity < 3.0, compared
+
+
+# ---- a tolerance instead of settings ----
+
+
+@pytest.mark.parametrize("number", [0, 2, 6])
+def test_curve_to_a_tolerance(number):
+    tried = accuracy_cases.try_tolerance(number)
+    assert tried is not None
+    assert tried.error <= tried.tolerance, tried
+
+
+def test_tolerance_says_what_it_chose(study, place):
+    loose = study.track(*place, tolerance=0.2)
+    tight = study.track(*place, tolerance=0.01)
+    assert loose.settings["harmonics"] == [1] == loose.settings["chosen"]["harmonics"]
+    assert len(tight.settings["harmonics"]) > 2
+    for curve, tolerance in ((loose, 0.2), (tight, 0.01)):
+        assert 0.0 < curve.settings["chosen"]["rest"] <= tolerance
+        assert "chosen for" in str(curve) and "exact events" in str(curve)
+    assert tight.cost.seconds > loose.cost.seconds
+    with pytest.raises(SettingError, match="tolerance"):
+        study.track(*place, tolerance=-1.0)
+
+
+def test_tolerance_leaves_sampling_and_harmonics_of_the_study_behind(study, place):
+    sampled = replace(study, evaluation=bd.Sampled(32), harmonics=5)
+    one = sampled.track(*place, tolerance=0.1)
+    other = study.track(*place, tolerance=0.1)
+    assert one.peak.amplitude == pytest.approx(other.peak.amplitude, rel=1e-9)
