@@ -256,8 +256,8 @@ def linear_resonances(
 
 
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
-    body = model.bodies[coordinate.body]
-    if body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
+    body = model.bodies.get(coordinate.body)  # residual modes belong to none
+    if body is not None and body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):
         return f"{q / np.sqrt(body.mass):.3g} m"
     return f"{q:.3g} kg^1/2 m"
 
@@ -318,8 +318,8 @@ def why_no_solution(
         return ""
     _, _, share = system.contact(y[:-1])
     for k, c in enumerate(coordinates):
-        body = model.bodies[c.body]
-        if body.kind != "free" or not c.name.startswith("T") or body.mass is None:
+        body = model.bodies.get(c.body)  # residual modes belong to none
+        if body is None or body.kind != "free" or not c.name.startswith("T") or body.mass is None:
             continue
         force = float(r[k]) * np.sqrt(body.mass)
         stiff = float(np.abs(J[k]).max())

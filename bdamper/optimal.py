@@ -765,7 +765,8 @@ def highest_peak(
             f"ended as: {ending}"
         )
     cost = meter.read(time.perf_counter())
-    return replace(peaks[0], cost=replace(cost, iterations=cost.iterations + sum(p.iterations for p in peaks)))
+    iterations = cost.iterations + sum(p.iterations for p in peaks)
+    return replace(peaks[0], cost=replace(cost, iterations=iterations), scan=ending)
 
 
 def peak_sensitivities(

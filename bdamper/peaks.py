@@ -112,6 +112,9 @@ class Peak:
         "converged" or what went wrong; an unconverged peak is never used as a solution.
     cost : Cost, optional
         Of all that it took to find it, where that was metered.
+    scan : str
+        How the response curve ended on which it is the highest peak, where one was followed: unless "complete", there may
+        be a higher one.
     """
 
     parameter: float
@@ -130,6 +133,7 @@ class Peak:
     corner: bool = False
     status: str = "converged"
     cost: Cost | None = None
+    scan: str = ""
 
     @property
     def converged(self) -> bool:
@@ -141,6 +145,7 @@ class Peak:
         return (
             f"peak {self.amplitude:.8g} m at {self.frequency:.8g} Hz{' (corner)' if self.corner else ''}, residual "
             f"{self.residual:.1e}, {self.trials} correctors, {self.iterations} iterations"
+            + ("" if self.scan in ("", "complete") else f"\n  there may be a higher one, the curve ended as: {self.scan}")
             + ("" if self.cost is None else f"\n  {self.cost}")
         )
 

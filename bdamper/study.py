@@ -41,7 +41,7 @@ from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import Effects, check_harmonics, harmonic_numbers, whole_harmonics
-from bdamper.errors import SettingError
+from bdamper.errors import BdamperError, SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.model import ContactStiffness, Model
@@ -213,7 +213,7 @@ class Study:
         At once, naming the setting, what was expected and what was found.
     """
 
-    model: Model
+    model: Model = field(repr=False)
     excitation: Excitation
     engine_order: int = 1
     friction_coefficient: float | Mapping[str, float] = 0.3
@@ -250,8 +250,8 @@ class Study:
             check_model(self.model)
             object.__setattr__(self.model, "_checked", True)
         self._check_friction()
-        if int(self.engine_order) != self.engine_order or self.engine_order < 0:
-            raise SettingError(f"engine_order: expected a whole number >= 0, found {self.engine_order!r}")
+        for name in ("engine_order", "blade_modes", "damper_modes"):
+            object.__setattr__(self, name, _whole_number(name, getattr(self, name)))
         check_harmonics(self.harmonics)
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         _ = Effects.of(self)
@@ -273,6 +273,7 @@ class Study:
             if not (np.isfinite(mu) and mu >= 0.0):
                 raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
         _ = self._modal_bases  # the nodal diameters that the harmonics need
+        _ = self._gap
 
     def _take_effects(self, effects: Effects) -> None:
         own = {f.name: f.default for f in fields(self)}
@@ -1206,7 +1207,10 @@ class Study:
         """
         if not np.any(self._load[0]):
             preload = 0.0
-        return self._linear("stuck", preload, frequency, self._stuck_springs(self.static(preload)))
+        state = self.static(preload)
+        if not state.converged:
+            raise BdamperError(f"stuck response: expected a static state under {preload:g} N, found none: {state.note}")
+        return self._linear("stuck", preload, frequency, self._stuck_springs(state))
 
     def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
         low, high = _check_interval(frequency)
@@ -1295,6 +1299,16 @@ class Study:
             out["continuation"] = asdict(options)
         settings: dict[str, Any] = _plain(out)
         return settings
+
+
+def _whole_number(name: str, value: Any) -> int:
+    if not isinstance(value, (str, bytes)):
+        try:
+            if int(value) == value and value >= 0:
+                return int(value)
+        except (TypeError, ValueError, OverflowError):
+            pass
+    raise SettingError(f"{name}: expected a whole number >= 0, found {value!r}")
 
 
 def _check_auto(effects: str) -> None:

@@ -8,7 +8,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.aggregation import group_patches, unite_contact_points
-from bdamper.branches import linear_resonances
+from bdamper.branches import linear_resonances, notes, why_no_solution
+from bdamper.continuation import PathPoint
 from bdamper.peaks import PeakOptions, walked
 from bdamper.preload import OPEN
 from bdamper.system import LAW_CONSTANT
@@ -387,3 +388,59 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
             height = [abs(row @ system.linear_response(w, springs)) for w in near]
             assert height[1] / height[0] == pytest.approx(np.sqrt(2.0), rel=0.05)
             assert height[1] / height[2] == pytest.approx(np.sqrt(2.0), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"engine_order": None}, "engine_order: expected a whole number"),
+        ({"engine_order": 1.5}, "engine_order: expected a whole number"),
+        ({"blade_modes": 2.5}, "blade_modes: expected a whole number"),
+        ({"damper_modes": "1"}, "damper_modes: expected a whole number"),
+        ({"gap": {"nowhere": np.zeros(3)}}, "gap: expected interfaces out of"),
+        ({"gap": {"left": np.zeros(5)}}, "gap of 'left': expected 6 finite numbers"),
+    ],
+    ids=str,
+)
+def test_wrong_settings_are_named_at_once(full, settings, message):
+    with pytest.raises(bd.SettingError, match=message):
+        replace(full, **settings)
+
+
+def test_whole_numbers_of_other_kinds_are_taken(full):
+    assert replace(full, blade_modes=3.0, engine_order=np.int64(2)).system(PRELOAD).n_unknowns == 10 * 7
+
+
+def test_a_study_is_printed_without_its_model(full):
+    assert "engine_order=2" in repr(full) and len(repr(full)) < 2000
+
+
+def test_no_stuck_response_without_a_static_state(full):
+    study = replace(full)
+    study._states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
+    with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
+        study.stuck((600.0, 800.0), PRELOAD)
+
+
+def test_residual_modes_are_no_bodies_that_walk(full):
+    """What is said of mean positions leaves coordinates alone that belong to no body."""
+    study = replace(full, contact_stiffness="residual_modes")
+    system, coordinates = study.system(0.0), study.bases[0].coordinates
+    assert any(c.body not in study.model.bodies for c in coordinates)
+    model = study.coupling.model
+    y = np.append(np.zeros(system.n_unknowns), 3000.0)
+    assert why_no_solution(system, model, coordinates, y) == ""
+    moved = y.copy()
+    moved[next(k for k, c in enumerate(coordinates) if c.body not in model.bodies)] = 1.0
+    points = [
+        PathPoint(p, np.zeros_like(p), np.ones_like(p), np.zeros(3), 0.0, 1, 0, kind)
+        for p, kind in ((y, "regular"), (moved, "walk"))
+    ]
+    assert "kg^1/2 m" in notes(system, model, coordinates, points)[0]
+
+
+def test_a_peak_says_how_its_curve_ended(full):
+    peak = full.peak(1000.0, (820.0, 860.0))
+    assert peak.scan == "complete"
+    assert "there may be a higher one" not in str(peak)
+    assert "there may be a higher one, the curve ended as: incomplete (why)" in str(replace(peak, scan="incomplete (why)"))
