@@ -10,6 +10,7 @@ from bdamper.estimates import ErrorEstimates, SourceError
 from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.laws import LawComparison
+from bdamper.microslip import Microslip, microslip
 from bdamper.misfit import misfit
 from bdamper.model import Model
 from bdamper.optimal import OptimalCurve, load_optimal_curve
@@ -51,6 +52,7 @@ __all__ = [
     "Excitation",
     "Fold",
     "LawComparison",
+    "Microslip",
     "Model",
     "ModelError",
     "OptimalCurve",
@@ -82,6 +84,7 @@ __all__ = [
     "load_optimal_curve",
     "load_sweep",
     "load_uncertain_curve",
+    "microslip",
     "misfit",
     "prescribe_preload",
     "reference_model",

@@ -1,10 +1,12 @@
 """What stays at the contact points and what goes into residual modes: effect on slip.
 
     python examples/contact_stiffness_split.py [--points 9] [--figure split.png]
+    python examples/contact_stiffness_split.py --microslip [--points 24] [--figure microslip.png]
 
 Tracks the first mode of the reference bladed disk at three preloads for several numbers of force patterns and shares of the
 point flexibility, and prints peak amplitude, frequency and shares of stick, slip and separation at the peak.  The other
-methods of contact stiffness stand beside them.
+methods of contact stiffness stand beside them.  With ``--microslip``: static force along the axis of the damper against its
+displacement at 1000 N, first loading up to sliding.
 """
 
 from __future__ import annotations
@@ -12,7 +14,10 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 
+import numpy as np
+
 import bdamper as bd
+from bdamper.microslip import Microslip, microslip
 
 PRELOADS = (1500.0, 4000.0, 10000.0)
 CHOICES: tuple[str | bd.ResidualModes, ...] = (
@@ -23,6 +28,18 @@ CHOICES: tuple[str | bd.ResidualModes, ...] = (
     bd.ResidualModes(12, 0.1),
     bd.ResidualModes(12, 0.5),
     bd.ResidualModes(16, 0.5),
+)
+MICROSLIP_PRELOAD = 1000.0
+MICROSLIP_FORCES = np.concatenate([np.arange(15.0, 271.0, 15.0), np.arange(275.0, 311.0, 5.0)])
+MICROSLIP_CHOICES: tuple[str | bd.ResidualModes, ...] = (
+    "unit_traction",
+    "eq4",
+    bd.ResidualModes(5, 0.5),
+    bd.ResidualModes(8, 0.5),
+    bd.ResidualModes(12, 0.02),
+    bd.ResidualModes(12, 0.1),
+    bd.ResidualModes(12, 0.5),
+    bd.ResidualModes("all"),
 )
 
 
@@ -72,12 +89,56 @@ def split_study(
     return rows
 
 
+def microslip_study(
+    points: int = 24, choices: tuple[str | bd.ResidualModes, ...] = MICROSLIP_CHOICES
+) -> dict[str, Microslip]:
+    """First loading along the axis for every choice; "all" patterns are the whole flexibility."""
+    model = bd.reference_model("bladed_disk", points)
+    curves = {}
+    for choice in choices:
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False)
+        curves[name_of(choice)] = microslip(study, MICROSLIP_PRELOAD, MICROSLIP_FORCES)
+    return curves
+
+
+def print_microslip(points: int, figure: str | None) -> None:
+    """Table of the curves: stiffness of three chords, displacement at three forces, largest force."""
+    curves = microslip_study(points)
+    last = MICROSLIP_FORCES[-1]
+    at = (150.0, 270.0, 300.0)
+    heads = "".join(f"{f'um at {q:g} N':>13}" for q in at)
+    print(f"{'method':<26}{heads}{'N/um: first':>13}{'at 270':>9}{'last N':>9}")
+    for name, c in curves.items():
+        u = [np.interp(q, c.force, 1e6 * c.displacement, right=np.nan) for q in at]
+        slope = 1e-6 * c.stiffness
+        late = slope[np.flatnonzero(c.force[1:] >= 270.0)[0]]
+        print(
+            f"{name:<26}" + "".join(f"{v:>13.4f}" for v in u) + f"{slope[0]:>13.2f}{late:>9.2f}"
+            + (f"{c.force[-1]:>9g}" if c.complete else f"{c.force[-1]:>9g}  slides below {last:g} N")
+        )  # fmt: skip
+    if figure:
+        from bdamper.plotting import new_axes, save_figure
+
+        ax = new_axes(6.0, 3.4)
+        for name, c in curves.items():
+            style = {"color": "black", "linewidth": 2.0} if name.startswith("all") else {"linewidth": 1.0}
+            ax.plot(c.force[1:], 1e-6 * c.stiffness, label=name, **style)
+        ax.set_xlabel("Tangential force (N)")
+        ax.set_ylabel("Tangential stiffness (N/µm)")
+        ax.legend(fontsize="small")
+        save_figure(ax, figure)
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--points", type=int, default=9, choices=(9, 24, 48))
     parser.add_argument("--figure", default=None, help="file for a figure of peak amplitude over patterns")
+    parser.add_argument("--microslip", action="store_true", help="first loading instead of peaks")
     arguments = parser.parse_args()
+    if arguments.microslip:
+        print_microslip(arguments.points, arguments.figure)
+        return
     rows = split_study(arguments.points)
     print(f"{'method':<26}{'preload N':>10}{'peak um':>10}{'Hz':>10}{'stick':>8}{'slip':>8}{'open':>8}{'s':>7}")
     for r in rows:
