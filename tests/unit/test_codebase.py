@@ -37,7 +37,7 @@ PYTHON_LEVELS = [
     {"peaks", "laws"},
     {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results",
      "estimation", "tolerance"},
-    {"prescribed", "motion", "measured", "vtu"},
+    {"prescribed", "microslip", "motion", "measured", "vtu"},
     {"plotting"},
 ]
 
