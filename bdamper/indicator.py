@@ -32,6 +32,7 @@ from scipy.linalg import get_lapack_funcs
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, SettingError
 from bdamper.peaks import Peak, PeakOptions, coarse_options, find_peak, same_peak
+from bdamper.resultfile import reading
 from bdamper.system import OK, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -337,10 +338,7 @@ def load_advice(path: str | FilePath) -> Advice:
     BdamperError
         If the file is not such a file.
     """
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("format") != "bdamper-advice":
-            found = file.attrs.get("format", "none")
-            raise BdamperError(f"{path}: expected the format 'bdamper-advice', found '{found}'")
+    with reading(path, "bdamper-advice", "advice written by Advice.save") as file:
         columns = {
             name: file[name].asstr()[()] if name in ("name", "reliability") else file[name][()] for name in _COLUMNS
         }

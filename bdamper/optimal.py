@@ -39,6 +39,7 @@ from bdamper.peaks import (
     same_peak,
     sensitivities,
 )
+from bdamper.resultfile import reading
 from bdamper.system import Cost, CostMeter, HarmonicSystem
 from bdamper.vary import FACTORS, vary
 
@@ -230,33 +231,21 @@ def load_optimal_curve(path: str | FilePath) -> OptimalCurve:
     BdamperError
         If the file is not such a file.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "bdamper-optimal":
-                found = file.attrs.get("format", "none")
-                raise BdamperError(f"{path}: expected the format 'bdamper-optimal', found '{found}'")
-            arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-            text = {name: json.loads(file.attrs[name]) for name in ("status", "branch_end", "events", "settings")}
-            return OptimalCurve(
-                **arrays,
-                status=tuple(text["status"]),
-                branch_end=tuple(text["branch_end"]),
-                events=tuple(text["events"]),
-                settings=text["settings"],
-                free=Limit(**json.loads(file.attrs["free"])),
-                stuck=Limit(**json.loads(file.attrs["stuck"])),
-                optimum=OptimumPoint(**json.loads(file.attrs["optimum"])),
-                cost=Cost(**json.loads(file.attrs["cost"])),
-                model_hash=str(file.attrs["model_hash"]),
-            )
-    except FileNotFoundError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, BdamperError):
-            raise
-        raise BdamperError(
-            f"{path}: expected a result written by OptimalCurve.save, found something else ({error})"
-        ) from error
+    with reading(path, "bdamper-optimal", "a result written by OptimalCurve.save") as file:
+        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+        text = {name: json.loads(file.attrs[name]) for name in ("status", "branch_end", "events", "settings")}
+        return OptimalCurve(
+            **arrays,
+            status=tuple(text["status"]),
+            branch_end=tuple(text["branch_end"]),
+            events=tuple(text["events"]),
+            settings=text["settings"],
+            free=Limit(**json.loads(file.attrs["free"])),
+            stuck=Limit(**json.loads(file.attrs["stuck"])),
+            optimum=OptimumPoint(**json.loads(file.attrs["optimum"])),
+            cost=Cost(**json.loads(file.attrs["cost"])),
+            model_hash=str(file.attrs["model_hash"]),
+        )
 
 
 # ---- frequency interval and peaks at one preload ----

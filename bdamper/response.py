@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from bdamper.errors import BdamperError
 from bdamper.estimates import ErrorEstimates, estimates_from_json
+from bdamper.resultfile import reading
 from bdamper.system import Cost
 
 if TYPE_CHECKING:
@@ -212,31 +213,21 @@ def load_curve(path: str | FilePath) -> Curve:
     BdamperError
         If the file is not such a file.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "bdamper-curve":
-                found = file.attrs.get("format", "none")
-                raise BdamperError(f"{path}: expected the format 'bdamper-curve', found '{found}'")
-            arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-            text: dict[str, Any] = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
-            return Curve(
-                **arrays,
-                **text,
-                preload=float(file.attrs["preload"]),
-                settings=json.loads(file.attrs["settings"]),
-                cost=Cost(**json.loads(file.attrs["cost"])),
-                point_kind=tuple(json.loads(file.attrs["point_kind"])),
-                start_log=tuple(json.loads(file.attrs["start_log"])),
-                notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
-                stable=file["stable"][()] if "stable" in file else None,
-                stability_note=str(file.attrs.get("stability_note", "")),
-                error_estimates=(
-                    estimates_from_json(str(file.attrs["error_estimates"])) if "error_estimates" in file.attrs else None
-                ),
-            )
-    except FileNotFoundError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, BdamperError):
-            raise
-        raise BdamperError(f"{path}: expected a curve written by Curve.save, found something else ({error})") from error
+    with reading(path, "bdamper-curve", "a curve written by Curve.save") as file:
+        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+        text: dict[str, Any] = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
+        return Curve(
+            **arrays,
+            **text,
+            preload=float(file.attrs["preload"]),
+            settings=json.loads(file.attrs["settings"]),
+            cost=Cost(**json.loads(file.attrs["cost"])),
+            point_kind=tuple(json.loads(file.attrs["point_kind"])),
+            start_log=tuple(json.loads(file.attrs["start_log"])),
+            notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
+            stable=file["stable"][()] if "stable" in file else None,
+            stability_note=str(file.attrs.get("stability_note", "")),
+            error_estimates=(
+                estimates_from_json(str(file.attrs["error_estimates"])) if "error_estimates" in file.attrs else None
+            ),
+        )

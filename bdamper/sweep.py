@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from bdamper.errors import BdamperError, SettingError
 from bdamper.model import Model, _feed
 from bdamper.optimal import highest_peak, optimal_curve
+from bdamper.resultfile import reading
 from bdamper.vary import check_name, vary
 
 if TYPE_CHECKING:
@@ -193,28 +194,16 @@ def load_sweep(path: str | FilePath) -> SweepResult:
     BdamperError
         If the file is not such a file.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "bdamper-sweep":
-                found = file.attrs.get("format", "none")
-                raise BdamperError(f"{path}: expected the format 'bdamper-sweep', found '{found}'")
-            text = {name: json.loads(file[name][()]) for name in ("names", "points", "values", "status", "shape")}
-            return SweepResult(
-                names=tuple(text["names"]),
-                points=tuple(text["points"]),
-                values=tuple(text["values"]),
-                status=tuple(text["status"]),
-                seconds=file["seconds"][()],
-                shape=tuple(text["shape"]),
-            )
-    except FileNotFoundError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, BdamperError):
-            raise
-        raise BdamperError(
-            f"{path}: expected a sweep written by SweepResult.save, found something else ({error})"
-        ) from error
+    with reading(path, "bdamper-sweep", "a sweep written by SweepResult.save") as file:
+        text = {name: json.loads(file[name][()]) for name in ("names", "points", "values", "status", "shape")}
+        return SweepResult(
+            names=tuple(text["names"]),
+            points=tuple(text["points"]),
+            values=tuple(text["values"]),
+            status=tuple(text["status"]),
+            seconds=file["seconds"][()],
+            shape=tuple(text["shape"]),
+        )
 
 
 # ---- what identifies a sweep ----

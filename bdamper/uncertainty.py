@@ -21,6 +21,7 @@ from scipy.stats import qmc
 
 from bdamper.errors import BdamperError, SettingError
 from bdamper.optimal import _preloads
+from bdamper.resultfile import reading
 from bdamper.sweep import OptimalTask, sweep
 
 if TYPE_CHECKING:
@@ -169,26 +170,14 @@ def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
     BdamperError
         If the file is not such a file.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "bdamper-uncertain":
-                found = file.attrs.get("format", "none")
-                raise BdamperError(f"{path}: expected the format 'bdamper-uncertain', found '{found}'")
-            return UncertainCurve(
-                preload=file["preload"][()],
-                amplitude=file["amplitude"][()],
-                frequency=file["frequency"][()],
-                samples={name: file["samples"][name][()] for name in json.loads(file.attrs["names"])},
-                status=tuple(json.loads(file.attrs["status"])),
-            )
-    except FileNotFoundError:
-        raise
-    except (OSError, KeyError, ValueError, TypeError) as error:
-        if isinstance(error, BdamperError):
-            raise
-        raise BdamperError(
-            f"{path}: expected a result written by UncertainCurve.save, found something else ({error})"
-        ) from error
+    with reading(path, "bdamper-uncertain", "a result written by UncertainCurve.save") as file:
+        return UncertainCurve(
+            preload=file["preload"][()],
+            amplitude=file["amplitude"][()],
+            frequency=file["frequency"][()],
+            samples={name: file["samples"][name][()] for name in json.loads(file.attrs["names"])},
+            status=tuple(json.loads(file.attrs["status"])),
+        )
 
 
 def uncertain_curve(
