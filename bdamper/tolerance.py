@@ -6,7 +6,10 @@
    below half of the tolerance (the steps are those of :mod:`bdamper.adaptive`).  A shorter
    series of harmonics is taken if the indicator, asked the other way round, finds that it does as well.
 3. The curve is tracked with the harmonics that the highest of them calls for.  If its peak is not the one that they were
-   chosen for, or the estimated rest there is above the tolerance, all that it calls for is added, and it is tracked again.
+   chosen for, or the estimated rest there is above the tolerance, what it calls for is added, and it is tracked again.
+
+Where a peak cannot be followed to more harmonics, longer and longer series are tracked until two of them agree within a third
+of the tolerance.
 
 Contact forces are evaluated by exact events: samples would cost as much at lower accuracy.  (Coupled friction has no
 closed form; it is sampled, 32 times for each harmonic at least.)  Contact points, modes and contact stiffness say what is
@@ -81,12 +84,25 @@ def track_to_tolerance(
     everything = search.own.harmonic_numbers
     choice = _harmonics_called_for(search)
     on, rest, reasons = choice.harmonics, choice.rest, list(choice.reasons)
+    climb = [] if np.isfinite(choice.amplitude) else [l for l in (1, 3, 6) if l < everything[-1]]
+    if climb:
+        on = tuple(range(1, climb.pop(0) + 1))
+    before: tuple[float, float] | None = None
     while True:
         chosen, system = search.variant(on)
         curve = chosen.track(preload, frequency, options=options, **track)
         if on == everything or not len(curve):
             break
         top = curve.peak
+        if not np.isfinite(choice.amplitude):  # no expectation: longer series until two of them agree
+            if before is not None and curve.complete:
+                rest = max(abs(before[0] / top.amplitude - 1.0), abs(before[1] / top.frequency - 1.0))
+                if rest <= tolerance / 3.0:
+                    reasons.append(f"the series before agrees to {percent(rest)}")
+                    break
+            before = (top.amplitude, top.frequency) if curve.complete else None
+            on = tuple(range(1, climb.pop(0) + 1)) if climb else everything
+            continue
         expected = max(abs(choice.amplitude / top.amplitude - 1.0), abs(choice.frequency / top.frequency - 1.0))
         if expected <= tolerance:
             rest = expected
@@ -138,7 +154,7 @@ def _harmonics_called_for(search: _Search) -> _Choice:
     everything = search.own.harmonic_numbers
     peaks, reason = search.tracked((1,))
     if not peaks or not search.curve.complete:
-        why = f"no peak with one harmonic ({reason or search.curve.reason}): all harmonics"
+        why = f"no peak with one harmonic ({reason or search.curve.reason}): longer and longer series are tried"
         return _Choice(everything, np.nan, (why,))
     best: tuple[Peak, tuple[int, ...], Estimate | None] | None = None
     try:
@@ -147,7 +163,7 @@ def _harmonics_called_for(search: _Search) -> _Choice:
             if best is None or lifted[0].amplitude > best[0].amplitude:
                 best = lifted
     except _Lost as lost:
-        return _Choice(everything, np.nan, (f"{lost}: all harmonics",))
+        return _Choice(everything, np.nan, (f"{lost}: longer and longer series are tried",))
     assert best is not None
     peak, on, estimate = best
     reasons = [line for line in search.log if "estimated change" in line]
