@@ -8,8 +8,8 @@
 3. The curve is tracked with the harmonics that the highest of them calls for.  If its peak is not the one that they were
    chosen for, or the estimated rest there is above the tolerance, what it calls for is added, and it is tracked again.
 
-Where a peak cannot be followed to more harmonics, longer and longer series are tracked until two of them agree within a third
-of the tolerance.
+Where a peak cannot be followed to more harmonics, longer and longer series are tracked until two of them agree within a
+third of the tolerance.
 
 Contact forces are evaluated by exact events: samples would cost as much at lower accuracy.  (Coupled friction has no
 closed form; it is sampled, 32 times for each harmonic at least.)  Contact points, modes and contact stiffness say what is
