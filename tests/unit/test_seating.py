@@ -138,6 +138,19 @@ def test_a_misfit_shrinks_the_contact_and_closes_under_load():
     assert bad.contact_map(2e5).contact_area["left"] > area[1]
 
 
+@pytest.mark.parametrize("kind", [{"crowning": 1e-5}, {"crowning": 1e-5, "axial_crowning": 1e-5}, {"angle": 2e-4}])
+def test_line_contact_of_the_reduced_model(kind):
+    """Both faces crowned: the damper can turn about the line on which it sits until others touch."""
+    faces = bd.reference_model("bladed_disk", 9).interfaces
+    s = study(gap={name: bd.misfit(faces[name], **kind) for name in ("left", "right")}, constraints=False)
+    for history in ((1.0,), (0.1, 1.0, 0.2, 1.5)):
+        found = s.static(1000.0, history=history)
+        assert found.converged
+        assert found.residual < 1e-9
+        friction = 0.3 * found.force[:, 2:]
+        assert np.all(np.abs(found.force[:, :2]) <= friction + 1e-9 * found.force.max())
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
