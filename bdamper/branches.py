@@ -228,9 +228,10 @@ def _known(system: HarmonicSystem, pieces: Sequence[Piece], y: NDArray, options:
             reach = float(np.linalg.norm((b.y - a.y)[n:-1])) + 1e-6 * size
             if np.linalg.norm((between - y)[n:-1]) > 10.0 * reach:
                 continue
-            c = system.correct_at(between[:-1], y[-1], a.scale, options.tolerance, 20)
-            if c.status == OK and np.linalg.norm((c.y - y)[n:-1]) < 1e-5 * size:
-                return True
+            for guess in (between, a.y, b.y):
+                c = system.correct_at(guess[:-1], y[-1], a.scale, options.tolerance, 60, True)
+                if c.status == OK and np.linalg.norm((c.y - y)[n:-1]) < 1e-5 * size:
+                    return True
     return False
 
 

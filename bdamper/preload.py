@@ -358,24 +358,3 @@ def _relaxed(system: StaticSystem, state: PreloadState) -> PreloadState:
     x = np.zeros((n, 3))
     force, status, slider, closing = _law(system, x, np.zeros((n, 2)))
     return replace(state, load=0.0, q=np.zeros(m), force=force, status=status, slider=slider, closing=closing)
-
-
-def is_self_locking(normals: NDArray, friction: NDArray, direction: NDArray) -> bool:
-    """Whether friction alone can hold a wedge between its faces, so that the normal load keeps what it once was.
-
-    A face whose outward normal makes the angle ``pi/2 - alpha`` with the load is inclined by ``alpha`` to it; two faces
-    hold a wedge without load if ``alpha + beta <= rho_a + rho_b``, ``rho = atan(mu)`` (``tan(alpha) <= mu`` if they are
-    alike).
-
-    Parameters
-    ----------
-    normals : (n_faces, 3) float
-        Mean outward normals of the faces of the body that carries the load.
-    friction : (n_faces,) float
-    direction : (3,) float
-        Of the load.
-    """
-    if len(normals) < 2:
-        return False
-    inclined = np.arcsin(np.clip(np.asarray(normals) @ np.asarray(direction), -1.0, 1.0))
-    return bool(inclined.min() > 0.0 and inclined.sum() <= np.arctan(friction).sum() + 1e-12)

@@ -19,6 +19,7 @@ import h5py
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from bdamper.coupling import Coupling
 from bdamper.errors import SettingError
@@ -65,6 +66,20 @@ class WedgeFriction:
         return "\n".join(lines)
 
 
+def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
+    """Contact points that suffice: on a plane face of one friction coefficient forces within it act like some at its corners."""
+    face, rows = coupling.model.interfaces[name], np.arange(coupling.n_points)[coupling.rows(name)]
+    off = face.points - face.points.mean(axis=0)
+    size = float(np.abs(off).max())
+    plane = np.abs(off @ face.frame[0, 2]).max() <= 1e-9 * size and np.ptp(face.frame, axis=0).max() <= 1e-9
+    if not plane or np.ptp(friction[rows]) > 0.0:
+        return rows
+    try:
+        return rows[np.sort(ConvexHull(off @ face.frame[0, :2].T / size).vertices)]
+    except (QhullError, ValueError):  # fewer than three points, or all on a line
+        return rows
+
+
 def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> WedgeFriction:
     """Interval of the total normal force on each friction interface of a rigid free body.
 
@@ -86,7 +101,8 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     basis = coupling.basis(0)
     f, _ = coupling.load()
     rigid = basis.omega2 == 0.0
-    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(n)] for n in names])
+    kept = [_corners(coupling, name, friction) for name in names]
+    rows = np.concatenate(kept)
     G = basis.G.real[rows][..., rigid]
     mu, n = friction[rows], len(rows)
     unit = np.abs(G).max(axis=(0, 1))
@@ -102,7 +118,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     )
     bounds = [(0.0, None)] * n + [(None, None)] * (2 * n)
     lowest, highest = np.empty(len(names)), np.empty(len(names))
-    owner = np.concatenate([np.full(coupling.model.interfaces[name].n_points, i) for i, name in enumerate(names)])
+    owner = np.repeat(np.arange(len(names)), [len(k) for k in kept])
     for i, name in enumerate(names):
         cost = np.concatenate([(owner == i).astype(float), np.zeros(2 * n)])
         for sign, out in ((1.0, lowest), (-1.0, highest)):

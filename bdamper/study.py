@@ -45,7 +45,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.model import ContactStiffness, Model
-from bdamper.preload import OPEN, PreloadState, StaticSystem, is_self_locking, scaled_state, static_state
+from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve
@@ -615,17 +615,19 @@ class Study:
 
     @cached_property
     def self_locking(self) -> tuple[str, ...]:
-        """Bodies whose wedge faces are so steep that friction alone holds them: their static normal load is not unique."""
-        out = []
-        mu = self._friction_by_interface()
-        for body in self.model.bodies.values():
-            if body.load is None:
-                continue
-            faces = [name for name, side in body.ports if side == "a" and mu.get(name, 0.0) > 0.0]
-            normals = np.array([self.model.interfaces[name].frame[:, 2].mean(axis=0) for name in faces]).reshape(-1, 3)
-            if is_self_locking(normals, np.array([mu[name] for name in faces]), body.load.direction):
-                out.append(body.name)
-        return tuple(out)
+        """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
+
+        Those for which :meth:`wedge_friction` finds no upper bound of the normal force.
+        """
+        if not any(body.kind == "free" and body.load is not None for body in self.model.bodies.values()):
+            return ()
+        try:
+            found = self.wedge_friction()
+        except SettingError:  # nothing holds the load
+            return ()
+        faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
+        holders = {self.coupling.model.interfaces[name].body_a for name in faces}
+        return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
 
     def _check_preload(self, preload: float) -> float:
         preload = float(preload)

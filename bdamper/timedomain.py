@@ -8,7 +8,9 @@ diameters ``d``, one family for each nodal diameter in use, with complex coordin
 
 ``c_d = 2``, and 1 with real coordinates for ``d = 0`` and ``d = N/2``.  No travelling wave is assumed, no Fourier series
 cut off.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``, the slider is clipped to
-``u -+ mu N/kt`` and moves with ``u`` where the contact is open.
+``u -+ mu N/kt`` and moves with ``u`` where the contact is open.  Under the coupled laws the friction force is drawn back
+radially to the disk of radius ``mu N``; under those of constant load ``N`` limits nothing and the normal spring is two-sided;
+bonded points keep their slider.
 
 Central differences (velocity Verlet), whose error is of second order in the step; the step follows from the stiffest
 contact.  The start is the harmonic-balance solution, so what is measured is where the motion goes from there.
@@ -25,13 +27,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.errors import SettingError
-from bdamper.system import HarmonicSystem
+from bdamper.system import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+    HarmonicSystem,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TWO_PI = 2.0 * np.pi
-SEPARABLE_LAWS = (0, 1)
+MOST_PERIODS = 100
+"""In which sliders must settle under a given motion; those of the coupled law take their time."""
 
 
 @dataclass(frozen=True)
@@ -88,23 +98,22 @@ class Ring:
     Parameters
     ----------
     system : HarmonicSystem
-        Separable law; each harmonic described by the modes of its own nodal diameter.
+        Each harmonic described by the modes of its own nodal diameter.
     n_blades, engine_order : int
 
     Raises
     ------
     SettingError
-        If the settings describe something else than a structure in time: another contact law, one basis for harmonics of
-        several nodal diameters, coordinates without inertia.
+        If the settings describe something else than a structure in time: one basis for harmonics of several nodal
+        diameters, coordinates without inertia.
     """
 
     def __init__(self, system: HarmonicSystem, n_blades: int, engine_order: int) -> None:
         arrays = system.arrays
-        if not np.isin(arrays["law"], SEPARABLE_LAWS).all():
-            raise SettingError("verify: expected the separable contact law, found another")
         if (np.asarray(arrays["mass"]) <= 0.0).any():
             raise SettingError("verify: expected inertia in every coordinate, found coordinates without")
         self.system = system
+        self.coupled = bool(np.isin(arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any())
         self.n = n_blades // gcd(n_blades, engine_order) if engine_order else 1
         self.wave = engine_order // gcd(n_blades, engine_order) if engine_order else 0  # nodal diameter on self.n sectors
         self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
@@ -198,11 +207,24 @@ class Ring:
         p = self.system.points
         extra = (1,) * (x.ndim - 3)
         kt, kn = p.kt.reshape(p.kt.shape + extra), p.kn.reshape(p.kn.shape + extra)
-        mu, n0 = p.mu.reshape(p.mu.shape + extra), p.n0.reshape(p.n0.shape + extra)
-        normal = np.maximum(n0 + kn * x[:, :, 2], 0.0)
-        limit = np.where(kt > 0.0, (mu * normal)[:, :, None] / np.where(kt > 0.0, kt, 1.0), 0.0)
-        w = np.clip(w, x[:, :, :2] - limit, x[:, :, :2] + limit)
-        F = np.concatenate([kt * (x[:, :, :2] - w), normal[:, :, None]], axis=2)
+        n0, law = p.n0.reshape(p.n0.shape + extra), np.asarray(p.law).reshape(p.kn.shape + extra)
+        mu = np.where(law == LAW_NORMAL, 0.0, p.mu.reshape(p.mu.shape + extra))
+        constant = (law == LAW_CONSTANT) | (law == LAW_COUPLED_CONSTANT)
+        normal = n0 + kn * x[:, :, 2]
+        normal = np.where(constant | (law == LAW_BONDED), normal, np.maximum(normal, 0.0))
+        load = p.n0 if p.load is None else p.load
+        reach = mu * np.where(constant, np.maximum(load, 0.0).reshape(p.n0.shape + extra), normal)
+        u = x[:, :, :2]
+        limit = np.where(kt > 0.0, reach[:, :, None] / np.where(kt > 0.0, kt, 1.0), 0.0)
+        moved = np.clip(w, u - limit, u + limit)
+        if self.coupled:
+            pull = kt * (u - w)
+            size = np.sqrt((pull**2).sum(axis=2))
+            share = np.where(size > reach, reach / np.where(size > 0.0, size, 1.0), 1.0)
+            coupled = ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT))[:, None]
+            moved = np.where(coupled & (kt > 0.0), u - share[:, :, None] * (u - w), moved)
+        w = np.where((law == LAW_BONDED)[:, None], w, moved)
+        F = np.concatenate([kt * (u - w), normal[:, :, None]], axis=2)
         return F, w
 
     def highest_frequency(self) -> float:
@@ -217,13 +239,19 @@ class Ring:
         return int(np.ceil(TWO_PI / omega * self.highest_frequency() / accuracy / 64.0)) * 64
 
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
-        """Sliders at t = 0 of the solution: its motion marched over two periods from the given ones."""
+        """Sliders at t = 0 of the solution: its motion marched over periods from the given ones until they settle."""
         p = self.system.points
         w = np.tile(p.slider, (self.n, 1, 1)).astype(float)
-        period = TWO_PI / omega
-        for k in range(2 * n_steps + 1):
-            q, _ = self.state(u, omega, k * period / n_steps)
-            _, w = self.force(self.motion(q), w)
+        times = np.arange(n_steps) * (TWO_PI / omega / n_steps)
+        x = [self.motion(self.state(u, omega, t)[0]) for t in times]
+        size = max(float(np.abs(np.ptp(np.array(x)[:, :, :, :2], axis=0)).max()), 1e-300)
+        for _ in range(MOST_PERIODS if self.coupled else 2):
+            before = w
+            for now in x:
+                _, w = self.force(now, w)
+            if np.abs(w - before).max() <= 1e-9 * size:
+                break
+        _, w = self.force(x[0], w)
         return w
 
     def march(

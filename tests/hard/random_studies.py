@@ -16,8 +16,12 @@ def number_of_cases(default=300):
     return FULL or default
 
 
-def random_study(seed):
-    """A study of a random synthetic model, a preload (N) and a frequency interval (Hz)."""
+def random_study(seed, wide=False):
+    """A study of a random synthetic model, a preload (N) and a frequency interval (Hz).
+
+    Preloads are 10 to 10,000 times the excitation, from a damper that hardly touches to one that is stuck; with ``wide``
+    they are drawn from 1 N to 25 kN whatever the excitation, so that some dampers are thrown about.
+    """
     rng = np.random.default_rng(seed)
     kind = ["wedge", "acyclic", "shroud", "ground"][int(rng.choice(4, p=[0.5, 0.2, 0.15, 0.15]))]
     harmonics = int(rng.choice([1, 2, 3], p=[0.6, 0.2, 0.2]))
@@ -34,9 +38,10 @@ def random_study(seed):
             seed, n_blades, order, n_points=n_points, n_blade_modes=n_blade_modes, harmonics=harmonics, **angles
         )
     excitation = float(10.0 ** rng.uniform(-1.0, 1.5))
-    # from a damper that nearly flies to one that is stuck
     preload = excitation * float(10.0 ** rng.uniform(1.0, 4.0)) if kind in ("wedge", "acyclic") else 0.0
     translation = rng.random() < 0.3
+    if wide and preload > 0.0:
+        preload = float(10.0 ** rng.uniform(0.0, 4.4))
     study = bd.Study(
         model,
         engine_order=order,

@@ -1,53 +1,188 @@
 """Row 23: Jacobians against finite differences on random states of all laws; BDAMPER_HARD=10000 runs the full number.
 
-Away from events the two agree; at an event the difference quotient to one side agrees with the Jacobian of that side
-(semismoothness), so the error of J h against r(u + h) - r(u) is of higher order than h.
+Every point goes through a sequence of states (stick, slip, open) in its cycle.  Where that sequence is the same on both
+sides of a state, central differences must give the Jacobian.  Where it changes there is an event; it is searched for by
+bisection along the disturbance, and the Jacobian beyond it must give the difference to the state at the event
+(semismoothness), better and better as the two draw together.  Only at the onset of slip of the coupled law there is no such
+Jacobian on the side of rest; there the forces are shown to be continuous.
 """
 
 import numpy as np
 import pytest
 
+from bdamper.stability import _contact_changes
+from bdamper.system import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    HarmonicSystem,
+    PointArrays,
+    Sampled,
+    segments,
+)
 from tests.hard.random_studies import number_of_cases, random_study
 
 BATCH = 50
+N_TIME = 64
+LAWS = {
+    "separable": (LAW_SEPARABLE,),
+    "normal": (LAW_NORMAL,),
+    "constant": (LAW_CONSTANT,),
+    "coupled": (LAW_COUPLED,),
+    "coupled constant": (LAW_COUPLED_CONSTANT,),
+    "bonded": (LAW_BONDED,),
+    "mixed, exact": (LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_BONDED),
+    "mixed, sampled": (LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED),
+}
+"""The separable law, which most use, comes up as often as the others together."""
+TURN = ("separable", *list(LAWS)[1:], *["separable"] * 6)
 
 
-def random_state(seed):
-    study, preload, interval = random_study(seed)
-    rng = np.random.default_rng(seed)
-    system = study.system(preload)
-    omega = 2 * np.pi * rng.uniform(*interval)
-    state = study.static(preload)
-    springs = study._stuck_springs(state)
-    u = system.pack(state.q, system.linear_response(omega, springs))
-    size = np.abs(u).max()
-    u = u + size * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
-    return system, u, omega, rng
+class State:
+    """A random system near one of its solutions, a disturbance, and the events along it."""
+
+    def __init__(self, seed):
+        study, preload, interval = random_study(seed)
+        rng = self.rng = np.random.default_rng(seed)
+        plain = study.system(preload)
+        self.omega = 2 * np.pi * rng.uniform(*interval)
+        state = study.static(preload)
+        u = plain.pack(state.q, plain.linear_response(self.omega, study._stuck_springs(state)))
+        u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
+        self.u = u
+        self.name = TURN[seed % len(TURN)]
+        given = plain.points
+        law = np.where(given.mu > 0.0, rng.choice(LAWS[self.name], plain.n_points), LAW_NORMAL)
+        motion = plain.contact(u)[0]
+        self.size = np.abs(motion[..., 1:]).max()
+        load = rng.uniform(0.2, 3.0, plain.n_points) * given.kt.max(axis=1) * self.size
+        coupled = np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any()
+        sampled = bool(coupled or (self.name == "separable" and rng.random() < 0.2))
+        self.evaluation = Sampled(N_TIME) if sampled else "exact"
+        self.points = PointArrays(
+            given.kt, given.kn, given.mu, given.n0, given.slider, law.astype(np.intc), given.shift, load
+        )
+        self.system = HarmonicSystem(plain.bases, self.points, plain.force, plain.response_rows, self.evaluation)
+        # of one unit, it moves the surfaces by the vibration
+        direction = rng.standard_normal(len(u))
+        moved = plain.contact(direction)[0] - plain.contact(0.0 * direction)[0]
+        self.direction = direction * self.size / np.abs(moved).max()
+
+    def at(self, h):
+        return self.u + h * self.direction
+
+    def sequence(self, h, which=None):
+        """States through the cycle of every point (or some), a distance along the disturbance; samples, if there are."""
+        X, _, _ = self.system.contact(self.at(h))
+        p, out = self.points, []
+        theta = 2 * np.pi * np.arange(N_TIME) / N_TIME
+        for i in range(len(X)) if which is None else which:
+            x, law = X[i], int(p.law[i])
+            parts = segments(
+                x, p.kt[i], float(p.kn[i]), float(p.mu[i]), float(p.n0[i]), p.slider[i], law, self.evaluation,
+                float(p.load[i]),
+            )  # fmt: skip
+            if isinstance(self.evaluation, Sampled):
+                cycle = [[(int(np.ceil(a * N_TIME / (2 * np.pi) - 1e-9)), s) for a, _, s in part] for part in parts]
+                l = np.arange(1, x.shape[1] // 2 + 1)[:, None] * theta
+                v = x[2, 0] + x[2, 1::2] @ np.cos(l) + x[2, 2::2] @ np.sin(l)
+                lift = tuple(p.n0[i] + p.kn[i] * v > 0.0)
+            else:
+                cycle = [_turned([s for *_, s in part]) for part in parts]
+                lift = len(_contact_changes(x[2].copy(), float(p.kn[i]), float(p.n0[i])))
+            out.append((cycle, lift if law in (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED) else 0))
+        return out
+
+    def evaluate(self, h):
+        return self.system.evaluate(self.at(h), self.omega)
+
+
+def _turned(states):
+    """A cyclic sequence from its smallest turn on, repetitions left out."""
+    states = [s for i, s in enumerate(states) if s != states[i - 1] or len(states) == 1] or states[:1]
+    return min((states[i:] + states[:i] for i in range(len(states))), default=[])
+
+
+def event_within(state, reach=0.1):
+    """The nearest event found within reach, as distances just before and just beyond it; none if there is none."""
+    before, here = 0.0, state.sequence(0.0)
+    for beyond in np.geomspace(1e-4, reach, 7):
+        which = [i for i, (a, b) in enumerate(zip(state.sequence(beyond), here)) if a != b]
+        if which:
+            break
+        before = beyond
+    else:
+        return None
+    here = [here[i] for i in which]
+    for _ in range(60):
+        middle = 0.5 * (before + beyond)
+        if middle in (before, beyond):
+            break
+        if state.sequence(middle, which) == here:
+            before = middle
+        else:
+            beyond = middle
+    return before, beyond
+
+
+def is_onset_of_coupled_slip(state, event):
+    """Whether a point of a coupled law rests throughout on one side of an event and not on the other."""
+    for i, law in enumerate(state.points.law):
+        if law in (LAW_COUPLED, LAW_COUPLED_CONSTANT):
+            rest = [all(s == 0 for _, s in state.sequence(h, [i])[0][0][0]) for h in event]
+            if rest[0] != rest[1]:
+                return True
+    return False
+
+
+def error_beyond(state, event, h):
+    """Of the Jacobian at a distance h beyond (before, if negative) an event, relative to its own effect."""
+    r0, _, _ = state.evaluate(event)
+    r, J, _ = state.evaluate(event + h)
+    effect = h * (J @ state.direction)
+    return np.abs(r - r0 - effect).max() / np.abs(effect).max()
+
+
+def change_across(state, event, h):
+    """Of the residual from h before an event to h beyond, relative to the size of its terms."""
+    (r0, J, _), (r, _, _) = state.evaluate(event[0] - h), state.evaluate(event[1] + h)
+    return np.abs(r - r0).max() / np.abs(J @ state.u).max()
 
 
 @pytest.mark.parametrize("batch", range(0, number_of_cases(), BATCH))
 def test_case_23_jacobian_of_the_system(batch):
-    checked = 0
+    away = events = 0
     for seed in range(batch, batch + BATCH):
-        system, u, omega, rng = random_state(seed)
-        r, J, r_omega = system.evaluate(u, omega)
-        direction = rng.standard_normal(len(u)) * np.abs(u).max()
-        errors = []
-        for h in (1e-5, 1e-6, 1e-7):
-            moved, J_moved, _ = system.evaluate(u + h * direction, omega)
-            change = moved - r
-            scale = np.abs(J @ direction).max() * h
-            # semismooth: with the Jacobian of the point that is reached
-            errors.append(np.abs(change - h * (J_moved @ direction)).max() / scale)
-        assert errors[-1] < 1e-3, (seed, errors)
-        if errors[0] < 1e-3:
-            back, _, _ = system.evaluate(u - 1e-6 * direction, omega)
-            ahead, _, _ = system.evaluate(u + 1e-6 * direction, omega)
-            quotient = (ahead - back) / 2e-6
-            assert np.abs(quotient - J @ direction).max() < 2e-4 * np.abs(J @ direction).max(), seed
-            checked += 1
-        d = 1e-6 * omega
-        quotient = (system.evaluate(u, omega + d)[0] - system.evaluate(u, omega - d)[0]) / (2 * d)
-        assert np.abs(quotient - r_omega).max() <= 1e-6 * max(np.abs(r_omega).max(), np.abs(r).max() / omega), seed
+        state = State(seed)
+        r, J, r_omega = state.evaluate(0.0)
+        assert np.isfinite(J).all(), seed
         assert np.abs(J).max() > 0.0
-    assert checked > 0.6 * BATCH  # the others have an event within the difference
+        h = 1e-6
+        effect = np.abs(J @ state.direction).max()
+        if state.sequence(-h) == state.sequence(0.0) == state.sequence(h):
+            away += 1
+            quotient = (state.evaluate(h)[0] - state.evaluate(-h)[0]) / (2 * h)
+            error = np.abs(quotient - J @ state.direction).max() / effect
+            assert error < 1e-5, (seed, state.name, error)
+        found = event_within(state)
+        if found is not None:
+            events += 1
+            if is_onset_of_coupled_slip(state, found):
+                # where the disks in which a slider rests shrink to a point, their corner moves like the root of the distance
+                for h in (1e-4, 1e-6, 1e-8):
+                    assert change_across(state, found, h) < np.sqrt(h), (seed, state.name)
+                continue
+            for h, event in ((1e-4, found[1]), (-1e-4, found[0])):
+                errors = [error_beyond(state, event, h * 10.0**-k) for k in range(4)]
+                assert errors[3] < 1e-3, (seed, state.name, errors)
+                assert errors[3] < 0.1 * errors[0] + 1e-5, (seed, state.name, errors)
+        d = 1e-6 * state.omega
+        u = state.u
+        quotient = (state.system.evaluate(u, state.omega + d)[0] - state.system.evaluate(u, state.omega - d)[0]) / (2 * d)
+        size = max(np.abs(r_omega).max(), np.abs(r).max() / state.omega)
+        assert np.abs(quotient - r_omega).max() <= 1e-6 * size, seed
+    assert away >= 0.9 * BATCH
+    assert events >= 0.2 * BATCH

@@ -14,9 +14,9 @@ BATCH = 25
 STATUSES = {"complete", "incomplete", "no start"}
 
 
-def check(seed):
-    """Status and reason of one case, after all its points were rechecked."""
-    study, preload, interval = random_study(seed)
+def check(seed, wide=False):
+    """Status and reason of one case, after its points were rechecked."""
+    study, preload, interval = random_study(seed, wide)
     curve = study.track(preload, interval, options=ContinuationOptions(max_points=3000, patience=300))
     assert curve.status in STATUSES, (seed, curve.status)
     assert curve.reason, seed

@@ -1,10 +1,14 @@
 """Multipliers against brute force: disturbed states marched in time through one period."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.stability import monodromy, multipliers, shooting_monodromy, stability_of_points
+from bdamper.system import LAW_COUPLED, HarmonicSystem
+from bdamper.timedomain import verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model
 
@@ -74,6 +78,47 @@ def test_sampled_law_is_judged_by_shooting(path):
         assert abs(a.largest[0] - b.largest[0]) < 0.03 * a.largest[0]
         if abs(a.largest[0] - 1.0) > 0.05:
             assert a.stable[0] == b.stable[0]
+
+
+def test_coupled_law_is_judged_by_shooting_and_verified(path):
+    """Motion along one tangential axis: the disk of the coupled law is the interval of the separable one."""
+    exact, sampled = two_oscillators(15), two_oscillators(15, evaluation=bd.Sampled(512))
+    points = replace(exact.points, law=np.array([LAW_COUPLED], np.intc))
+    coupled = HarmonicSystem(exact.bases, points, exact.force, exact.response_rows, bd.Sampled(512))
+    slipping = [q for q in path.points if q.shares[1] > 0.05][::10]
+    assert len(slipping) >= 3
+    for p in slipping:
+        a = stability_of_points(sampled, p.y[None, :-1], p.y[-1:])
+        b = stability_of_points(coupled, p.y[None, :-1], p.y[-1:])
+        assert "shooting" in b.note
+        np.testing.assert_allclose(b.largest, a.largest, rtol=1e-6)
+    p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
+    assert verify_solution(coupled, p.y[:-1], p.y[-1], 1, 0, periods=30, steps_per_period=400).distance < 1e-2
+
+
+def test_coupled_law_of_a_study():
+    """Friction along both tangential axes: harmonic balance, verdict and time integration of one acyclic structure."""
+    study = bd.Study(
+        acyclic_model(1, n_points=4, n_blade_modes=2),
+        engine_order=0,
+        harmonics=3,
+        contact_stiffness=2e6,
+        friction_coefficient=0.3,
+        friction_law="coupled",
+        evaluation=bd.Sampled(64),
+        damping_ratio=0.03,
+        excitation=bd.Excitation("tip", "tangential", 100.0),
+    )
+    curve = study.track(50.0, (290.0, 320.0))
+    assert curve.complete
+    assert curve.shares[curve.peak.index, 1] > 0.02
+    result = study.verify(curve, periods=10)
+    assert result.distance < 0.02
+    judged = stability_of_points(
+        study.system(50.0), curve.unknowns[[0, curve.peak.index]], 2 * np.pi * curve.frequency[[0, curve.peak.index]]
+    )
+    assert judged.stable.all()
+    assert (judged.largest > 0.1).all()
 
 
 def test_curves_carry_stability(tmp_path):

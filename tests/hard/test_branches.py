@@ -1,0 +1,143 @@
+"""Branches apart from the one that is followed, closed ones, and curves that the user stops."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper import study as study_module
+from bdamper.branches import Piece, ending, follow_both, new_solutions
+from bdamper.continuation import ContinuationOptions, follow
+from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
+from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
+from tests.models import acyclic_model
+
+
+def study(**settings):
+    return bd.Study(
+        acyclic_model(1),
+        engine_order=0,
+        contact_stiffness="model",
+        damping_ratio=0.02,
+        excitation=bd.Excitation("tip", "tangential", 40.0),
+        **settings,
+    )
+
+
+@pytest.mark.parametrize("after", [1, 12])
+def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
+    seen = []
+
+    class Stop(study_module._progress_bar):
+        def __enter__(self):
+            def update(point):
+                seen.append(point)
+                if len(seen) == after:
+                    raise KeyboardInterrupt
+
+            return update
+
+    whole = study().track(200.0, (250.0, 450.0))
+    monkeypatch.setattr(study_module, "_progress_bar", Stop)
+    curve = study().track(200.0, (250.0, 450.0))
+    assert curve.status == "interrupted"
+    assert curve.reason == "by the user"
+    assert not curve.complete
+    assert after <= len(curve) < len(whole)
+    np.testing.assert_array_equal(curve.unknowns, whole.unknowns[: len(curve)])
+    curve.save(tmp_path / "curve.h5")
+    assert bd.load_curve(tmp_path / "curve.h5").status == "interrupted"
+
+
+def test_interrupted_before_the_first_point(monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    s = study()
+    monkeypatch.setattr(study_module.Study, "find_start", stop)
+    curve = s.track(200.0, (250.0, 450.0))
+    assert curve.status == "interrupted"
+    assert len(curve) == 0
+    assert "interrupted" in str(curve)
+
+
+def test_search_finds_a_branch_that_was_not_followed_and_no_other():
+    """The path up to its first fold is known; the part beyond the second fold is another branch to it."""
+    system = two_oscillators(5)
+    path = followed(system, 1.0, 3.5, STUCK)
+    folds = [i for i, p in enumerate(path.points) if p.kind == "fold"]
+    assert len(folds) == 2
+    first, last = path.points[: folds[0] + 1], path.points[folds[1] + 1 :]
+    pieces = [Piece(replace(path, points=first, status="stalled", reason="cut off"), True)]
+    options = ContinuationOptions()
+    assert not list(new_solutions(system, pieces, [p.y for p in first[1:-1:3]], options))  # known
+    beyond = [p.y for p in last if p.y[-1] < first[-1].y[-1]]
+    assert beyond  # two solutions at these frequencies
+    (start,) = [found for found, _ in zip(new_solutions(system, pieces, beyond, options), range(1))]
+    assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
+    follow_both(system, start, (1.0, 3.5), options, CostMeter(0.0), None, pieces)
+    assert len({p.branch for p in pieces}) == 2
+    assert [p.path.status for p in pieces[1:]] == ["complete", "complete"]  # through to both ends of the interval
+    # what is followed by now is known
+    assert not list(new_solutions(system, pieces, beyond, options))
+
+
+def test_search_on_a_curve_of_one_branch_adds_none():
+    plain = study().track(200.0, (250.0, 450.0))
+    searched = study().track(200.0, (250.0, 450.0), search_branches=(0.8, 1.3))
+    assert searched.complete
+    assert set(searched.branch) == {0}
+    np.testing.assert_array_equal(searched.frequency, plain.frequency)
+    assert searched.cost.evaluations > plain.cost.evaluations  # other preloads were looked at
+
+
+class Ellipse:
+    """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``: a branch apart from all others."""
+
+    n_mean, n_unknowns, watched, n_harmonics = 0, 1, (), 1
+    response_rows = (np.zeros(0), np.ones(1))
+
+    @staticmethod
+    def residual(y):
+        return (y[0] - 2.0) ** 2 + 0.25 * (y[1] - 10.0) ** 2 - 1.0
+
+    @staticmethod
+    def gradient(y):
+        return np.array([2.0 * (y[0] - 2.0), 0.5 * (y[1] - 10.0)])
+
+    def amplitudes(self, u, harmonic):
+        return np.asarray(u, complex)
+
+    def derivatives(self, y):
+        g = self.gradient(y)
+        return np.array([[g[0]]]), np.array([g[1]])
+
+    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False):
+        y = np.array(y, float)
+        for iterations in range(max_iterations):
+            A = np.array([self.gradient(y) * scale, normal])
+            if abs(self.residual(y)) <= tolerance:
+                t = np.linalg.solve(A, [0.0, 1.0])
+                orientation = int(np.sign(np.linalg.det(np.array([A[0], t]))))
+                return Correction(OK, y, t / np.linalg.norm(t), iterations, abs(self.residual(y)), 1.0, 0, orientation=orientation)
+            y = y - scale * np.linalg.solve(A, [self.residual(y), 0.0])
+        return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)
+
+    def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
+        return self.correct(np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations)
+
+
+@pytest.mark.parametrize("up", [True, False])
+def test_a_closed_branch_is_followed_once_round(up):
+    path = follow(Ellipse(), np.array([2.9, 10.5]), (5.0, 15.0), up=up)
+    assert path.status == "closed"
+    y = np.array([p.y for p in path.points])
+    angle = np.unwrap(np.arctan2(y[:, 0] - 2.0, 0.5 * (y[:, 1] - 10.0)))
+    assert abs(abs(angle[-1] - angle[0]) - 2 * np.pi) < 0.3
+    assert (np.diff(angle) < 0).all() or (np.diff(angle) > 0).all()
+    folds = sorted(p.y[1] for p in path.points if p.kind == "fold")
+    np.testing.assert_allclose(folds, [8.0, 12.0], atol=1e-8)
+    piece = Piece(path, up, inside=True)
+    assert ending([piece], 8.0, 12.0)[0] == "complete"
+    assert ending([piece], 5.0, 15.0)[0] == "incomplete"
