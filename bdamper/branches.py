@@ -18,6 +18,8 @@ from bdamper.model import Model
 from bdamper.system import OK, CostMeter, HarmonicSystem
 
 TWO_PI = 2.0 * np.pi
+GAP = 1e-3
+"""Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
 ENDED = ("complete", "turned back", "closed", "tangle")
 
 
@@ -169,6 +171,45 @@ def uncovered(pieces: Sequence[Piece], low: float, high: float, part: float = 0.
     return a + part * (b - a)
 
 
+def fill(
+    system: HarmonicSystem,
+    limits: tuple[float, float],
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+    log: list[str],
+) -> None:
+    """Looks for solutions in what is left without: Newton with line search from solutions on both sides of each gap.
+
+    It ends where no gap is left that counts, or nothing is found in the widest.
+    """
+    low, high = limits
+    for _ in range(8):
+        gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
+        points = [p for piece in pieces for p in piece.path.points]
+        if not gaps or not points:
+            return
+        a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
+        found = None
+        for part in (0.5, 0.2, 0.8, 0.05, 0.95):
+            omega = a + part * (b - a)
+            for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:4]:
+                c = system.correct_at(point.y[:-1], omega, point.scale, options.tolerance, 60, True)
+                meter.iterations += c.iterations
+                if c.status == OK:
+                    found = c.y
+                    break
+            if found is not None:
+                break
+        if found is None:
+            return
+        log.append(f"{found[-1] / TWO_PI:.6g} Hz: set off from a solution that others nearby led to")
+        follow_both(system, found, limits, options, meter, on_point, pieces)
+        if pieces[-1].path.status == "interrupted":
+            return
+
+
 def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str]:
     """Status and reason of a curve from those of its pieces.
 
@@ -183,7 +224,7 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str]:
         return "no start", reasons
     tangles = [piece.path.reason for piece in pieces if piece.path.status == "tangle"]
     left = f"; left: {'; '.join(tangles)}" if tangles else ""
-    gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > 1e-3 * (high - low)]
+    gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
         return "incomplete", f"no solution found from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}"

@@ -67,7 +67,7 @@ class WedgeFriction:
 
 
 def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
-    """Contact points that suffice: on a plane face of one friction coefficient forces within it act like some at its corners."""
+    """Contact points that suffice: on a plane face of one friction coefficient, forces act like some at its corners."""
     face, rows = coupling.model.interfaces[name], np.arange(coupling.n_points)[coupling.rows(name)]
     off = face.points - face.points.mean(axis=0)
     size = float(np.abs(off).max())

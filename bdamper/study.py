@@ -27,6 +27,7 @@ from bdamper.aggregation import unite_contact_points, united_gap, united_stiffne
 from bdamper.branches import (
     Piece,
     ending,
+    fill,
     finished,
     follow_both,
     follow_one,
@@ -910,6 +911,8 @@ class Study:
                     if inside is None:
                         break
                     follow_on(inside, (True, False), pieces, log)
+                if not finished(pieces):
+                    fill(system, (low, high), options, meter, on_point, pieces, log)
                 if search_branches:
                     ratios = (0.7, 1.4) if search_branches is True else tuple(float(r) for r in search_branches)
                     starts = self._other_starts(preload, (low, high), ratios, options, meter)
@@ -918,7 +921,11 @@ class Study:
                         follow_both(system, start, (low, high), options, meter, on_point, pieces)
         except KeyboardInterrupt:
             pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        curve = self._curve(system, pieces, ending(pieces, low, high), preload, meter, options, tuple(log))
+        status, reason = ending(pieces, low, high)
+        if status in ("incomplete", "no start") and 0.0 < preload < 2.0 * self.excitation.amplitude:
+            ratio = preload / self.excitation.amplitude
+            reason += f"; the preload is only {ratio:.2g} times the excitation: the damper is thrown about, raise the preload"
+        curve = self._curve(system, pieces, (status, reason), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 
     def with_stability(self, curve: Curve) -> Curve:

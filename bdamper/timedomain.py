@@ -9,8 +9,8 @@ diameters ``d``, one family for each nodal diameter in use, with complex coordin
 ``c_d = 2``, and 1 with real coordinates for ``d = 0`` and ``d = N/2``.  No travelling wave is assumed, no Fourier series
 cut off.  The contact law is applied from one instant to the next: ``N = max(n0 + kn v, 0)``, the slider is clipped to
 ``u -+ mu N/kt`` and moves with ``u`` where the contact is open.  Under the coupled laws the friction force is drawn back
-radially to the disk of radius ``mu N``; under those of constant load ``N`` limits nothing and the normal spring is two-sided;
-bonded points keep their slider.
+radially to the disk of radius ``mu N``; under those of constant load a given load takes the place of ``N`` there, and the
+normal spring is two-sided; bonded points keep their slider.
 
 Central differences (velocity Verlet), whose error is of second order in the step; the step follows from the stiffest
 contact.  The start is the harmonic-balance solution, so what is measured is where the motion goes from there.

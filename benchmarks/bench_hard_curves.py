@@ -1,7 +1,7 @@
 """The matrix of tracking curves that must be complete, on mode 1 of the reference bladed disk, 250 to 400 Hz.
 
 Preloads from a damper that nearly flies to one that is stuck, three contact meshes, one to seven harmonics, with and
-without rotation of the damper.  ``python -m benchmarks.bench_hard_curves --points 24 --harmonics 3 5 --jobs 2`` runs a part.
+without rotation of the damper.  A part of it: ``python -m benchmarks.bench_hard_curves --points 24 --harmonics 3 5``.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import study as study_module
-from bdamper.branches import Piece, ending, follow_both, new_solutions
+from bdamper.branches import Piece, ending, fill, follow_both, new_solutions, uncovered
 from bdamper.continuation import ContinuationOptions, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -93,7 +93,7 @@ def test_search_on_a_curve_of_one_branch_adds_none():
 
 
 class Ellipse:
-    """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``: a branch apart from all others."""
+    """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``."""
 
     n_mean, n_unknowns, watched, n_harmonics = 0, 1, (), 1
     response_rows = (np.zeros(0), np.ones(1))
@@ -120,7 +120,8 @@ class Ellipse:
             if abs(self.residual(y)) <= tolerance:
                 t = np.linalg.solve(A, [0.0, 1.0])
                 orientation = int(np.sign(np.linalg.det(np.array([A[0], t]))))
-                return Correction(OK, y, t / np.linalg.norm(t), iterations, abs(self.residual(y)), 1.0, 0, orientation=orientation)
+                t /= np.linalg.norm(t)
+                return Correction(OK, y, t, iterations, abs(self.residual(y)), 1.0, 0, orientation=orientation)
             y = y - scale * np.linalg.solve(A, [self.residual(y), 0.0])
         return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)
 
@@ -141,3 +142,19 @@ def test_a_closed_branch_is_followed_once_round(up):
     piece = Piece(path, up, inside=True)
     assert ending([piece], 8.0, 12.0)[0] == "complete"
     assert ending([piece], 5.0, 15.0)[0] == "incomplete"
+
+
+def test_a_gap_between_known_solutions_is_filled():
+    system = two_oscillators(5)
+    path = followed(system, 1.0, 3.5, STUCK)
+    low = tuple(p for p in path.points if p.y[-1] < 2.5)
+    high = tuple(p for p in path.points if p.y[-1] > 2.8)
+    pieces = [
+        Piece(replace(path, points=points, status="stalled", reason="cut off"), True, branch)
+        for branch, points in enumerate((low, high))
+    ]
+    assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
+    log = []
+    fill(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), None, pieces, log)
+    assert len(log) == 1
+    assert uncovered(pieces, 1.0, 3.5) is None

@@ -171,7 +171,7 @@ def test_case_23_jacobian_of_the_system(batch):
         if found is not None:
             events += 1
             if is_onset_of_coupled_slip(state, found):
-                # where the disks in which a slider rests shrink to a point, their corner moves like the root of the distance
+                # the slider rests in the corner of two disks, which moves like the root of the distance
                 for h in (1e-4, 1e-6, 1e-8):
                     assert change_across(state, found, h) < np.sqrt(h), (seed, state.name)
                 continue
