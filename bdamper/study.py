@@ -924,7 +924,7 @@ class Study:
         status, reason = ending(pieces, low, high)
         if status in ("incomplete", "no start") and 0.0 < preload < 2.0 * self.excitation.amplitude:
             ratio = preload / self.excitation.amplitude
-            reason += f"; the preload is only {ratio:.2g} times the excitation: the damper is thrown about, raise the preload"
+            reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about, raise the preload"
         curve = self._curve(system, pieces, (status, reason), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 

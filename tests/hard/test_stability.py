@@ -112,13 +112,11 @@ def test_coupled_law_of_a_study():
     curve = study.track(50.0, (290.0, 320.0))
     assert curve.complete
     assert curve.shares[curve.peak.index, 1] > 0.02
-    result = study.verify(curve, periods=10)
-    assert result.distance < 0.02
-    judged = stability_of_points(
-        study.system(50.0), curve.unknowns[[0, curve.peak.index]], 2 * np.pi * curve.frequency[[0, curve.peak.index]]
-    )
+    assert study.verify(curve, periods=5, steps_per_period=448).distance < 0.02
+    i = curve.peak.index
+    judged = stability_of_points(study.system(50.0), curve.unknowns[[i]], 2 * np.pi * curve.frequency[[i]])
     assert judged.stable.all()
-    assert (judged.largest > 0.1).all()
+    assert 0.1 < judged.largest[0] < 1.0
 
 
 def test_curves_carry_stability(tmp_path):
