@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -76,6 +77,9 @@ class LawComparison:
                 group["amplitude"] = curve.amplitude if len(curve) else np.zeros(0)
                 group.attrs["status"] = curve.status
                 group.attrs["reason"] = curve.reason
+                group.attrs["preload"] = curve.preload
+                group.attrs["settings"] = json.dumps(curve.settings)
+                group.attrs["model_hash"] = curve.model_hash
 
 
 def known_laws(laws: Sequence[str]) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -119,6 +119,9 @@ class SweepResult:
         Spent on each point.
     shape : tuple of int
         Of the grid of settings, the last name fastest; one number if points were given in a list.
+    settings : mapping
+        Of the study that was varied.
+    model_hash : str
     """
 
     names: tuple[str, ...]
@@ -127,6 +130,8 @@ class SweepResult:
     status: tuple[str, ...]
     seconds: NDArray
     shape: tuple[int, ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.points)
@@ -181,7 +186,7 @@ class SweepResult:
         with h5py.File(path, "w") as file:
             file.attrs["format"] = "bdamper-sweep"
             file.attrs["version"] = 1
-            for name in ("names", "points", "values", "status", "shape"):
+            for name in ("names", "points", "values", "status", "shape", "settings", "model_hash"):
                 file.create_dataset(name, data=json.dumps(getattr(self, name), default=_plain))
             file.create_dataset("seconds", data=self.seconds)
 
@@ -203,6 +208,8 @@ def load_sweep(path: str | FilePath) -> SweepResult:
             status=tuple(text["status"]),
             seconds=file["seconds"][()],
             shape=tuple(text["shape"]),
+            settings=json.loads(file["settings"][()]) if "settings" in file else {},
+            model_hash=json.loads(file["model_hash"][()]) if "model_hash" in file else "",
         )
 
 
@@ -509,6 +516,8 @@ def sweep(
         status=tuple(r["status"] for r in ordered),
         seconds=np.array([r["seconds"] for r in ordered]),
         shape=shape,
+        settings=study._settings(None),
+        model_hash=study.model.hash,
     )
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -111,6 +111,9 @@ class UncertainCurve:
     samples : mapping of setting to (n,) float
     status : tuple of str
         Of each draw.
+    settings : mapping
+        Of the study that was varied.
+    model_hash : str
     """
 
     preload: NDArray
@@ -118,6 +121,8 @@ class UncertainCurve:
     frequency: NDArray
     samples: dict[str, NDArray]
     status: tuple[str, ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.amplitude)
@@ -160,6 +165,8 @@ class UncertainCurve:
                 group.create_dataset(name, data=values)
             file.attrs["names"] = json.dumps(list(self.samples))
             file.attrs["status"] = json.dumps(self.status)
+            file.attrs["settings"] = json.dumps(self.settings)
+            file.attrs["model_hash"] = self.model_hash
 
 
 def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
@@ -177,6 +184,8 @@ def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
             frequency=file["frequency"][()],
             samples={name: file["samples"][name][()] for name in json.loads(file.attrs["names"])},
             status=tuple(json.loads(file.attrs["status"])),
+            settings=json.loads(file.attrs.get("settings", "{}")),
+            model_hash=str(file.attrs.get("model_hash", "")),
         )
 
 
@@ -219,6 +228,8 @@ def uncertain_curve(
         frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
         samples={name: np.asarray(column, float) for name, column in samples.items()},
         status=done.status,
+        settings=done.settings,
+        model_hash=done.model_hash,
     )
 
 

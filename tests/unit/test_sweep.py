@@ -134,6 +134,8 @@ class TestAnswers:
         again = bd.load_sweep(tmp_path / "sweep.h5")
         assert answers(again) == answers(serial)
         assert again.points == serial.points
+        assert again.settings == serial.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == serial.model_hash != ""
         assert np.array_equal(again.seconds, serial.seconds)
         assert "6 points" in str(serial)
         assert len(serial.plot("amplitude").lines) == 3
@@ -309,6 +311,8 @@ class TestUncertainty:
         again = bd.load_uncertain_curve(tmp_path / "u.h5")
         assert np.array_equal(again.amplitude, curve.amplitude)
         assert list(again.samples) == list(curve.samples)
+        assert again.settings == curve.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == curve.model_hash != ""
         assert "8 draws" in str(curve)
         curve.plot()
         curve.plot(quantity="frequency")
