@@ -30,6 +30,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
 from bdamper.optimal import resonance_interval
+from bdamper.resultfile import reading
 from bdamper.system import OK, Sampled
 
 if TYPE_CHECKING:
@@ -250,14 +251,11 @@ def load_accuracy(path: str | FilePath) -> AccuracyCost:
     BdamperError
         If the file is not such a file.
     """
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("format") != "bdamper-accuracy":
-            found = file.attrs.get("format", "none")
-            raise BdamperError(f"{path}: expected the format 'bdamper-accuracy', found '{found}'")
+    with reading(path, "bdamper-accuracy", "a table written by AccuracyCost.save") as file:
         data = {f.name: json.loads(file.attrs[f.name]) for f in fields(AccuracyCost)}
-    data["rungs"] = tuple(Rung(**item) for item in data["rungs"])
-    data["references"] = tuple(Reference(**item) for item in data["references"])
-    data["interval"] = tuple(data["interval"])
+        data["rungs"] = tuple(Rung(**item) for item in data["rungs"])
+        data["references"] = tuple(Reference(**item) for item in data["references"])
+        data["interval"] = tuple(data["interval"])
     return AccuracyCost(**data)
 
 
