@@ -117,6 +117,8 @@ def try_tolerance(number: int, repeats: int = 1) -> Tried | None:
         return None
 
     def error(curve: bd.Curve) -> float:
+        if not len(curve):  # it says that it found no start: the tolerance is not met
+            return np.inf
         top, true = curve.peak, truth.peak
         return max(abs(top.amplitude / true.amplitude - 1.0), abs(top.frequency / true.frequency - 1.0))
 
