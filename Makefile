@@ -33,7 +33,7 @@ test-slow: $(VENV)/test.stamp
 	$(call step,slow tests,$(PY) -m pytest -n auto -m slow $(PYTEST_ARGS))
 
 bench: $(VENV)/test.stamp
-	$(call step,benchmarks,$(PY) -m benchmarks)
+	$(call step,benchmarks,$(PY) -m benchmarks core tracking optimal effects)
 
 examples: $(VENV)/demo.stamp
 	$(call step,examples,$(PY) tools/run_examples.py)
