@@ -69,7 +69,7 @@ clean:
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
-	  || { echo "make: missing: Python 3.11 or newer (found: $$($(PYTHON) --version 2>&1 || echo none)); set PYTHON=..."; exit 1; }
+	  || { echo "make: missing: Python 3.11 or newer (found: $$($(PYTHON) --version 2>/dev/null || echo none)); set PYTHON=..."; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "make: missing: the Python modules venv and ensurepip"; exit 1; }
 	@command -v $${CC:-cc} >/dev/null 2>&1 || command -v gcc >/dev/null 2>&1 || command -v clang >/dev/null 2>&1 \
 	  || { echo "make: missing: a C compiler (cc, gcc or clang)"; exit 1; }
