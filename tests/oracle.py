@@ -1,7 +1,10 @@
-"""Slow, plain NumPy counterparts of the C kernels, written from the laws alone.
+"""Plain NumPy counterparts of the C kernels, written from the laws alone.
 
 Events come from the roots of a companion matrix, integrals from Gauss-Legendre quadrature on each piece, the slider from
 the clip law applied piece by piece: nothing is shared with the code under test but the equations.
+
+:func:`residuals` does the same for many states at once: companion matrices in a batch, sliders of all cycles side by side,
+and the integrals from complex exponentials.
 """
 
 import numpy as np
@@ -48,7 +51,7 @@ def roots(f):
     for l in range(1, n + 1):
         z[n + l] = 0.5 * (f[2 * l - 1] - 1j * f[2 * l])
         z[n - l] = 0.5 * (f[2 * l - 1] + 1j * f[2 * l])
-    if np.max(np.abs(f[1:]), initial=0.0) == 0.0:
+    if np.max(np.abs(f[1:]), initial=0.0) <= 1e-290:  # nothing, or too little to divide by
         return np.zeros(0)
     r = np.roots(z[::-1])
     r = np.sort(np.angle(r[np.abs(np.abs(r) - 1.0) < 1e-6]) % (2 * np.pi))
@@ -210,6 +213,158 @@ def residual(u, omega, arrays, law=contact):
             out += [r.real - a["force"][start : start + n], -r.imag - a["force"][start + n : start + 2 * n]]
             start += 2 * n
     return np.concatenate(out)
+
+
+def at_angles(x, theta):
+    """Values (R, K) of the signals x (R, M) at the angles theta (R, K), each row at its own."""
+    return np.einsum("rkm,rm->rk", basis(theta, x.shape[1] // 2), x)
+
+
+def derivatives(x):
+    """derivative() of every row."""
+    d = np.zeros_like(x)
+    l = np.arange(1, x.shape[1] // 2 + 1)
+    d[:, 1::2], d[:, 2::2] = l * x[:, 2::2], -l * x[:, 1::2]
+    return d
+
+
+def exponentials(x):
+    """(R, 2 H + 1) complex: coefficients of exp(i m theta), m = -H..H."""
+    half = 0.5 * (x[:, 1::2] - 1j * x[:, 2::2])
+    return np.hstack([half[:, ::-1].conj(), x[:, :1], half])
+
+
+def roots_of_rows(f):
+    """(R, 2 H) angles at which the trigonometric polynomials in the rows cross zero; 2 pi where there is no root."""
+    n = f.shape[1] // 2
+    out = np.full((len(f), 2 * n), 2 * np.pi)
+    amplitude = np.hypot(f[:, 1::2], f[:, 2::2])
+    size = np.abs(amplitude).max(axis=1)
+    may = (size > 1e-290) & (np.abs(f[:, 0]) <= amplitude.sum(axis=1))
+    degree = np.zeros(len(f), int)
+    for l in range(1, n + 1):  # without leading coefficients that throw the companion matrix off
+        degree[amplitude[:, l - 1] > 1e-10 * size] = l
+    for l in range(1, n + 1):
+        rows = np.flatnonzero(may & (degree == l))
+        z = exponentials(f[rows, : 2 * l + 1])
+        companion = np.zeros((len(rows), 2 * l, 2 * l), complex)
+        companion[:, 0] = -z[:, -2::-1] / z[:, -1:]
+        companion[:, np.arange(1, 2 * l), np.arange(2 * l - 1)] = 1.0
+        r = np.linalg.eigvals(companion)
+        theta = np.angle(r)
+        slopes = derivatives(f[rows])
+        for _ in range(3):  # polish on the circle, with all coefficients
+            slope = at_angles(slopes, theta)
+            theta = theta - np.where(slope != 0.0, at_angles(f[rows], theta) / np.where(slope == 0.0, 1.0, slope), 0.0)
+        out[rows, : 2 * l] = np.where(np.abs(np.abs(r) - 1.0) < 1e-6, theta % (2 * np.pi), 2 * np.pi)
+    return out
+
+
+def projected(n_rows, row, start, end, f):
+    """Fourier coefficients (n_rows, M) of signals that are f (P, M) on pieces (start, end) of the rows ``row``."""
+    h = f.shape[1] // 2
+    n = np.arange(-2 * h, 2 * h + 1)
+    power = np.exp(1j * n * end[:, None]) - np.exp(1j * n * start[:, None])
+    integral = power / np.where(n == 0, 1.0, 1j * n)
+    integral[:, 2 * h] = end - start
+    z = exponentials(f)
+    out = np.zeros((n_rows, f.shape[1]))
+    for l in range(h + 1):  # int f exp(-i l theta): exp(i m theta) meets n = m - l
+        value = (z * integral[:, h - l : 3 * h + 1 - l]).sum(axis=1)
+        if l == 0:
+            np.add.at(out[:, 0], row, value.real / (2 * np.pi))
+        else:
+            np.add.at(out[:, 2 * l - 1], row, value.real / np.pi)
+            np.add.at(out[:, 2 * l], row, -value.imag / np.pi)
+    return out
+
+
+def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
+    """Friction force (R, M) of many settled cycles: motion u, normal load g before it is cut at zero (R, M), slider w (R,)."""
+    lo, hi = u - (mu / kt)[:, None] * g, u + (mu / kt)[:, None] * g
+    everywhere = np.broadcast_to([0.0, 2 * np.pi], (len(u), 2))
+    cuts = [cuts_of_g, roots_of_rows(derivatives(lo)), roots_of_rows(derivatives(hi)), everywhere]
+    cuts = np.sort(np.hstack(cuts), axis=1)
+    opened = at_angles(g, 0.5 * (cuts[:, 1:] + cuts[:, :-1])) <= 0.0
+    motion_at, lo_at, hi_at = at_angles(u, cuts), at_angles(lo, cuts), at_angles(hi, cuts)
+    before = np.zeros((len(u), cuts.shape[1]))
+    for _ in range(3):
+        for k in range(cuts.shape[1] - 1):
+            before[:, k] = w
+            w = np.where(opened[:, k], motion_at[:, k + 1], np.minimum(np.maximum(w, lo_at[:, k + 1]), hi_at[:, k + 1]))
+    forces = np.zeros_like(u)
+    start, end, before = cuts[:, :-1], cuts[:, 1:], before[:, :-1]
+    plus = ~opened & (lo_at[:, 1:] > before)
+    minus = ~opened & ~plus & (hi_at[:, 1:] < before)
+    onset = np.where(plus | minus, start, end)
+    for slips, bound, at, sign in ((plus, lo, lo_at, 1.0), (minus, hi, hi_at, -1.0)):
+        row, k = np.nonzero(slips & (sign * (before - at[:, :-1]) > 0.0))  # those that stick before they slip
+        a, b = start[row, k], end[row, k]
+        for _ in range(54):
+            middle = 0.5 * (a + b)
+            sticks = sign * (before[row, k] - at_angles(bound[row], middle[:, None])[:, 0]) > 0.0
+            a, b = np.where(sticks, middle, a), np.where(sticks, b, middle)
+        onset[row, k] = 0.5 * (a + b)
+        row, k = np.nonzero(slips)
+        forces += projected(len(u), row, onset[row, k], end[row, k], (sign * mu[row])[:, None] * g[row])
+    row, k = np.nonzero(~opened & (onset > start))
+    stuck = kt[row, None] * u[row]
+    stuck[:, 0] -= kt[row] * before[row, k]
+    return forces + projected(len(u), row, start[row, k], onset[row, k], stuck)
+
+
+def contacts(x, kt, kn, mu, n0, w):
+    """Force coefficients of many states of all contact points: x (S, P, 3, M), parameters (P, ...) as for contact()."""
+    shape, m = x.shape, x.shape[3]
+    force = np.zeros(shape)
+    if not x.size:
+        return force
+    g = kn[:, None] * x[:, :, 2]
+    g[..., 0] += n0
+    g = g.reshape(-1, m)
+    cuts = roots_of_rows(g)
+    edges = np.sort(np.hstack([cuts, np.broadcast_to([0.0, 2 * np.pi], (len(g), 2))]), axis=1)
+    row, k = np.nonzero(at_angles(g, 0.5 * (edges[:, 1:] + edges[:, :-1])) > 0.0)
+    force[:, :, 2] = projected(len(g), row, edges[row, k], edges[row, k + 1], g[row]).reshape(*shape[:2], m)
+    g, cuts = g.reshape(*shape[:2], m), cuts.reshape(*shape[:2], -1)
+    for d in range(2):
+        p = np.flatnonzero((mu > 0.0) & (kt[:, d] > 0.0))
+        repeated = [np.tile(a[p], shape[0]) for a in (kt[:, d], mu, w[:, d])]
+        found = friction_of_rows(x[:, p, d].reshape(-1, m), g[:, p].reshape(-1, m), *repeated, cuts[:, p].reshape(-1, m - 1))
+        force[:, p, d] = found.reshape(shape[0], len(p), m)
+    return force
+
+
+def motions(u, arrays):
+    """(S, n_point, 3, n_coef) relative motion of many states at once."""
+    a = arrays
+    x = np.zeros((len(u), len(a["kn"]), 3, 2 * len(a["n_mode"]) - 1))
+    for l, q in enumerate(split(u.T, a["n_mode"])):
+        value = np.einsum("paj,js->spa", a["G"][l], q)
+        if l == 0:
+            x[..., 0] = value.real + a["shift"]
+        else:
+            x[..., 2 * l - 1], x[..., 2 * l] = value.real, -value.imag
+    return x
+
+
+def residuals(u, omega, arrays):
+    """residual() of many states at once: u (S, n_unknowns), omega (S,); the exact separable law."""
+    a = arrays
+    n_mode, u = a["n_mode"], np.asarray(u, float)
+    x = motions(u, a)
+    force = contacts(x, a["kt"], a["kn"], a["mu"], a["n0"], a["w"])
+    out, first = [], 0
+    for l, (q, n) in enumerate(zip(split(u.T, n_mode), n_mode)):
+        k, m, c = (a[key][first : first + n, None] for key in ("stiffness", "mass", "damping"))
+        first += n
+        if l == 0:
+            out.append(k * q.real + np.einsum("paj,spa->js", a["G"][0].real, force[..., 0]))
+        else:
+            f = force[..., 2 * l - 1] - 1j * force[..., 2 * l]
+            r = (k - (l * omega) ** 2 * m + 1j * l * omega * c) * q + np.einsum("paj,spa->js", a["G"][l].conj(), f)
+            out += [r.real, -r.imag]
+    return np.concatenate(out).T - a["force"]
 
 
 def coupled(x, kt, mu, load, w, n_time, periods=3):

@@ -6,6 +6,7 @@ import numpy as np
 
 import bdamper as bd
 from tests import oracle
+from tests.cases import for_oracle
 from tests.models import ALL_MODELS
 
 FULL = int(os.environ.get("BDAMPER_HARD", "0"))
@@ -55,15 +56,19 @@ def random_study(seed, wide=False):
     return study, preload, (200.0, 450.0)
 
 
-def oracle_residual(study, preload, unknowns, omega):
-    """Largest residual by the NumPy oracle, relative to the loads as the continuation measures it."""
+def oracle_residuals(study, preload, curve):
+    """Largest residual of every point by the NumPy oracle, relative to the loads as the continuation has it, and rounding.
+
+    The forces of a damper that has walked far are differences of large numbers: their rounding comes beside the residual.
+
+    Returns
+    -------
+    residual, rounding : (n_points,) float
+    """
     system = study.system(preload)
-    a = dict(system.arrays)
-    G, start = [], 0
-    flat = np.asarray(a["G"])
-    for n in a["n_mode"]:
-        size = 3 * system.n_points * int(n)
-        G.append(flat[start : start + size].reshape(system.n_points, 3, int(n)))
-        start += size
-    a["G"] = G
-    return float(np.abs(oracle.residual(unknowns, omega, a) * system.row_scale).max())
+    a = for_oracle(system.arrays)
+    found = oracle.residuals(curve.unknowns, 2 * np.pi * curve.frequency, a)
+    spring = np.column_stack([a["kt"], a["kn"]]) * np.abs(oracle.motions(curve.unknowns, a)).max(axis=3)
+    modal = max(np.abs(G).max(initial=0.0) for G in a["G"]) * system.row_scale.max()
+    rounding = 4.0 * np.finfo(float).eps * modal * spring.max(axis=(1, 2), initial=0.0)
+    return np.abs(found * system.row_scale).max(axis=1, initial=0.0), rounding

@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.branches import neutral_directions
-from tests.hard.random_studies import oracle_residual
+from tests.hard.random_studies import oracle_residuals
 
 
 def study(points=9, **settings):
@@ -74,7 +74,8 @@ def test_case_03_preload_so_low_that_the_damper_nearly_flies(preload):
     assert curve.status in ("complete", "incomplete", "no start")
     assert (curve.residual <= 1e-9).all()
     assert any("excitation raised from the static state" in line for line in curve.start_log)
-    for i in np.linspace(0, len(curve) - 1, 5).astype(int) if len(curve) else ():
-        assert oracle_residual(s, preload, curve.unknowns[i], 2 * np.pi * curve.frequency[i]) < 1e-7
+    if len(curve):
+        error, rounding = oracle_residuals(s, preload, curve)
+        assert (error <= 1e-9 + rounding).all()
     if preload >= 20.0:
         assert curve.complete, curve.reason

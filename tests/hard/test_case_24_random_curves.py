@@ -1,7 +1,7 @@
 """Row 24: random models and preloads, full tracking curves.
 
-Every curve ends with a status, no exception escapes, every point has a residual below tolerance by the NumPy oracle, at
-least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
+Every curve ends with a status, no exception escapes, every point of every curve has a residual below tolerance by the
+NumPy oracle, at least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
 
 With preloads drawn whatever the excitation the same holds from twice the excitation on.  Below that the damper is thrown
 about, many curves are not complete, and the reason says so.
@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bdamper.continuation import ContinuationOptions
-from tests.hard.random_studies import FULL, number_of_cases, oracle_residual, random_study
+from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
 BATCH = 25
 STATUSES = {"complete", "incomplete", "no start"}
@@ -23,13 +23,10 @@ def check(seed, wide=False):
     curve = study.track(preload, interval, options=ContinuationOptions(max_points=3000, patience=300))
     assert curve.status in STATUSES, (seed, curve.status)
     assert curve.reason, seed
-    rng = np.random.default_rng(seed)
-    # the oracle is slow: every point of every fortieth curve, three points of the others
-    every = seed % 40 == 0 and len(curve) < 150
-    chosen = range(len(curve)) if every else rng.integers(0, len(curve), 3) if len(curve) else ()
-    for i in chosen:
-        error = oracle_residual(study, preload, curve.unknowns[i], 2 * np.pi * curve.frequency[i])
-        assert error <= 1e-7, (seed, int(i), error)
+    if len(curve):
+        error, rounding = oracle_residuals(study, preload, curve)
+        worst = (error - rounding).argmax()
+        assert error[worst] <= 1e-9 + rounding[worst], (seed, int(worst), error[worst], rounding[worst])
     assert (curve.residual <= 1e-9).all(), seed
     if curve.status == "complete":
         width = interval[1] - interval[0]

@@ -39,6 +39,23 @@ def test_force_is_that_of_the_oracle(n_harm):
     assert opened > 5
 
 
+@pytest.mark.parametrize("n_harm", [1, 2, 4])
+def test_the_batch_oracle_is_the_slow_one(n_harm):
+    """All points of many states at once, among them points without friction and vanishing harmonics."""
+    rng = np.random.default_rng(n_harm)
+    points = [random_point(rng) for _ in range(24)]
+    mu = np.array([p.mu for p in points]) * (np.arange(24) % 8 > 0)
+    kt, w = np.array([p.kt for p in points]), np.array([p.w for p in points])
+    kn, n0 = np.array([p.kn for p in points]), np.array([p.n0 for p in points])
+    x = np.array([[random_motion(rng, n_harm) for _ in points] for _ in range(3)])
+    x[0, :, :, 3:] *= 1e-13
+    x[1, :10, 2, 1:] = 0.0
+    found = oracle.contacts(x, kt, kn, mu, n0, w)
+    for s, i in np.ndindex(x.shape[:2]):
+        expected = oracle.contact(x[s, i], kt[i], kn[i], mu[i], n0[i], w[i])
+        np.testing.assert_allclose(found[s, i], expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1.0))
+
+
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 @pytest.mark.parametrize("delta", [0.0, np.pi / 2, np.pi, 1.0])
 def test_a_contact_that_only_touches(delta, sign):

@@ -30,6 +30,8 @@ def test_residual_is_that_of_the_oracle(name):
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         r, _, _ = evaluate_system(system, u, omega)
         expected = oracle.residual(u, omega, for_oracle(arrays))
+        batch = oracle.residuals(np.array([u, u]), np.array([omega, omega]), for_oracle(arrays))
+        np.testing.assert_allclose(batch, [expected, expected], rtol=0, atol=1e-12 * np.abs(expected).max())
         np.testing.assert_allclose(r, expected, rtol=0, atol=1e-11 * max(1.0, np.abs(expected).max()))
 
 
