@@ -280,7 +280,7 @@ def projected(n_rows, row, start, end, f):
 
 
 def friction_of_rows(u, g, kt, mu, w, cuts_of_g):
-    """Friction force (R, M) of many settled cycles: motion u, normal load g before it is cut at zero (R, M), slider w (R,)."""
+    """Friction force (R, M) of many settled cycles: motion u, normal load g before it is cut at zero, slider w (R,)."""
     lo, hi = u - (mu / kt)[:, None] * g, u + (mu / kt)[:, None] * g
     everywhere = np.broadcast_to([0.0, 2 * np.pi], (len(u), 2))
     cuts = [cuts_of_g, roots_of_rows(derivatives(lo)), roots_of_rows(derivatives(hi)), everywhere]
@@ -330,7 +330,8 @@ def contacts(x, kt, kn, mu, n0, w):
     for d in range(2):
         p = np.flatnonzero((mu > 0.0) & (kt[:, d] > 0.0))
         repeated = [np.tile(a[p], shape[0]) for a in (kt[:, d], mu, w[:, d])]
-        found = friction_of_rows(x[:, p, d].reshape(-1, m), g[:, p].reshape(-1, m), *repeated, cuts[:, p].reshape(-1, m - 1))
+        rows = [a[:, p].reshape(-1, a.shape[2]) for a in (x[:, :, d], g, cuts)]
+        found = friction_of_rows(rows[0], rows[1], *repeated, rows[2])
         force[:, p, d] = found.reshape(shape[0], len(p), m)
     return force
 
