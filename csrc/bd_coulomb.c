@@ -21,31 +21,52 @@
  * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset need not be
  * differentiated.
  *
- * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If their intersection is not
- * empty, the settled slider is the point of it nearest to the given one (where a transient would end in the intersection
- * depends on its history, which the law leaves open; in one dimension this is the nearer end of the interval).  A nearest
- * point is held by at most two disks: while some disk is violated, the one violated most joins them, and the nearest point
- * of these three is one of few candidates.  If three disks have no point in common, nothing rests (Helly).
+ * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, the
+ * settled slider is the one of them nearest to the given one (where a transient would end among them depends on its history,
+ * which the law leaves open; in one dimension this is the nearer end of the interval).
  *
- * The cycle.  Otherwise the slider moves, and unlike a 1-D one settles over many periods (thousands for an ellipse that
- * barely slips).  The settled slider is the fixed point of the period map P: Newton's method with the exact 2 x 2 derivative
- * P', and plain periods where Newton does not bring P(s) closer to s.  The derivative of the settled slider follows from
- * (I - P') ds = P_x dx. */
+ * The cycle.  Otherwise the slider moves.  The period map P does not expand distances, so that F(s) = P(s) - s has
+ * F(s).(s* - (s + P(s))/2) >= 0 at its fixed point s*, which is unique: two sliders that move and stay at one distance from
+ * each other would have to touch their disks, which are round, at the same points.  Plain periods come close very slowly
+ * (thousands for an ellipse that barely slips); Newton's method with the exact 2 x 2 derivative P' takes a few.  It starts
+ * from the point that violates the disks least, near which the settled slider is if it barely slips.  Each evaluation
+ * also cuts off half of where s* can be, kept as an ellipse: where Newton's method leaves it or comes no closer, its
+ * centre is next, so that the end is reached from anywhere.  F is summed from the movements themselves, which keeps its
+ * digits where they are small.  The derivative of the settled slider follows from (I - P') ds = P_x dx.
+ *
+ * The onset of slip.  Let phi be the least violation of the disks.  Where it vanishes, the common points shrink to one,
+ * which two disks (opposite to each other) or three hold.  Beyond, the slider moves by a distance of the order of phi from
+ * the edge of one of these to that of the next, and I - P' is singular in the limit if they are two.  With
+ * e_i = (p_i - s)/|p_i - s| and the derivative D_i of the slider after it was set by disk i, the limit is
+ *
+ *     three   D_i = (I - e_i e_i^T) D_{i-1} + e_i (e_i . dp_i - dR_i), all around,
+ *     two     e . D_i = e . dp_i - dR_i (e . e_i),   and across, where the slips by delta = 2 phi along e_1 and e_2 have to
+ *             cancel, the point on the line through the centres, as they are half way through these slips:
+ *             t . D = sum_i (t . dp_i - a_i d delta)/r_i / sum_i 1/r_i,   r_i = |p_i - s|,   a_i = (t . p_i')/(2 (e_i . p_i' - R_i')).
+ *
+ * It stands for the derivative as long as phi is so small that the general one is lost in rounding. */
 #include "bd_coulomb.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_PERIODS = 400, PLAIN_PERIODS = 3 };
+enum {
+    FREE_STEPS = 3,
+    MOST_PERIODS = 1000
+}; /* the ellipse is then smaller than rounding, whatever was taken from Newton's method */
 enum { STEP_STICK, STEP_SLIP, STEP_OPEN, STEP_CLOSE };
 static const double EDGE = 1e-12;    /* relative distance at which T counts as on the edge of the disk */
-static const double SETTLED = 2e-14; /* |P(s) - s| relative to the size of the forces */
+static const double SETTLED = 1e-13; /* the last step of Newton's method relative to the size of the forces */
+static const double STILL = 4e-15;   /* |P(s) - s| that counts as none where that step comes no closer */
+static const double SLACK = 1e-14;   /* violation of a disk at rest */
+static const double TOUCH = 1e-12;   /* least violation up to which the slider is at the point that has it */
+static const double ONSET = 1e-9;    /* least violation up to which the derivative is that of the onset */
 
 /* ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1 */
 typedef struct {
     int kind;
-    double s[2];
+    double s[2], ds[2]; /* the slider, and how far it came: more exact than the difference where that is small */
     double A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } bd_step;
 
@@ -53,7 +74,7 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     memset(work, 0, sizeof *work);
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n_col = 3 * n_coef + 2;
     const size_t n_power = (size_t)bd_n_power(sampled->n_harm);
-    work->memory = malloc(sizeof(double) * (3 * k + 4 * n_col + 2 * n_coef * n_col + n_coef + n_coef * n_coef + n_power));
+    work->memory = malloc(sizeof(double) * (4 * k + 4 * n_col + 2 * n_coef * n_col + n_coef + n_coef * n_coef + n_power));
     work->segment = malloc(sizeof(bd_segment) * k);
     if (!work->memory || !work->segment) {
         bd_coulomb_destroy(work);
@@ -64,7 +85,9 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     work->interpolate = sampled->lanes.interpolate;
     work->power = sampled->power;
     double *m = work->memory;
-    work->p = m, m += 2 * k;
+    work->x = m, m += k;
+    work->y = m, m += k;
+    work->R = m, m += k;
     work->g = m, m += k;
     work->slider = m, m += 2 * n_col;
     work->next = m, m += 2 * n_col;
@@ -90,6 +113,16 @@ static const double *basis_at(const bd_coulomb_work *work, int k) {
 }
 
 static int before(const bd_coulomb_work *work, int k) { return k > 0 ? k - 1 : work->n_time - 1; }
+
+/* Solves (I - dP) y = b; returns 0 if that is not possible. */
+static int solve_period(const double dP[2][2], const double *b, double *y) {
+    const double m00 = 1.0 - dP[0][0], m11 = 1.0 - dP[1][1], m01 = -dP[0][1], m10 = -dP[1][0];
+    const double det = m00 * m11 - m01 * m10;
+    if (!(fabs(det) > 1e-14 * (fabs(m00 * m11) + fabs(m01 * m10)) + 1e-200)) return 0;
+    y[0] = (m11 * b[0] - m01 * b[1]) / det;
+    y[1] = (m00 * b[1] - m10 * b[0]) / det;
+    return 1;
+}
 
 /* ---- one step ---- */
 
@@ -122,15 +155,19 @@ static void slip_step(bd_step *o, const double *e, double tau, double R_e, doubl
                       const double *p1) {
     const double D[2] = {(1.0 - tau) * dp[0], (1.0 - tau) * dp[1]}, length = norm(D[0], D[1]);
     double M_e[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, M_D[2][2] = {{0.0}}, m_e[2] = {0.0}, m_1[2] = {0.0};
-    double e1[2] = {e[0], e[1]};
+    double e1[2] = {e[0], e[1]}, de[2] = {0.0, 0.0}; /* e_1 and e_1 - e */
     if (length > 0.0) {
         double L_e, L_1;
-        const double L = mean_inverse(R_e, R1, &L_e, &L_1), q = exp(-length * L), a[2] = {D[0] / length, D[1] / length};
+        const double L = mean_inverse(R_e, R1, &L_e, &L_1), p = -expm1(-length * L), q = 1.0 - p,
+                     a[2] = {D[0] / length, D[1] / length};
         const double c = fmax(a[0] * e[0] + a[1] * e[1], -1.0 + 1e-14), X = 1.0 + c, Y = 1.0 - c, den = X + q * q * Y;
         const double alpha = (X - q * q * Y) / den, beta = 2.0 * q / den;
         const double alpha_c = beta * beta, alpha_q = -4.0 * q * X * Y / (den * den);
         const double beta_c = -2.0 * q * (1.0 - q * q) / (den * den), beta_q = 2.0 * alpha / den;
-        for (int i = 0; i < 2; ++i) e1[i] = alpha * a[i] + beta * (e[i] - c * a[i]);
+        for (int i = 0; i < 2; ++i) {
+            e1[i] = alpha * a[i] + beta * (e[i] - c * a[i]);
+            de[i] = p / den * (X * Y * (1.0 + q) * a[i] + (Y * (1.0 + q) - 2.0) * (e[i] - c * a[i]));
+        }
         for (int i = 0; i < 2; ++i) {
             const double side = e[i] - c * a[i];
             const double V_c = a[i] * (alpha_c - beta) + side * beta_c, V_q = a[i] * alpha_q + side * beta_q;
@@ -159,6 +196,7 @@ static void slip_step(bd_step *o, const double *e, double tau, double R_e, doubl
         o->C0[i] = -R1 * mu * m_e[i] * (1.0 - tau);
         o->C1[i] = -R1 * mu * (m_e[i] * tau + m_1[i]) - mu * e1[i];
         o->s[i] = p1[i] - R1 * e1[i];
+        o->ds[i] = D[i] - R1 * de[i] - (R1 - R_e) * e[i];
     }
 }
 
@@ -191,16 +229,18 @@ static void close_step(bd_step *o, double t, double g0, double g1, double mu, co
 
 /* From sample k0 to the next one, k1. */
 static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, const double *s, bd_step *o) {
-    const double *p0 = work->p + 2 * k0, *p1 = work->p + 2 * k1, g0 = work->g[k0], g1 = work->g[k1];
+    const double p0[2] = {work->x[k0], work->y[k0]}, p1[2] = {work->x[k1], work->y[k1]};
+    const double g0 = work->g[k0], g1 = work->g[k1];
     const double dp[2] = {p1[0] - p0[0], p1[1] - p0[1]};
     if (!(g1 > 0.0)) {
         zero_step(o, STEP_OPEN);
-        o->s[0] = p1[0], o->s[1] = p1[1];
         o->B1[0][0] = o->B1[1][1] = 1.0;
+        for (int i = 0; i < 2; ++i) o->s[i] = p1[i], o->ds[i] = p1[i] - s[i];
         return;
     }
     if (!(g0 > 0.0)) {
         close_step(o, work->interpolate ? -g0 / (g1 - g0) : 0.0, g0, g1, mu, dp, p0, p1, work->interpolate);
+        for (int i = 0; i < 2; ++i) o->ds[i] = o->s[i] - s[i];
         return;
     }
     const double T[2] = {p0[0] - s[0], p0[1] - s[1]}, R0 = mu * g0, R1 = mu * g1, dR = R1 - R0, size = norm(T[0], T[1]);
@@ -226,140 +266,192 @@ static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, co
 
 /* ---- rest ---- */
 
-typedef struct {
-    int n, sample[3];
-    double s[2];
-} bd_rest;
-
-static double violation(const bd_coulomb_work *work, double mu, int k, const double *s) {
-    return norm(work->p[2 * k] - s[0], work->p[2 * k + 1] - s[1]) - mu * work->g[k];
+/* The direction from the slider to the centre of a disk that holds it, and the distance. */
+static double direction(const bd_coulomb_work *work, const bd_hold *hold, int i, double *e) {
+    const int k = hold->disk[i];
+    const double x = work->x[k] - hold->s[0], y = work->y[k] - hold->s[1], size = norm(x, y);
+    e[0] = size > 0.0 ? x / size : 1.0;
+    e[1] = size > 0.0 ? y / size : 0.0;
+    return size;
 }
 
-static int inside(const bd_coulomb_work *work, double mu, const bd_rest *set, const double *s, double slack) {
-    for (int i = 0; i < set->n; ++i)
-        if (violation(work, mu, set->sample[i], s) > slack) return 0;
-    return 1;
+/* Row of a . dp + b dR at sample k. */
+static void motion_row(const bd_coulomb_work *work, const bd_element *element, int k, const double *a, double b,
+                       double *row) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    const double *basis = basis_at(work, k), kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
+    const double factor[3] = {a[0] * element->kt[0], a[1] * element->kt[1], b * element->mu * kn};
+    for (size_t c = 0; c < 3; ++c)
+        for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
 }
 
-/* The point common to the edges of disks i and j on the given side; returns 0 if there is none. */
-static int crossing(const bd_coulomb_work *work, double mu, int i, int j, double side, double *s) {
-    const double *a = work->p + 2 * i, *b = work->p + 2 * j, Ri = mu * work->g[i], Rj = mu * work->g[j];
-    const double d[2] = {b[0] - a[0], b[1] - a[1]}, D2 = d[0] * d[0] + d[1] * d[1];
-    if (!(D2 > 0.0)) return 0;
-    const double along = 0.5 * (1.0 + (Ri - Rj) * (Ri + Rj) / D2), height2 = Ri * Ri / D2 - along * along;
-    if (height2 < 0.0) return 0;
-    const double across = side * sqrt(height2);
-    s[0] = a[0] + along * d[0] - across * d[1];
-    s[1] = a[1] + along * d[1] + across * d[0];
-    return 1;
-}
-
-/* The point of at most three disks nearest to `given`, and the one or two that hold it; returns 0 if they are disjoint. */
-static int nearest_of_few(const bd_coulomb_work *work, double mu, const double *given, double slack, bd_rest *set) {
-    bd_rest best = {0};
-    double distance = INFINITY;
-    for (int i = 0; i < set->n; ++i)
-        for (int j = i; j < set->n; ++j)
-            for (double side = -1.0; side <= 1.0; side += 2.0) {
-                double s[2];
-                const int k = set->sample[i];
-                if (j == i) {
-                    const double *p = work->p + 2 * k, size = norm(given[0] - p[0], given[1] - p[1]);
-                    if (!(size > mu * work->g[k])) continue;
-                    for (int d = 0; d < 2; ++d) s[d] = p[d] + (given[d] - p[d]) * (mu * work->g[k] / size);
-                } else if (!crossing(work, mu, k, set->sample[j], side, s)) {
-                    continue;
-                }
-                const double far = norm(s[0] - given[0], s[1] - given[1]);
-                if (far >= distance || !inside(work, mu, set, s, slack)) continue;
-                distance = far;
-                best = (bd_rest){.n = i == j ? 1 : 2, .sample = {k, set->sample[j]}, .s = {s[0], s[1]}};
-            }
-    *set = best;
-    return best.n > 0;
-}
-
-/* Whether a slider can rest through the cycle; set->s is then the nearest to the given one, n = 0 if it is itself. */
-static int find_rest(const bd_coulomb_work *work, double mu, const double *given, double size, bd_rest *set) {
-    const double slack = 1e-13 * size;
-    *set = (bd_rest){.s = {given[0], given[1]}};
-    for (int k = 0; k < work->n_time; ++k)
-        if (!(work->g[k] > 0.0)) return 0;
-    for (int round = 0; round < 100; ++round) {
-        int worst = -1;
-        double most = slack;
-        for (int k = 0; k < work->n_time; ++k) {
-            const double far = violation(work, mu, k, set->s);
-            if (far > most) most = far, worst = k;
+/* Derivative (2, n_col) of the slider that one or two disks hold: from |p - s| = R, with the given slider fixed. */
+static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *hold) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+    double *D = work->slider, e[2][2] = {{0.0}};
+    memset(D, 0, sizeof(double) * 2 * n_col);
+    for (int i = 0; i < hold->n; ++i) direction(work, hold, i, e[i]);
+    if (hold->n == 1) {
+        const int k = hold->disk[0];
+        const double ratio = work->R[k] / norm(work->x[k] - given[0], work->y[k] - given[1]);
+        for (size_t d = 0; d < 2; ++d) {
+            double a[2];
+            for (size_t c = 0; c < 2; ++c) a[c] = (c == d ? 1.0 - ratio : 0.0) + ratio * e[0][d] * e[0][c];
+            motion_row(work, element, k, a, -e[0][d], D + d * n_col);
         }
-        if (worst < 0) return 1;
-        set->sample[set->n++] = worst;
-        if (!nearest_of_few(work, mu, given, slack, set)) return 0;
+        return;
     }
-    return 0;
+    const double det = e[0][0] * e[1][1] - e[0][1] * e[1][0];
+    const double inverse[2][2] = {{e[1][1] / det, -e[0][1] / det}, {-e[1][0] / det, e[0][0] / det}};
+    for (size_t d = 0; d < 2; ++d)
+        for (int i = 0; i < 2; ++i) {
+            const double f = inverse[d][i], a[2] = {f * e[i][0], f * e[i][1]};
+            motion_row(work, element, hold->disk[i], a, -f, D + d * n_col);
+        }
 }
 
-/* Derivative of the slider that one or two disks hold: from |p - s| = R, with the given slider fixed. */
-static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_rest *set) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    const double mu = element->mu, kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
-    memset(work->slider, 0, sizeof(double) * 2 * n_col);
-    double e[2][2], M[2][2][2] = {{{0.0}}}, m[2][2] = {{0.0}}; /* ds = sum M_i dp_i + m_i dR_i */
-    for (int i = 0; i < set->n; ++i) {
-        const double *p = work->p + 2 * set->sample[i], size = norm(p[0] - set->s[0], p[1] - set->s[1]);
-        for (int d = 0; d < 2; ++d) e[i][d] = (p[d] - set->s[d]) / size;
-    }
-    if (set->n == 1) {
-        const double *p = work->p + 2 * set->sample[0],
-                     ratio = mu * work->g[set->sample[0]] / norm(p[0] - given[0], p[1] - given[1]);
-        for (int d = 0; d < 2; ++d) {
-            for (int c = 0; c < 2; ++c) {
-                const double same = c == d ? 1.0 : 0.0;
-                M[0][d][c] = same - ratio * (same - e[0][d] * e[0][c]);
-            }
-            m[0][d] = -e[0][d];
-        }
-    } else if (set->n == 2) {
-        const double det = e[0][0] * e[1][1] - e[0][1] * e[1][0];
-        const double inverse[2][2] = {{e[1][1] / det, -e[0][1] / det}, {-e[1][0] / det, e[0][0] / det}};
-        for (int i = 0; i < 2; ++i)
-            for (int d = 0; d < 2; ++d) {
-                for (int c = 0; c < 2; ++c) M[i][d][c] = inverse[d][i] * e[i][c];
-                m[i][d] = -inverse[d][i];
-            }
-    }
-    for (int i = 0; i < set->n; ++i) {
-        const double *b = basis_at(work, set->sample[i]);
+/* Half the way across that the centre of a disk goes while the slider slips by a unit of length, in the last part of the step
+ * that ends at its sample. */
+static double turn_of_slip(const bd_coulomb_work *work, const bd_hold *hold, int i, const double *e, const double *t) {
+    const int k1 = hold->disk[i], k0 = before(work, k1);
+    const double dp[2] = {work->x[k1] - work->x[k0], work->y[k1] - work->y[k0]};
+    const double speed = e[0] * dp[0] + e[1] * dp[1] - (work->R[k1] - work->R[k0]), size = norm(dp[0], dp[1]);
+    return speed > 1e-6 * size ? 0.5 * (t[0] * dp[0] + t[1] * dp[1]) / speed : 0.0; /* else it has come to rest before */
+}
+
+/* Derivatives (n, 2, n_col) of the slider after each of the disks that hold it at the onset of slip. */
+static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *hold) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
+    double *D = work->held, *across = work->slider, *follow = work->next, e[3][2], r[3];
+    memset(D, 0, sizeof(double) * n * 2 * n_col);
+    memset(across, 0, sizeof(double) * n_col);
+    for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
+    if (n == 1) { /* a load that nearly vanishes: the slider follows */
         for (size_t d = 0; d < 2; ++d)
-            for (size_t j = 0; j < n_coef; ++j) {
-                for (size_t c = 0; c < 2; ++c)
-                    work->slider[d * n_col + c * n_coef + j] += M[i][d][c] * element->kt[c] * b[j];
-                work->slider[d * n_col + 2 * n_coef + j] += m[i][d] * mu * kn * b[j];
+            motion_row(work, element, hold->disk[0], (double[2]){d == 0, d == 1}, 0.0, D + d * n_col);
+        return;
+    }
+    const double t[2] = {-e[0][1], e[0][0]};
+    if (n == 2) {
+        const double turn = turn_of_slip(work, hold, 0, e[0], t) * r[1] + turn_of_slip(work, hold, 1, e[1], t) * r[0];
+        for (int i = 0; i < 2; ++i) {
+            const double share = r[1 - i], all = r[0] + r[1];
+            const double a[2] = {(share * t[0] - turn * e[i][0]) / all, (share * t[1] - turn * e[i][1]) / all};
+            motion_row(work, element, hold->disk[i], a, turn / all, across);
+        }
+    }
+    for (size_t i = 0; i < n; ++i) { /* with D_0 = 0 for three disks, which leaves their constant part in D_3 */
+        const double *ei = e[i], *before = i > 0 ? D + (i - 1) * 2 * n_col : NULL;
+        double *now = D + i * 2 * n_col;
+        memset(follow, 0, sizeof(double) * n_col);
+        motion_row(work, element, hold->disk[i], ei, -1.0, follow);
+        for (size_t d = 0; d < 2; ++d)
+            for (size_t j = 0; j + 2 < n_col; ++j) {
+                const double along = n == 3 && before ? ei[0] * before[j] + ei[1] * before[n_col + j] : 0.0;
+                now[d * n_col + j] = ei[d] * (follow[j] - along);
+                if (n == 2) now[d * n_col + j] += t[d] * across[j];
+                if (n == 3 && before) now[d * n_col + j] += before[d * n_col + j];
             }
     }
+    if (n == 2) return;
+    double M[2][2] = {{1.0, 0.0}, {0.0, 1.0}}; /* the rest of D_i is M_i D_0 */
+    for (size_t i = 0; i < n; ++i)
+        for (size_t c = 0; c < 2; ++c) {
+            const double along = e[i][0] * M[0][c] + e[i][1] * M[1][c];
+            for (size_t d = 0; d < 2; ++d) M[d][c] -= e[i][d] * along;
+        }
+    for (size_t j = 0; j + 2 < n_col; ++j) {
+        double *last = D + (n - 1) * 2 * n_col + j, y[2], b[2] = {last[0], last[n_col]};
+        if (!solve_period(M, b, y)) continue;
+        for (size_t i = 0; i < n; ++i) {
+            const double along = e[i][0] * y[0] + e[i][1] * y[1];
+            for (size_t d = 0; d < 2; ++d) y[d] -= e[i][d] * along, D[(2 * i + d) * n_col + j] += y[d];
+        }
+    }
+}
+
+/* Sums of the basis over the samples that follow each of the disks that hold the slider, as they come to bear on a force. */
+static void shares_of_onset(const bd_coulomb_work *work, const bd_hold *hold, double *share) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm);
+    memset(share, 0, sizeof(double) * (size_t)hold->n * n_coef);
+    int part = hold->n - 1;
+    for (int k = 0; k < work->n_time; ++k) {
+        for (int i = 0; i < hold->n; ++i)
+            if (hold->disk[i] == k) part = i;
+        const double *b = basis_at(work, k);
+        for (size_t i = 0; i < n_coef; ++i) share[(size_t)part * n_coef + i] += b[i] * (i == 0 ? 1.0 : 2.0) / work->n_time;
+    }
+}
+
+/* T = p - s: the tangent of a slider that is at rest but for a change of its derivative D (n_part, 2, n_col) from part to
+ * part of the cycle. */
+static void write_parts(const bd_coulomb_work *work, const bd_element *element, int n_part, const double *D,
+                        const double *share, bd_response *out) {
+    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
+    for (size_t d = 0; d < 2; ++d)
+        for (size_t c = 0; c < 3; ++c) {
+            double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
+            memset(block, 0, sizeof(double) * n_coef * n_coef);
+            for (size_t i = 0; c == d && i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
+            for (size_t part = 0; part < (size_t)n_part; ++part)
+                for (size_t i = 0; i < n_coef; ++i)
+                    for (size_t j = 0; j < n_coef; ++j)
+                        block[i * n_coef + j] -= share[part * n_coef + i] * D[(2 * part + d) * n_col + c * n_coef + j];
+        }
+    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
+    out->coupled = 1;
+    out->with_normal[0] = out->with_normal[1] = 1;
+}
+
+static void tangent_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *found, bd_response *out) {
+    bd_hold hold = *found;
+    for (int i = 0; i < hold.n; ++i) /* in the order of time */
+        for (int j = i + 1; j < hold.n; ++j)
+            if (hold.disk[j] < hold.disk[i]) {
+                const int swap = hold.disk[i];
+                hold.disk[i] = hold.disk[j];
+                hold.disk[j] = swap;
+            }
+    derivative_of_onset(work, element, &hold);
+    shares_of_onset(work, &hold, work->products);
+    write_parts(work, element, hold.n, work->held, work->products, out);
+}
+
+/* The force of a slider at rest. */
+static void rest(bd_coulomb_work *work, const bd_element *element, const double *x, const double *s, bd_response *out,
+                 bd_status_share *share) {
+    bd_element held = *element;
+    for (int d = 0; d < 2; ++d) {
+        held.w[d] = element->kt[d] > 0.0 ? s[d] / element->kt[d] : 0.0;
+        bd_element_stuck(&held, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
+        share->stick[d] = 1.0;
+    }
+    work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};
+    work->n_segment = 1;
 }
 
 /* ---- the period map ---- */
 
 /* The slider as it is admissible at the last sample of the previous period. */
-static void admit(const bd_coulomb_work *work, double mu, double *s) {
+static void admit(const bd_coulomb_work *work, double *s) {
     const int k = work->n_time - 1;
-    const double *p = work->p + 2 * k, R = mu * fmax(work->g[k], 0.0);
-    const double T[2] = {p[0] - s[0], p[1] - s[1]}, size = norm(T[0], T[1]);
-    if (size <= R) return;
-    s[0] = p[0] - T[0] * R / size;
-    s[1] = p[1] - T[1] * R / size;
+    const double T[2] = {work->x[k] - s[0], work->y[k] - s[1]}, size = norm(T[0], T[1]);
+    if (size <= work->R[k]) return;
+    s[0] = work->x[k] - T[0] * work->R[k] / size;
+    s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-/* One period.  dP (2, 2) is the derivative of s at the end with respect to the start. */
-static void march(const bd_coulomb_work *work, double mu, double *s, double dP[2][2]) {
+/* One period: F = P(s) - s, and the derivative dP (2, 2) of P. */
+static void march(const bd_coulomb_work *work, double mu, const double *start, double *F, double dP[2][2]) {
+    double s[2] = {start[0], start[1]};
     bd_step o;
+    F[0] = F[1] = 0.0;
     dP[0][0] = dP[1][1] = 1.0;
     dP[0][1] = dP[1][0] = 0.0;
     for (int k = 0; k < work->n_time; ++k) {
         take_step(work, mu, before(work, k), k, s, &o);
         if (o.kind == STEP_STICK) continue;
-        s[0] = o.s[0], s[1] = o.s[1];
+        for (int i = 0; i < 2; ++i) s[i] = o.s[i], F[i] += o.ds[i];
         for (int j = 0; j < 2; ++j) {
             const double d0 = dP[0][j], d1 = dP[1][j];
             dP[0][j] = o.A[0][0] * d0 + o.A[0][1] * d1;
@@ -368,43 +460,69 @@ static void march(const bd_coulomb_work *work, double mu, double *s, double dP[2
     }
 }
 
-/* Solves (I - dP) y = b; returns 0 if that is not possible. */
-static int solve_period(const double dP[2][2], const double *b, double *y) {
-    const double m00 = 1.0 - dP[0][0], m11 = 1.0 - dP[1][1], m01 = -dP[0][1], m10 = -dP[1][0];
-    const double det = m00 * m11 - m01 * m10;
-    if (!(fabs(det) > 1e-14 * (fabs(m00 * m11) + fabs(m01 * m10)) + 1e-200)) return 0;
-    y[0] = (m11 * b[0] - m01 * b[1]) / det;
-    y[1] = (m00 * b[1] - m10 * b[0]) / det;
-    return 1;
+/* Where the settled slider can be: (x - c) . Q^-1 (x - c) <= 1. */
+typedef struct {
+    double c[2], Q[2][2];
+} ellipse;
+
+static int contains(const ellipse *e, const double *x) {
+    const double y[2] = {x[0] - e->c[0], x[1] - e->c[1]}, det = e->Q[0][0] * e->Q[1][1] - e->Q[0][1] * e->Q[1][0];
+    return e->Q[1][1] * y[0] * y[0] - 2.0 * e->Q[0][1] * y[0] * y[1] + e->Q[0][0] * y[1] * y[1] <= 1.01 * det;
 }
 
-/* The settled slider at the end of the period; returns 0 if it was not found. */
+/* The smallest ellipse around the part of e with F . (x - m) >= 0, give or take a share `noise` of F. */
+static void cut(ellipse *e, const double *F, const double *m, double noise) {
+    const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
+    const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
+    const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
+    if (!(depth > -0.5 && depth < 0.999)) return; /* takes nothing off, or rounding */
+    const double move = (1.0 + 2.0 * depth) / 3.0, less = 2.0 * move / (1.0 + depth),
+                 size = 4.0 / 3.0 * (1.0 - depth * depth);
+    for (int i = 0; i < 2; ++i) {
+        e->c[i] += move * g[i] / width;
+        for (int j = 0; j < 2; ++j) e->Q[i][j] = size * (e->Q[i][j] - less * (g[i] / width) * (g[j] / width));
+    }
+    const double least = 1e-15 * (e->Q[0][0] + e->Q[1][1]); /* rounding must not turn it inside out */
+    e->Q[0][0] += least;
+    e->Q[1][1] += least;
+    e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
+}
+
+/* From a first guess to the settled slider at the end of the period; returns 0 if it was not found. */
 static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
-    double best[2] = {s[0], s[1]}, gap_best = INFINITY;
+    const int last = work->n_time - 1;
+    const double radius2 = work->R[last] * work->R[last];
+    ellipse around = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}};
+    double before = INFINITY; /* length of the latest step of Newton's method */
+    int n_row = 0;            /* such steps in a row; the first of them may grow, as slips across come after slips along */
     work->n_period = work->n_newton = 0;
-    admit(work, mu, s);
+    admit(work, s);
     while (work->n_period < MOST_PERIODS) {
-        double end[2] = {s[0], s[1]}, dP[2][2], step[2];
-        march(work, mu, end, dP);
-        const double gap[2] = {end[0] - s[0], end[1] - s[1]}, distance = norm(gap[0], gap[1]);
+        double F[2], dP[2][2], step[2] = {0.0, 0.0};
+        march(work, mu, s, F, dP);
         ++work->n_period;
-        if (distance <= SETTLED * size) {
-            s[0] = end[0], s[1] = end[1];
+        const double far = norm(F[0], F[1]);
+        const int solved = solve_period(dP, F, step);
+        const double length = solved ? norm(step[0], step[1]) : INFINITY;
+        const int closer = solved && (n_row < FREE_STEPS || length < 0.5 * before);
+        if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
+            for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
+            admit(work, s);
             return 1;
         }
-        /* a Newton step that led further away is undone by a plain period from the best point */
-        if (distance < gap_best || work->n_period <= PLAIN_PERIODS) {
-            gap_best = distance;
-            best[0] = end[0], best[1] = end[1];
-            if (work->n_period >= PLAIN_PERIODS && solve_period(dP, gap, step) && norm(step[0], step[1]) <= 4.0 * size) {
-                s[0] += step[0], s[1] += step[1];
-                ++work->n_newton;
-                admit(work, mu, s);
-                continue;
-            }
+        const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
+        cut(&around, F, middle, STILL * size / far);
+        const double next[2] = {s[0] + step[0], s[1] + step[1]};
+        if (closer && (length < 1e-6 * size || contains(&around, next))) {
+            before = length;
+            ++n_row;
+            ++work->n_newton;
+        } else {
+            before = INFINITY;
+            n_row = 0;
         }
-        s[0] = best[0], s[1] = best[1];
-        gap_best = INFINITY;
+        for (int i = 0; i < 2; ++i) s[i] = n_row > 0 ? next[i] : around.c[i];
+        admit(work, s);
     }
     return 0;
 }
@@ -492,9 +610,9 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, double 
             ++n_open;
             continue;
         }
-        const double *b = basis_at(work, k), *power = b - 1;
+        const double *b = basis_at(work, k), *power = b - 1, T[2] = {work->x[k] - s[0], work->y[k] - s[1]};
         for (int d = 0; d < 2; ++d)
-            for (int i = 0; i < n_coef; ++i) F[d][i] += weight * (work->p[2 * k + d] - s[d]) * b[i];
+            for (int i = 0; i < n_coef; ++i) F[d][i] += weight * T[d] * b[i];
         for (int i = 0; i < n_power; ++i) work->contact[i] += weight * power[i];
         for (int i = 0; tangent && i < n_coef; ++i) work->stretch[i] += weight * b[i];
     }
@@ -536,37 +654,6 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
         }
 }
 
-/* A slider at rest at the edge of what is admissible: T = p - s, s depends on the motion through the mean row only. */
-static void write_rest(bd_coulomb_work *work, const bd_element *element, bd_response *out) {
-    const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    for (size_t d = 0; d < 2; ++d)
-        for (size_t c = 0; c < 3; ++c) {
-            double *block = c == 2 ? out->dTv[d] : c == d ? out->dT[d] : out->dTc[d];
-            memset(block, 0, sizeof(double) * n_coef * n_coef);
-            for (size_t i = 0; c == d && i < n_coef; ++i) block[i * n_coef + i] = element->kt[d];
-            for (size_t j = 0; j < n_coef; ++j) block[j] -= work->slider[d * n_col + c * n_coef + j];
-        }
-    out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
-    out->coupled = 1;
-    out->with_normal[0] = out->with_normal[1] = 1;
-}
-
-/* The force of a slider at rest. */
-static void rest(bd_coulomb_work *work, const bd_element *element, const double *x, const double *given, const bd_rest *set,
-                 bd_response *out, bd_status_share *share) {
-    bd_element held = *element;
-    for (int d = 0; d < 2; ++d) {
-        held.w[d] = element->kt[d] > 0.0 ? set->s[d] / element->kt[d] : 0.0;
-        bd_element_stuck(&held, work->n_harm, d, x + d * bd_n_coef(work->n_harm), out);
-        share->stick[d] = 1.0;
-    }
-    work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_STICK};
-    work->n_segment = 1;
-    if (set->n == 0 || !out->dN) return;
-    derivative_of_rest(work, element, given, set);
-    write_rest(work, element, out);
-}
-
 static double sample_motion(bd_coulomb_work *work, const bd_element *element, const double *x) {
     const int n_coef = bd_n_coef(work->n_harm), constant = bd_law_is_constant(element->law);
     double size = 0.0;
@@ -575,10 +662,11 @@ static double sample_motion(bd_coulomb_work *work, const bd_element *element, co
         double u[3] = {0.0, 0.0, 0.0};
         for (int a = 0; a < 3; ++a)
             for (int i = 0; i < n_coef; ++i) u[a] += b[i] * x[a * n_coef + i];
-        work->p[2 * k] = element->kt[0] * u[0];
-        work->p[2 * k + 1] = element->kt[1] * u[1];
+        work->x[k] = element->kt[0] * u[0];
+        work->y[k] = element->kt[1] * u[1];
         work->g[k] = constant ? element->load : element->n0 + element->kn * u[2];
-        size = fmax(size, fmax(fabs(work->p[2 * k]) + fabs(work->p[2 * k + 1]), element->mu * work->g[k]));
+        work->R[k] = element->mu * fmax(work->g[k], 0.0);
+        size = fmax(size, fmax(fabs(work->x[k]) + fabs(work->y[k]), work->R[k]));
     }
     return size;
 }
@@ -589,29 +677,51 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
     work->n_segment = work->n_period = 0;
     if (!bd_element_rubs(element, 0) && !bd_element_rubs(element, 1)) return;
     const double size = sample_motion(work, element, x);
-    int open = 1;
-    for (int k = 0; k < work->n_time; ++k) open &= !(work->g[k] > 0.0);
-    if (open) {
+    int n_open = 0;
+    for (int k = 0; k < work->n_time; ++k) n_open += !(work->g[k] > 0.0);
+    if (n_open == work->n_time) {
         work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_OPEN};
         work->n_segment = 1;
         return;
     }
     const double given[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
     const double scale = size + norm(given[0], given[1]) + 1e-300;
-    bd_rest set;
-    if (find_rest(work, element->mu, given, scale, &set)) {
-        rest(work, element, x, given, &set, out, share);
+    const int tangent = out->dN != NULL;
+    const bd_disks disks = {work->n_time, work->x, work->y, work->R};
+    bd_hold hold = {.s = {given[0], given[1]}, .value = INFINITY};
+    int worst = 0;
+    if (n_open == 0 && bd_disks_worst(&disks, given, &worst) <= SLACK * scale) {
+        rest(work, element, x, given, out, share);
         return;
     }
-    double s[2] = {given[0], given[1]};
+    if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &hold);
+    if (hold.value < -TOUCH * scale) {
+        bd_disks_nearest(&disks, given, SLACK * scale, &hold);
+        rest(work, element, x, hold.s, out, share);
+        if (tangent && hold.n > 0) {
+            derivative_of_rest(work, element, given, &hold);
+            memset(work->stretch, 0, sizeof(double) * (size_t)n_coef);
+            work->stretch[0] = 1.0; /* bears on the mean force alone */
+            write_parts(work, element, 1, work->slider, work->stretch, out);
+        }
+        return;
+    }
+    if (hold.value <= TOUCH * scale) {
+        rest(work, element, x, hold.s, out, share);
+        if (tangent) tangent_of_onset(work, element, &hold, out);
+        return;
+    }
+    double s[2] = {hold.s[0], hold.s[1]};
     if (!settle(work, element->mu, scale, s)) {
         for (int i = 0; i < 2 * n_coef; ++i) out->F[i] = NAN;
         out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
         return;
     }
-    sum_period(work, element, s, out->dN != NULL, out, share);
+    const int onset = hold.value <= ONSET * scale;
+    sum_period(work, element, s, tangent && !onset, out, share);
     out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
     out->coupled = 1;
     out->with_normal[0] = out->with_normal[1] = !bd_law_is_constant(element->law);
-    if (out->dN) write_tangent(work, element, out);
+    if (tangent && onset) tangent_of_onset(work, element, &hold, out);
+    if (tangent && !onset) write_tangent(work, element, out);
 }

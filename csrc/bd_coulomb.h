@@ -2,13 +2,15 @@
 #ifndef BD_COULOMB_H
 #define BD_COULOMB_H
 
+#include "bd_disks.h"
 #include "bd_element.h"
 #include "bd_sampled.h"
 
 typedef struct {
     int n_harm, n_time, interpolate;
     const double *power; /* (n_time, n_power), owned by the sampled evaluator */
-    double *p;           /* (n_time, 2) kt u, N */
+    double *x, *y;       /* (n_time) kt u, N */
+    double *R;           /* (n_time) mu times the normal load, N */
     double *g;           /* (n_time) n0 + kn v, or the constant load, N */
     double *slider;      /* (2, 3 n_coef + 2) derivative of the slider: u1, u2, v, slider at the start of the period */
     double *next;        /* the same after a step */
