@@ -21,9 +21,12 @@
  * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset need not be
  * differentiated.
  *
- * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, the
- * settled slider is the one of them nearest to the given one (where a transient would end among them depends on its history,
- * which the law leaves open; in one dimension this is the nearer end of the interval).
+ * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, any of
+ * them will do: where a transient would end depends on its history, which the law leaves open.  The given slider w is kept if
+ * it is one of them, else taken towards their centre c, the point that violates the disks least, until it is:
+ * s = w + t (c - w) with the least such t (in one dimension this is the nearer end of the interval).  At the onset of slip,
+ * where the common points shrink to c, this s depends on the motion in a Lipschitz continuous way, unlike the common point
+ * nearest to w, which there moves like the root of the distance.
  *
  * The cycle.  Otherwise the slider moves.  The period map P does not expand distances, so that F(s) = P(s) - s has
  * F(s).(s* - (s + P(s))/2) >= 0 at its fixed point s*, which is unique: two sliders that move and stay at one distance from
@@ -285,29 +288,52 @@ static void motion_row(const bd_coulomb_work *work, const bd_element *element, i
         for (size_t j = 0; j < n_coef; ++j) row[c * n_coef + j] += factor[c] * basis[j];
 }
 
-/* Derivative (2, n_col) of the slider that one or two disks hold: from |p - s| = R, with the given slider fixed. */
-static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *hold) {
+/* Derivative (2, n_col) of the centre: e_i . dc + d phi = e_i . dp_i - dR_i, and across the line of two centres the point on
+ * it moves along. */
+static void derivative_of_centre(const bd_coulomb_work *work, const bd_element *element, const bd_hold *centre, double *D) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
-    double *D = work->slider, e[2][2] = {{0.0}};
+    double e[3][2] = {{0.0}}, r[3] = {0.0}, f[2][3], along[3][2]; /* dc_d = sum_i along_id . dp_i - f_di dR_i */
     memset(D, 0, sizeof(double) * 2 * n_col);
-    for (int i = 0; i < hold->n; ++i) direction(work, hold, i, e[i]);
-    if (hold->n == 1) {
-        const int k = hold->disk[0];
-        const double ratio = work->R[k] / norm(work->x[k] - given[0], work->y[k] - given[1]);
-        for (size_t d = 0; d < 2; ++d) {
-            double a[2];
-            for (size_t c = 0; c < 2; ++c) a[c] = (c == d ? 1.0 - ratio : 0.0) + ratio * e[0][d] * e[0][c];
-            motion_row(work, element, k, a, -e[0][d], D + d * n_col);
+    for (int i = 0; i < centre->n; ++i) r[i] = direction(work, centre, i, e[i]);
+    for (size_t d = 0; d < 2; ++d) {
+        for (int i = 0; i < 3; ++i) f[d][i] = 0.0;
+        if (centre->n == 2)
+            for (int i = 0; i < 2; ++i) f[d][i] = 0.5 * e[i][d];
+        if (centre->n == 3) {
+            const double a[2] = {e[1][0] - e[0][0], e[1][1] - e[0][1]}, b[2] = {e[2][0] - e[0][0], e[2][1] - e[0][1]};
+            const double det = a[0] * b[1] - a[1] * b[0], sign = d == 0 ? 1.0 : -1.0;
+            f[d][1] = sign * b[1 - d] / det;
+            f[d][2] = -sign * a[1 - d] / det;
+            f[d][0] = -f[d][1] - f[d][2];
         }
-        return;
+        for (int i = 0; i < centre->n; ++i) {
+            for (size_t c = 0; c < 2; ++c) {
+                along[i][c] = f[d][i] * e[i][c];
+                if (centre->n == 1) along[i][c] = c == d;
+                if (centre->n == 2) along[i][c] += r[1 - i] / (r[0] + r[1]) * ((c == d) - e[0][d] * e[0][c]);
+            }
+            motion_row(work, element, centre->disk[i], along[i], -f[d][i], D + d * n_col);
+        }
     }
-    const double det = e[0][0] * e[1][1] - e[0][1] * e[1][0];
-    const double inverse[2][2] = {{e[1][1] / det, -e[0][1] / det}, {-e[1][0] / det, e[0][0] / det}};
-    for (size_t d = 0; d < 2; ++d)
-        for (int i = 0; i < 2; ++i) {
-            const double f = inverse[d][i], a[2] = {f * e[i][0], f * e[i][1]};
-            motion_row(work, element, hold->disk[i], a, -f, D + d * n_col);
-        }
+}
+
+/* Derivative (2, n_col) of the slider that was taken a share of the way from the given one to the centre, into disk k:
+ * ds = share dc + (c - w) d share,   e . ds = e . dp - dR. */
+static void derivative_of_rest(bd_coulomb_work *work, const bd_element *element, const double *given, const bd_hold *centre,
+                               double share, int k) {
+    const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2;
+    const double way[2] = {centre->s[0] - given[0], centre->s[1] - given[1]};
+    const bd_hold slider = {.n = 1, .disk = {k}, .s = {given[0] + share * way[0], given[1] + share * way[1]}};
+    double e[2], *D = work->slider, *follow = work->next;
+    direction(work, &slider, 0, e);
+    derivative_of_centre(work, element, centre, D);
+    memset(follow, 0, sizeof(double) * n_col);
+    motion_row(work, element, k, e, -1.0, follow);
+    const double speed = e[0] * way[0] + e[1] * way[1];
+    for (size_t j = 0; j + 2 < n_col; ++j) {
+        const double d_share = (follow[j] - share * (e[0] * D[j] + e[1] * D[n_col + j])) / speed;
+        for (size_t d = 0; d < 2; ++d) D[d * n_col + j] = share * D[d * n_col + j] + way[d] * d_share;
+    }
 }
 
 /* Half the way across that the centre of a disk goes while the slider slips by a unit of length, in the last part of the step
@@ -696,10 +722,11 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
     }
     if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &hold);
     if (hold.value < -TOUCH * scale) {
-        bd_disks_nearest(&disks, given, SLACK * scale, &hold);
-        rest(work, element, x, hold.s, out, share);
-        if (tangent && hold.n > 0) {
-            derivative_of_rest(work, element, given, &hold);
+        const double way = bd_disks_enter(&disks, given, hold.s, &worst);
+        const double s[2] = {given[0] + way * (hold.s[0] - given[0]), given[1] + way * (hold.s[1] - given[1])};
+        rest(work, element, x, s, out, share);
+        if (tangent) {
+            derivative_of_rest(work, element, given, &hold, way, worst);
             memset(work->stretch, 0, sizeof(double) * (size_t)n_coef);
             work->stretch[0] = 1.0; /* bears on the mean force alone */
             write_parts(work, element, 1, work->slider, work->stretch, out);

@@ -1,4 +1,4 @@
-/* Disks in the plane: the point that violates them least, and the nearest point that lies in all of them.
+/* Disks in the plane: the point that violates them least, and the way into all of them.
  *
  * Centre.  phi(s) = max_k |c_k - s| - R_k is convex; its least value belongs to one, two or three disks that have it in
  * common there: one alone at its centre, phi = -R; two on the line of their centres, phi = (d - R_i - R_j)/2; three where
@@ -7,11 +7,7 @@
  * subset comes twice.
  *
  * Three disks.  With the first centre as origin, d_a the others relative to it, r = R_1 + phi and w_a = R_a - R_1,
- * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic for r.
- *
- * Nearest point.  It is held by at most two disks: while some disk is violated, the one violated most joins them, and the
- * nearest point of these three is one of few candidates.  Distances from the given point grow from round to round.  Should
- * rounding make them turn in a circle, all disks are taken as candidates at once. */
+ * |s| = r and |s - d_a| = r + w_a give d_a.s = (d_a^2 - w_a^2)/2 - r w_a, hence s = alpha - r beta and a quadratic for r. */
 #include "bd_disks.h"
 
 #include <math.h>
@@ -141,62 +137,15 @@ void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold) {
     }
 }
 
-/* ---- nearest point ---- */
-
-/* The point common to the edges of disks i and j on the given side; returns 0 if there is none. */
-static int crossing(const bd_disks *disks, int i, int j, double side, double *s) {
-    const double Ri = disks->R[i], Rj = disks->R[j];
-    const double d[2] = {disks->x[j] - disks->x[i], disks->y[j] - disks->y[i]}, D2 = d[0] * d[0] + d[1] * d[1];
-    if (!(D2 > 0.0)) return 0;
-    const double along = 0.5 * (1.0 + (Ri - Rj) * (Ri + Rj) / D2), height2 = Ri * Ri / D2 - along * along;
-    if (height2 < 0.0) return 0;
-    const double across = side * sqrt(height2);
-    s[0] = disks->x[i] + along * d[0] - across * d[1];
-    s[1] = disks->y[i] + along * d[1] + across * d[0];
-    return 1;
-}
-
-/* Disk number i of a list, or of all of them. */
-static int listed(const int *disk, int i) { return disk ? disk[i] : i; }
-
-static int inside(const bd_disks *disks, int n, const int *disk, const double *s, double slack) {
-    for (int i = 0; i < n; ++i)
-        if (violation(disks, listed(disk, i), s) > slack) return 0;
-    return 1;
-}
-
-/* The nearest point of n listed disks; returns 0 if none was found. */
-static int nearest_of_few(const bd_disks *disks, int n, const int *disk, const double *given, double slack, bd_hold *hold) {
-    bd_hold best = {0};
-    double distance = INFINITY;
-    for (int i = 0; i < n; ++i)
-        for (int j = i; j < n; ++j)
-            for (double side = -1.0; side <= 1.0; side += 2.0) {
-                double s[2];
-                const int k = listed(disk, i);
-                if (j == i) {
-                    const double x = given[0] - disks->x[k], y = given[1] - disks->y[k], size = norm(x, y);
-                    if (!(size > disks->R[k])) continue;
-                    s[0] = disks->x[k] + x * (disks->R[k] / size);
-                    s[1] = disks->y[k] + y * (disks->R[k] / size);
-                } else if (!crossing(disks, k, listed(disk, j), side, s)) {
-                    continue;
-                }
-                const double far = norm(s[0] - given[0], s[1] - given[1]);
-                if (far >= distance || !inside(disks, n, disk, s, slack)) continue;
-                distance = far;
-                best = (bd_hold){.n = i == j ? 1 : 2, .disk = {k, listed(disk, j)}, .s = {s[0], s[1]}};
-            }
-    if (best.n > 0) *hold = best;
-    return best.n > 0;
-}
-
-void bd_disks_nearest(const bd_disks *disks, const double *given, double slack, bd_hold *hold) {
-    *hold = (bd_hold){.s = {given[0], given[1]}};
-    for (int round = 0; round < MOST_ROUNDS; ++round) {
-        int few[3] = {hold->disk[0], hold->disk[1], 0};
-        if (bd_disks_worst(disks, hold->s, few + hold->n) <= slack) return;
-        if (!nearest_of_few(disks, hold->n + 1, few, given, slack, hold)) break;
+double bd_disks_enter(const bd_disks *disks, const double *from, const double *to, int *which) {
+    const double v[2] = {to[0] - from[0], to[1] - from[1]}, A = v[0] * v[0] + v[1] * v[1];
+    double latest = 0.0;
+    for (int k = 0; k < disks->n; ++k) {
+        const double x = disks->x[k] - from[0], y = disks->y[k] - from[1];
+        const double C = x * x + y * y - disks->R[k] * disks->R[k], B = x * v[0] + y * v[1];
+        if (!(C > 0.0)) continue;
+        const double t = C / (B + sqrt(fmax(B * B - A * C, 0.0)));
+        if (t > latest) latest = t, *which = k;
     }
-    if (!nearest_of_few(disks, disks->n, NULL, given, slack, hold)) bd_disks_centre(disks, slack, hold);
+    return latest;
 }

@@ -1,4 +1,4 @@
-/* Disks in the plane: the point that violates them least, and the nearest point that lies in all of them. */
+/* Disks in the plane: the point that violates them least, and the way into all of them. */
 #ifndef BD_DISKS_H
 #define BD_DISKS_H
 
@@ -22,8 +22,8 @@ double bd_disks_worst(const bd_disks *disks, const double *s, int *which);
 /* The point at which that is least.  It is negative if and only if the disks have common points inside. */
 void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold);
 
-/* The common point nearest to a given one, held by none (it is the given one), one or two disks.  There must be common
- * points, well beyond the slack that disks may be left by. */
-void bd_disks_nearest(const bd_disks *disks, const double *given, double slack, bd_hold *hold);
+/* Share of the way from a point to one inside of all disks after which it lies in all of them, and the disk that is entered
+ * last; 0 if it lies in all of them from the start (which is not written then). */
+double bd_disks_enter(const bd_disks *disks, const double *from, const double *to, int *which);
 
 #endif
