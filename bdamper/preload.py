@@ -10,6 +10,11 @@ one of two senses, open, for each tangential direction); the equations are then 
 the law until they repeat themselves. At the first step all points that touch are taken as stuck, and again where the
 states of the step before lead nowhere. Sliders are carried from step to step, so the result depends on the history of
 loading, as friction does.
+
+Friction acts along each of the two contact axes on its own here, whatever law the vibration follows: the states are those
+of lines, which is what keeps the equations linear between their changes. Where a point slips along both axes its friction
+may then be larger than ``mu N``, by up to the root of two, and under the coupled law the slider that it leaves behind is
+not admissible; the evaluation of that law takes such a slider to the edge of what is (``csrc/bd_coulomb.c``).
 """
 
 from __future__ import annotations

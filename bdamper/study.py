@@ -180,9 +180,9 @@ class Study:
         How contact forces are found over a cycle.
     friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
         "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
-        radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law).  "bonded": linear
-        springs in all directions and both senses.  "constant_normal_load": separable with
-        ``variable_normal_load=False``; together with "coupled" give the latter.
+        radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
+        :mod:`bdamper.preload`).  "bonded": linear springs in all directions and both senses.  "constant_normal_load":
+        separable with ``variable_normal_load=False``; together with "coupled" give the latter.
     friction_axes : {"contact", "major"}
         Axes of the separable law: those of the interface, or at each point the major directions of its motion
         (:mod:`bdamper.friction_axes`).
@@ -199,7 +199,8 @@ class Study:
     contact_points : int, optional
         At most so many contact points on each friction face, by uniting neighbouring patches.
     gap : mapping of interface name to (n_points,) float, optional
-        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit.misfit`.
+        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit.misfit`.  None under
+        the law "bonded".
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
     stability : bool
@@ -507,6 +508,11 @@ class Study:
                 gap = united_gap(whole, self.contact_points, gap)
             if gap.shape != (face.n_points,) or not np.isfinite(gap).all():
                 raise SettingError(f"gap of '{name}': expected {face.n_points} finite numbers, found shape {gap.shape}")
+            if self._law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
+                raise SettingError(
+                    f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
+                    f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
+                )
             parts.append(gap)
         return np.concatenate(parts)
 

@@ -34,8 +34,8 @@
  * (thousands for an ellipse that barely slips); Newton's method with the exact 2 x 2 derivative P' takes a few.  It starts
  * from the point that violates the disks least, near which the settled slider is if it barely slips.  Each evaluation
  * also cuts off half of where s* can be, kept as an ellipse: where Newton's method leaves it or comes no closer, its
- * centre is next, so that the end is reached from anywhere.  F is summed from the movements themselves, which keeps its
- * digits where they are small.  The derivative of the settled slider follows from (I - P') ds = P_x dx.
+ * centre is next, so that the end is reached from anywhere.  Where the slider barely moves, F is summed from its movements,
+ * which keeps digits that the difference of positions loses.  The derivative of the settled slider follows from (I - P') ds = P_x dx.
  *
  * The onset of slip.  Let phi be the least violation of the disks.  Where it vanishes, the common points shrink to one,
  * which two disks (opposite to each other) or three hold.  Beyond, the slider moves by a distance of the order of phi from
@@ -62,8 +62,9 @@ enum { STEP_STICK, STEP_SLIP, STEP_OPEN, STEP_CLOSE };
 static const double EDGE = 1e-12;    /* relative distance at which T counts as on the edge of the disk */
 static const double SETTLED = 1e-13; /* the last step of Newton's method relative to the size of the forces */
 static const double STILL = 4e-15;   /* |P(s) - s| that counts as none where that step comes no closer */
-static const double SLACK = 1e-14;   /* violation of a disk at rest */
-static const double TOUCH = 1e-12;   /* least violation up to which the slider is at the point that has it */
+static const double SLACK = 2e-15;   /* violation of a disk at rest */
+static const double TOUCH = 1e-14;   /* least violation up to which the slider is at the point that has it */
+static const double BARELY = 1e-4;   /* least violation up to which F is summed from movements */
 static const double ONSET = 1e-9;    /* least violation up to which the derivative is that of the onset */
 
 /* ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1 */
@@ -467,8 +468,8 @@ static void admit(const bd_coulomb_work *work, double *s) {
     s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-/* One period: F = P(s) - s, and the derivative dP (2, 2) of P. */
-static void march(const bd_coulomb_work *work, double mu, const double *start, double *F, double dP[2][2]) {
+/* One period: F = P(s) - s, as the sum of all movements if asked for, and the derivative dP (2, 2) of P. */
+static void march(const bd_coulomb_work *work, double mu, const double *start, int summed, double *F, double dP[2][2]) {
     double s[2] = {start[0], start[1]};
     bd_step o;
     F[0] = F[1] = 0.0;
@@ -484,6 +485,7 @@ static void march(const bd_coulomb_work *work, double mu, const double *start, d
             dP[1][j] = o.A[1][0] * d0 + o.A[1][1] * d1;
         }
     }
+    for (int i = 0; i < 2 && !summed; ++i) F[i] = s[i] - start[i];
 }
 
 /* Where the settled slider can be: (x - c) . Q^-1 (x - c) <= 1. */
@@ -514,8 +516,9 @@ static void cut(ellipse *e, const double *F, const double *m, double noise) {
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
 }
 
-/* From a first guess to the settled slider at the end of the period; returns 0 if it was not found. */
-static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
+/* From a first guess to the settled slider at the end of the period, which barely moves or does; returns 0 if it was not
+ * found. */
+static int settle(bd_coulomb_work *work, double mu, double size, int barely, double *s) {
     const int last = work->n_time - 1;
     const double radius2 = work->R[last] * work->R[last];
     ellipse around = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}};
@@ -525,7 +528,7 @@ static int settle(bd_coulomb_work *work, double mu, double size, double *s) {
     admit(work, s);
     while (work->n_period < MOST_PERIODS) {
         double F[2], dP[2][2], step[2] = {0.0, 0.0};
-        march(work, mu, s, F, dP);
+        march(work, mu, s, barely, F, dP);
         ++work->n_period;
         const double far = norm(F[0], F[1]);
         const int solved = solve_period(dP, F, step);
@@ -739,7 +742,7 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
         return;
     }
     double s[2] = {hold.s[0], hold.s[1]};
-    if (!settle(work, element->mu, scale, s)) {
+    if (!settle(work, element->mu, scale, hold.value < BARELY * scale, s)) {
         for (int i = 0; i < 2 * n_coef; ++i) out->F[i] = NAN;
         out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
         return;

@@ -7,6 +7,8 @@ the clip law applied piece by piece: nothing is shared with the code under test 
 and the integrals from complex exponentials.
 """
 
+import math
+
 import numpy as np
 
 STICK, PLUS, MINUS, OPEN = range(4)
@@ -397,3 +399,42 @@ def coupled(x, kt, mu, load, w, n_time, periods=3):
     scale = np.full(2 * h + 1, 2 / n_time)
     scale[0] = 1 / n_time
     return np.einsum("knd,kc->ndc", force, b * scale)
+
+
+def settled_under_constant_load(x, limit, n_time, tolerance=1e-11):
+    """Force (2, n_coef) of the projection method under a constant limit and unit stiffness, marched until it is settled.
+
+    Thousands of periods, of which most are jumped: when the movement over a period shrinks by a steady factor, the slider
+    is moved on by the sum of the geometric series, and marching goes on from there.
+    """
+    h = x.shape[1] // 2
+    b = basis(2 * np.pi * np.arange(n_time) / n_time, h)
+    u = (b @ x[:2].T).tolist()
+
+    def period(s):
+        s0, s1 = s
+        path = []
+        for u0, u1 in u:
+            a0, a1 = u0 - s0, u1 - s1
+            size = math.hypot(a0, a1)
+            if size > limit:
+                s0, s1 = u0 - a0 * limit / size, u1 - a1 * limit / size
+            path.append((u0 - s0, u1 - s1))
+        return (s0, s1), path
+
+    s, force = (0.0, 0.0), None
+    for _ in range(200):
+        moves = []
+        for _ in range(30):
+            before = s
+            s, force = period(s)
+            moves.append((s[0] - before[0], s[1] - before[1]))
+        last, previous = (math.hypot(*m) for m in (moves[-1], moves[-2]))
+        if last < tolerance:
+            scale = np.full(2 * h + 1, 2 / n_time)
+            scale[0] = 1 / n_time
+            return np.array(force).T @ (b * scale)
+        ratio = last / previous
+        if ratio < 1.0:
+            s = (s[0] + moves[-1][0] * ratio / (1.0 - ratio), s[1] + moves[-1][1] * ratio / (1.0 - ratio))
+    raise AssertionError("the oracle did not settle")

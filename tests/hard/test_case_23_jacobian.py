@@ -3,8 +3,7 @@
 Every point goes through a sequence of states (stick, slip, open) in its cycle.  Where that sequence is the same on both
 sides of a state, central differences must give the Jacobian.  Where it changes there is an event; it is searched for by
 bisection along the disturbance, and the Jacobian beyond it must give the difference to the state at the event
-(semismoothness), better and better as the two draw together.  Only at the onset of slip of the coupled law there is no such
-Jacobian on the side of rest; there the forces are shown to be continuous.
+(semismoothness), better and better as the two draw together.
 """
 
 import numpy as np
@@ -129,16 +128,6 @@ def event_within(state, reach=0.1):
     return before, beyond
 
 
-def is_onset_of_coupled_slip(state, event):
-    """Whether a point of a coupled law rests throughout on one side of an event and not on the other."""
-    for i, law in enumerate(state.points.law):
-        if law in (LAW_COUPLED, LAW_COUPLED_CONSTANT):
-            rest = [all(s == 0 for _, s in state.sequence(h, [i])[0][0][0]) for h in event]
-            if rest[0] != rest[1]:
-                return True
-    return False
-
-
 def error_beyond(state, event, h):
     """Of the Jacobian at a distance h beyond (before, if negative) an event, relative to its own effect."""
     r0, _, _ = state.evaluate(event)
@@ -147,10 +136,16 @@ def error_beyond(state, event, h):
     return np.abs(r - r0 - effect).max() / np.abs(effect).max()
 
 
-def change_across(state, event, h):
-    """Of the residual from h before an event to h beyond, relative to the size of its terms."""
-    (r0, J, _), (r, _, _) = state.evaluate(event[0] - h), state.evaluate(event[1] + h)
-    return np.abs(r - r0).max() / np.abs(J @ state.u).max()
+def is_lift_of_coupled_friction(state, event):
+    """Whether the samples in contact of a point with a coupled law change.
+
+    While the limit R of friction vanishes over a step in which the slider moves by D, the angle of the force to the motion
+    turns by a factor R^(D/dR).  The Jacobian approaches its limit with that power of R, which may be any positive one.
+    """
+    for i in np.flatnonzero(state.points.law == LAW_COUPLED):
+        if len({str(state.sequence(h, [i])[0][1]) for h in event}) > 1:
+            return True
+    return False
 
 
 def check_event(state, seed):
@@ -158,22 +153,19 @@ def check_event(state, seed):
     found = event_within(state)
     if found is None:
         return False
-    if is_onset_of_coupled_slip(state, found):
-        # the slider rests in the corner of two disks, which moves like the root of the distance
-        for h in (1e-4, 1e-6, 1e-8):
-            assert change_across(state, found, h) < np.sqrt(h), (seed, state.name)
-        return True
     for h, event in ((1e-4, found[1]), (-1e-4, found[0])):
         errors = [error_beyond(state, event, h * 10.0**-k) for k in range(4)]
         assert errors[3] < 1e-3, (seed, state.name, errors)
-        slow = 0.5 if state.coupled else 0.1  # near the onset of coupled slip the order of the error is lower
-        assert errors[3] < slow * errors[0] + 1e-5, (seed, state.name, errors)
+        if is_lift_of_coupled_friction(state, found):
+            assert all(b < 0.9 * a + 1e-5 for a, b in zip(errors, errors[1:])), (seed, state.name, errors)
+        else:
+            assert errors[3] < 0.1 * errors[0] + 1e-5, (seed, state.name, errors)
     return True
 
 
 @pytest.mark.parametrize("batch", range(0, number_of_cases(), BATCH))
 def test_case_23_jacobian_of_the_system(batch):
-    away = events = refused = 0
+    away = events = 0
     for seed in range(batch, batch + BATCH):
         state = State(seed)
         r, J, r_omega = state.evaluate(0.0)
@@ -186,11 +178,7 @@ def test_case_23_jacobian_of_the_system(batch):
             quotient = (state.evaluate(h)[0] - state.evaluate(-h)[0]) / (2 * h)
             error = np.abs(quotient - J @ state.direction).max() / effect
             assert error < 1e-5, (seed, state.name, error)
-        try:
-            events += check_event(state, seed)
-        except FloatingPointError:  # a known limit: the settled slider of the coupled law may be singular at an event
-            assert state.coupled, (seed, state.name)
-            refused += 1
+        events += check_event(state, seed)
         d = 1e-6 * state.omega
         u = state.u
         quotient = (state.system.evaluate(u, state.omega + d)[0] - state.system.evaluate(u, state.omega - d)[0]) / (2 * d)
@@ -198,4 +186,3 @@ def test_case_23_jacobian_of_the_system(batch):
         assert np.abs(quotient - r_omega).max() <= 1e-6 * size, seed
     assert away >= 0.9 * BATCH
     assert events >= 0.2 * BATCH
-    assert refused <= 2

@@ -214,15 +214,67 @@ class TestCoupled:
             assert work > 1e-3 * size or shares[1] < 0.2
 
     def test_points_at_rest_keep_an_admissible_slider(self):
-        """From a slider that is not admissible, the nearest admissible one; from one that is, itself."""
+        """From a slider that is admissible, itself; else the first admissible one on the way to the centre."""
         x = np.zeros((3, 3))
         x[0], x[1] = [0, 0.3, 0], [0, 0, 0.2]
         point = ([1.0, 1.0], 0.0, 0.5, 2.0)
         force, _, shares, _ = evaluate(x, *point, [0.2, -0.1], COUPLED, n_time=256)
         assert shares[0] == 1.0
         np.testing.assert_allclose(force[:2, 0], [-0.2, 0.1], atol=1e-14)
+        for w in ([3.0, 0.0], [0.5, 2.0], [-1.0, 1.0]):
+            force, _, shares, _ = evaluate(x, *point, w, COUPLED, n_time=256)
+            slider = -force[:2, 0]
+            np.testing.assert_allclose(slider / np.hypot(*slider), np.array(w) / np.hypot(*w), atol=1e-12)
+            u = oracle.basis(2 * np.pi * np.arange(256) / 256, 1) @ x[:2].T
+            assert np.hypot(*(u - slider).T).max() == pytest.approx(1.0, abs=1e-12)
+            assert shares[0] == 1.0
+            np.testing.assert_allclose(force[:2, 1:], x[:2, 1:], atol=1e-14)
         force = evaluate(x, *point, [3.0, 0.0], COUPLED, n_time=256)[0]
         np.testing.assert_allclose(force[:2, 0], [-0.7, 0.0], atol=1e-12)  # |u - w| = 1 where u = -0.3
+
+    @pytest.mark.parametrize("law", [COUPLED, COUPLED_CONSTANT])
+    def test_onset_of_slip(self, law):
+        """From rounding to a tenth on both sides of the onset: finite, continuous, and the Jacobian is the derivative;
+        that of the onset itself is the limit from the side of slip."""
+        rng = np.random.default_rng(40 + law)
+        name = "n0" if law == COUPLED else "load"
+        distances = (0.0, *10.0 ** np.arange(-16.0, 0.0))
+        jumps = []
+        for _ in range(25):
+            x, p = random_state(rng, int(rng.integers(1, 4)))
+            d = rng.normal(size=x.shape)
+
+            def at(n, x=x, p=p):
+                return evaluate(x, **{**p, name: n}, law=law)
+
+            slips, rests = 0.0, 1e4
+            for _ in range(100):
+                middle = 0.5 * (slips + rests)
+                if at(middle)[2][0] < 1.0:
+                    slips = middle
+                else:
+                    rests = middle
+            if at(slips)[2][4] > 0.0:
+                continue
+            results = {s * e: at(rests * (1 + s * e)) for e in distances for s in (-1, 1)}
+            for force, tangent, _, _ in results.values():
+                assert np.isfinite(force).all()
+                assert np.isfinite(tangent).all()
+            there = results[0.0][0][:2]
+            for e in (1e-4, 1e-6, 1e-8):
+                for side in (-e, e):
+                    near = min(results, key=lambda k: abs(k - side))
+                    assert np.abs(results[near][0][:2] - there).max() < 1e3 * e * (1 + np.abs(there).max())
+            limit, beyond = (results[min(results, key=lambda k: abs(k + e))][1] for e in (1e-10, 1e-7))
+            jumps.append(np.abs(limit - beyond).max() / (1 + np.abs(beyond).max()))
+            for e in (-1e-4, 1e-4):
+                near = min(results, key=lambda k: abs(k - e))
+                n, h = rests * (1 + near), 1e-8
+                plus, minus = (evaluate(x + s * d, **{**p, name: n}, law=law)[0] for s in (h, -h))
+                exact = np.einsum("aibj,bj->ai", results[near][1], d)
+                np.testing.assert_allclose((plus - minus) / (2 * h), exact, rtol=0, atol=1e-4 * (1 + np.abs(exact).max()))
+        assert len(jumps) > 15
+        assert np.quantile(jumps, 0.8) < 1e-4
 
 
 class TestLinearLaws:

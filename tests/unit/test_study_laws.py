@@ -49,6 +49,15 @@ def test_a_law_for_each_interface(study):
     assert mixed.track(200.0, INTERVAL).complete
 
 
+def test_bonded_points_have_no_gap(study):
+    face = next(name for name, face in study.model.interfaces.items() if face.kind == "friction")
+    gap = {face: np.where(np.arange(9) == 3, 2e-6, 0.0)}
+    with pytest.raises(bd.SettingError, match=rf"^gap of '{face}': expected none under friction_law=.* found 2e-06 m"):
+        replace(study, friction_law="bonded", gap=gap)
+    assert replace(study, gap=gap)._gap[3] == 2e-6
+    assert replace(study, friction_law="bonded", gap={face: np.zeros(9)})._gap[3] == 0.0
+
+
 def test_bonded_points_give_the_stuck_response(study):
     bonded, stuck = replace(study, friction_law="bonded").track(50.0, INTERVAL), study.stuck(INTERVAL)
     assert bonded.complete
