@@ -50,6 +50,20 @@ class System:
         ramp: NDArray[np.float64] | None = None,
         omega: float = 0.0,
     ) -> tuple[int, int, float, float, float, float, int, tuple[float, float, float], int]: ...
+    def peak(
+        self,
+        y: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        row_scale: NDArray[np.float64],
+        re: NDArray[np.float64],
+        im: NDArray[np.float64],
+        tolerance: float,
+        max_iterations: int,
+        curvature: float,
+        place_tolerance: float,
+        max_step: float,
+    ) -> tuple[int, int, float, float, float, int, tuple[float, float, float]]: ...
     def shares(self, share: NDArray[np.float64]) -> None: ...
     def contact(
         self,

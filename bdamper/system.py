@@ -6,8 +6,10 @@ Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmoni
 
 from __future__ import annotations
 
+import math
 from copy import copy
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -27,6 +29,11 @@ STATUS_TEXT = {
     NOT_FINITE: "not finite",
 }
 LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
+
+
+def norm2(x: NDArray) -> float:
+    """Euclidean norm of a vector."""
+    return math.sqrt(x.dot(x))
 
 
 @dataclass(frozen=True)
@@ -241,6 +248,13 @@ class HarmonicSystem:
             raise FloatingPointError("the residual is not finite at this point")
         return r, J, r_omega
 
+    def residual(self, y: NDArray) -> NDArray:
+        """Residual alone at a point."""
+        r = np.empty(self.n_unknowns)
+        if self.core.evaluate(np.ascontiguousarray(y[:-1], float), float(y[-1]), r) != OK:
+            raise FloatingPointError("the residual is not finite at this point")
+        return r
+
     def correct(
         self,
         y: NDArray,
@@ -257,6 +271,49 @@ class HarmonicSystem:
             y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
         )
         return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares, orientation)
+
+    @cached_property
+    def response_parts(self) -> tuple[NDArray, NDArray]:
+        """Rows of the unknowns that give real and imaginary part of the first harmonic of the response."""
+        re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
+        row = np.asarray(self.response_rows[1])
+        c, s = self.slices(1)
+        re[c], re[s] = row.real, row.imag
+        im[c], im[s] = row.imag, -row.real
+        return re, im
+
+    def peak(
+        self,
+        y: NDArray,
+        tangent: NDArray,
+        scale: NDArray,
+        curvature: float,
+        tolerance: float,
+        place_tolerance: float,
+        max_iterations: int,
+        max_step: float,
+    ) -> tuple[Correction, float, float]:
+        """Newton to the peak of the first harmonic of the response near a point of the curve.
+
+        Parameters
+        ----------
+        y, tangent, scale : (n_unknowns + 1,) float
+            ``tangent`` of unit length in scaled unknowns, an estimate.
+        curvature : float
+            Estimate of the second derivative of ln(amplitude) along the curve, negative.
+        tolerance, place_tolerance : float
+            On the residual, and on the distance to the peak in scaled unknowns.
+
+        Returns
+        -------
+        Correction, slope and curvature of ln(amplitude)
+        """
+        y, tangent = np.array(y, float), np.array(tangent, float)
+        status, iterations, residual, slope, curvature, rank, shares = self.core.peak(
+            y, tangent, scale, self.row_scale, *self.response_parts, tolerance, max_iterations, curvature, place_tolerance,
+            max_step,
+        )  # fmt: skip
+        return Correction(status, y, tangent, iterations, residual, 0.0, len(y) - rank, shares), slope, curvature
 
     def correct_at(
         self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
@@ -280,6 +337,30 @@ class HarmonicSystem:
         if self.core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
             raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
+
+    def closing(self, u: NDArray, direction: NDArray) -> tuple[NDArray, NDArray]:
+        """Largest closing in the cycle at every contact point, and its rate along a direction of the mean.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+        direction : (n_mean,) float
+
+        Returns
+        -------
+        closing : (n_points,) float, m
+            Negative: the gap that is left, so the point is open all the cycle; 0 for points without a normal spring.
+        rate : (n_points,) float
+            m per unit of the direction.
+        """
+        X, _, _ = self.contact(u)
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * self.n_harmonics, endpoint=False)
+        l = np.arange(1, self.n_harmonics + 1)
+        wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(-1, len(theta))
+        kn = self.arrays["kn"]
+        held = kn > 0.0
+        closing = (X[:, 2, :1] + X[:, 2, 1:] @ wave).max(axis=1) + self.arrays["n0"] / np.where(held, kn, 1.0)
+        return np.where(held, closing, 0.0), self.bases[0].G[:, 2].real @ direction
 
     def slider_interval(self, u: NDArray) -> NDArray:
         """Sliders that a point which never slips may have: the interval of residual tractions.
@@ -387,7 +468,7 @@ def segments(
 
 
 def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
-    if evaluation == "exact" and np.isin(law, (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
+    if evaluation == "exact" and ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT)).any():
         raise SettingError(
             'evaluation: expected Sampled(n_time) with coupled friction, which has no closed form, found "exact"'
         )

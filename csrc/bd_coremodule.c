@@ -310,6 +310,36 @@ static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kw
                                               mean[1], mean[2], report.orientation);
 }
 
+static PyObject *System_peak(SystemObject *self, PyObject *args, PyObject *kwargs) {
+    static char *names[] = {"y",         "tangent",        "scale",     "row_scale",       "re",       "im",
+                            "tolerance", "max_iterations", "curvature", "place_tolerance", "max_step", NULL};
+    PyObject *object[6];
+    bd_newton_options options = {.least_norm = 1, .rank_tolerance = 1e-14};
+    bd_newton_peak_options peak = {0};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOdiddd:peak", names, &object[0], &object[1], &object[2],
+                                     &object[3], &object[4], &object[5], &options.tolerance, &options.max_iterations,
+                                     &peak.curvature, &peak.tolerance, &peak.max_step))
+        return NULL;
+    const npy_intp n = self->hbm.n_unknown;
+    double *y = vector(object[0], "y", n + 1, 1);
+    double *tangent = y ? vector(object[1], "tangent", n + 1, 1) : NULL;
+    double *scale = tangent ? vector(object[2], "scale", n + 1, 0) : NULL;
+    double *row_scale = scale ? vector(object[3], "row_scale", n, 0) : NULL;
+    double *re = row_scale ? vector(object[4], "re", n, 0) : NULL;
+    double *im = re ? vector(object[5], "im", n, 0) : NULL;
+    if (!im) return NULL;
+    peak.re = re, peak.im = im;
+    bd_newton_report report;
+    bd_status status;
+    double mean[3];
+    Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
+    status = bd_newton_peak(&self->hbm, &self->newton, &options, &peak, y, tangent, scale, row_scale, &report);
+    mean_shares(&self->hbm, mean);
+    PyThread_release_lock(self->lock);
+    Py_END_ALLOW_THREADS return Py_BuildValue("iidddi(ddd)", (int)status, report.iterations, report.residual, peak.slope,
+                                              peak.curvature, report.rank, mean[0], mean[1], mean[2]);
+}
+
 static void copy_shares(const bd_hbm *hbm, double *share) {
     for (int p = 0; p < hbm->n_point; ++p) {
         const bd_status_share s = hbm->share[p];
@@ -379,6 +409,10 @@ static PyMethodDef System_methods[] = {
      "rank, (stick, slip, open), orientation)\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
      "with ramp (n_unknown), a factor on that part of the excitation at the given omega."},
+    {"peak", (PyCFunction)(void (*)(void))System_peak, METH_VARARGS | METH_KEYWORDS,
+     "peak(y, tangent, scale, row_scale, re, im, tolerance, max_iterations, curvature, place_tolerance, max_step)\n"
+     "-> (status, iterations, residual, slope, curvature, rank, (stick, slip, open))\n\n"
+     "Peak of the response amplitude re.u + i im.u near a point of the curve; y and tangent are changed in place."},
     {"shares", (PyCFunction)System_shares, METH_O,
      "shares(share)\n\nFill the shares of the cycle (n_point, 5) of the latest evaluation."},
     {"contact", (PyCFunction)System_contact, METH_VARARGS,

@@ -13,7 +13,15 @@
  * With the last factorisation the tangent t of the branch is one more solution, with right-hand side (0, ..., 0, 1).
  * The sign of the determinant of the bordered matrix is that of det [J; t], which does not change along a curve, not even
  * at a corner where J jumps: J agrees on both sides along the surface that the curve crosses.  It tells forward from
- * backward where the angle between two tangents does not. */
+ * backward where the angle between two tangents does not.
+ *
+ * A peak of the amplitude |x|, x = (a + i b) . u, lies where the slope of ln |x| along the curve,
+ *
+ *     phi = Re(conj(x) x') / |x|^2,      x' = (a + i b) . (scale t),
+ *
+ * falls through zero.  From near by, Newton to the curve and a secant along it are taken in one step: the direction normal
+ * to t and s = -phi/kappa along t with one factorisation.  kappa, the slope of phi, is a guess at first; afterwards it is
+ * the change of phi over the length of the last step. */
 #include "bd_newton.h"
 
 #include <math.h>
@@ -243,5 +251,68 @@ bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *w, const bd_newton_opti
         move(w, y, 1.0, scale);
         if (options->line_search) search_line(hbm, w, options, y, report->residual, scale, row_scale);
         for (size_t j = 0; j < n1; ++j) border += normal[j] * (y[j] - w->y_old[j]) / scale[j];
+    }
+}
+
+double bd_newton_slope(const bd_newton_peak_options *peak, const double *y, const double *tangent, const double *scale,
+                       size_t n) {
+    double re = 0.0, im = 0.0, d_re = 0.0, d_im = 0.0;
+    for (size_t i = 0; i < n; ++i) {
+        const double d = tangent[i] * scale[i];
+        re += peak->re[i] * y[i], im += peak->im[i] * y[i];
+        d_re += peak->re[i] * d, d_im += peak->im[i] * d;
+    }
+    return (re * d_re + im * d_im) / fmax(re * re + im * im, 1e-300);
+}
+
+bd_status bd_newton_peak(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, bd_newton_peak_options *peak,
+                         double *y, double *tangent, const double *scale, const double *row_scale,
+                         bd_newton_report *report) {
+    enum { MOST_STALLS = 4 };
+    const size_t n = (size_t)w->n, n1 = n + 1;
+    *report = (bd_newton_report){.residual = INFINITY, .rank = (int)n1};
+    double started_at = 0.0, moved = 0.0, slope = 0.0;
+    int stalls = 0, opposed = 0;
+    for (int i = 0;; ++i) {
+        bd_status status = evaluate(hbm, w, options, y, 1);
+        if (status != BD_OK) return status;
+        const double step_before = report->last_step, slope_before = slope;
+        report->residual = largest(w->r, row_scale, n);
+        report->iterations = i;
+        if (i == 0) started_at = report->residual;
+        if (i > options->max_iterations || isnan(report->residual)) return BD_NOT_CONVERGED;
+        if (report->residual > 1e6 * (1.0 + started_at)) return BD_DIVERGED;
+
+        const double clock = bd_seconds();
+        build_matrix(w, tangent, scale);
+        factorise(hbm, w, report);
+        for (size_t j = 0; j < n; ++j) w->step[j] = -w->r[j] * w->row[j];
+        w->step[n] = 0.0;
+        status = solve(hbm, w, options, w->step, report);
+        if (status == BD_OK) status = find_tangent(hbm, w, options, tangent, report);
+        hbm->cost.algebra += bd_seconds() - clock;
+        if (status != BD_OK) return status;
+        report->last_step = length(w->step, n1);
+        if (!isfinite(report->last_step)) return BD_SINGULAR;
+        if (i == 0) report->first_step = report->last_step;
+
+        slope = bd_newton_slope(peak, y, tangent, scale, n);
+        if (fabs(moved) > 1e-7 && fmax(step_before, report->last_step) < 0.1 * fabs(moved)) {
+            const double secant = (slope - slope_before) / moved;
+            if (!(secant < 0.0) && ++opposed > 1) return BD_NOT_CONVERGED; /* toward a minimum */
+            peak->curvature = fmin(0.3 * peak->curvature, fmax(4.0 * peak->curvature, secant));
+            if (fabs(slope) > 0.5 * fabs(slope_before)) ++stalls;
+        }
+        if (i > 1 && report->residual > options->tolerance && report->last_step > 0.5 * step_before) ++stalls;
+        if (stalls > MOST_STALLS) return BD_NOT_CONVERGED;
+        const double way = -slope / peak->curvature;
+        if (!isfinite(way)) return BD_NOT_CONVERGED;
+        if (report->residual <= options->tolerance && fabs(way) <= peak->tolerance) {
+            peak->slope = slope;
+            return BD_OK;
+        }
+        /* far from the curve the slope is not that of the curve */
+        moved = report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-peak->max_step, fmin(peak->max_step, way));
+        for (size_t j = 0; j < n1; ++j) y[j] += (w->step[j] + moved * tangent[j]) * scale[j];
     }
 }

@@ -1,4 +1,5 @@
-/* The corrector of one continuation step: Newton on the bordered system, in one call. */
+/* The corrector of one continuation step, and the peak of the response near a point: Newton on the bordered system, in one
+ * call. */
 #ifndef BD_NEWTON_H
 #define BD_NEWTON_H
 
@@ -50,5 +51,24 @@ void bd_newton_destroy(bd_newton_work *work);
 bd_status bd_newton_correct(bd_hbm *hbm, bd_newton_work *work, const bd_newton_options *options, double *y,
                             const double *normal, const double *scale, const double *row_scale, double *tangent,
                             bd_newton_report *report);
+
+typedef struct {
+    const double *re, *im; /* (n): real and imaginary part of the response amplitude x are re . u and im . u */
+    double tolerance;      /* on the distance to the peak, in scaled unknowns */
+    double max_step;
+    double curvature; /* d2 ln |x| along the curve, < 0: an estimate on entry, the latest secant on return */
+    double slope;     /* d ln |x| at the returned point */
+} bd_newton_peak_options;
+
+/* Derivative of ln |x| along a direction (n + 1) in scaled unknowns. */
+double bd_newton_slope(const bd_newton_peak_options *peak, const double *y, const double *tangent, const double *scale,
+                       size_t n);
+
+/* From a guess y (n + 1) near the curve, with an estimate of its tangent (n + 1, unit length), to the peak of |x|: the
+ * curve and the place on it at once.  BD_OK only if both are met; then tangent is that of the curve.  It gives up early
+ * where the peak is not near, lies at a corner, or is a minimum. */
+bd_status bd_newton_peak(bd_hbm *hbm, bd_newton_work *work, const bd_newton_options *options, bd_newton_peak_options *peak,
+                         double *y, double *tangent, const double *scale, const double *row_scale,
+                         bd_newton_report *report);
 
 #endif
