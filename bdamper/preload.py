@@ -19,11 +19,13 @@ not admissible; the evaluation of that law takes such a slider to the edge of wh
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
+
+from bdamper.system import Cost
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
 
@@ -80,6 +82,8 @@ class PreloadState:
     steps, iterations : int
     converged : bool
     note : str
+    cost : Cost
+        Time and iterations; no time where it was not measured.
     """
 
     load: float
@@ -93,6 +97,7 @@ class PreloadState:
     iterations: int
     converged: bool
     note: str = ""
+    cost: Cost = field(default_factory=Cost)
 
 
 def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:

@@ -85,6 +85,10 @@ class ResidualBasis:
     mass: NDArray
     damping_ratio: NDArray
 
+    def stiffer(self, factor: float) -> ResidualBasis:
+        """The coordinates where everything at the contact is stiffer by a factor: same patterns, same mass."""
+        return self if factor == 1.0 else replace(self, stiffness=factor * self.stiffness)
+
     def join(self, basis: HarmonicBasis) -> HarmonicBasis:
         """The basis with these coordinates at its end."""
         n = len(self.stiffness)

@@ -412,7 +412,9 @@ class Study:
 
     def _with_residual(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
         residual = self._contact.residual
-        return basis if residual is None else residual.basis(harmonic).join(basis)
+        if residual is None:
+            return basis
+        return residual.basis(harmonic).stiffer(float(self.contact_stiffness_factor)).join(basis)
 
     @cached_property
     def _modal_bases(self) -> list[HarmonicBasis]:
@@ -582,6 +584,7 @@ class Study:
         factors = _check_history(self.load_history if history is None else history)
         key = (preload, *factors)
         if key not in self._states:
+            start = time.perf_counter()
             force, shift = self._load
             system = StaticSystem(
                 self._static_basis.omega2,
@@ -601,14 +604,14 @@ class Study:
                 self._states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self._states[key] = state
-                    return state
+                    self._states[key] = replace(state, cost=Cost(seconds=time.perf_counter() - start))
+                    return self._states[key]
             for factor in factors:
                 state = static_state(system, factor * preload, start=state)
                 if not state.converged:
                     break
             assert state is not None
-            self._states[key] = state
+            self._states[key] = replace(state, cost=Cost(time.perf_counter() - start, iterations=state.iterations))
         return self._states[key]
 
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:

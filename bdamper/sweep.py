@@ -17,7 +17,7 @@ import pickle
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -29,6 +29,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.model import Model, _feed
 from bdamper.optimal import highest_peak, optimal_curve
 from bdamper.resultfile import reading
+from bdamper.system import Cost
 from bdamper.vary import check_name, vary
 
 if TYPE_CHECKING:
@@ -38,7 +39,10 @@ if TYPE_CHECKING:
 
 Values = Mapping[str, Any]
 Task = Callable[["Study", float | None], Values]
-"""The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers."""
+"""The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers.
+
+An answer named ``"cost"`` that is a :class:`bdamper.system.Cost` is kept apart, as the cost of the point.
+"""
 
 
 @dataclass(frozen=True)
@@ -66,7 +70,7 @@ class PeakTask:
         stick, slip, separation = (float(s) for s in peak.shares)
         return {
             "amplitude": peak.amplitude, "frequency": peak.frequency, "residual": peak.residual, "stick": stick,
-            "slip": slip, "open": separation,
+            "slip": slip, "open": separation, "cost": peak.cost,
         }  # fmt: skip
 
 
@@ -97,7 +101,7 @@ class OptimalTask:
             "curve_frequency": curve.frequency.tolist(), "optimum_preload": o.preload, "optimum_amplitude": o.amplitude,
             "optimum_frequency": o.frequency, "optimum_kind": o.kind, "free_frequency": curve.free.frequency,
             "free_amplitude": curve.free.amplitude, "stuck_frequency": curve.stuck.frequency,
-            "stuck_amplitude": curve.stuck.amplitude,
+            "stuck_amplitude": curve.stuck.amplitude, "cost": curve.cost,
         }  # fmt: skip
 
 
@@ -122,6 +126,8 @@ class SweepResult:
     settings : mapping
         Of the study that was varied.
     model_hash : str
+    cost : tuple of Cost
+        Of each point: what the question has metered of it, otherwise the time alone.
     """
 
     names: tuple[str, ...]
@@ -132,6 +138,7 @@ class SweepResult:
     shape: tuple[int, ...]
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
+    cost: tuple[Cost, ...] = ()
 
     def __len__(self) -> int:
         return len(self.points)
@@ -166,7 +173,7 @@ class SweepResult:
         failed = [s for s in self.status if s != "done"]
         lines = [
             f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
-            f"{float(np.nansum(self.seconds)):.2f} s of work"
+            f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
         ]
         for name in self.quantities:
             array = self.array(name)
@@ -189,6 +196,7 @@ class SweepResult:
             for name in ("names", "points", "values", "status", "shape", "settings", "model_hash"):
                 file.create_dataset(name, data=json.dumps(getattr(self, name), default=_plain))
             file.create_dataset("seconds", data=self.seconds)
+            file.create_dataset("cost", data=json.dumps([asdict(c) for c in self.cost]))
 
 
 def load_sweep(path: str | FilePath) -> SweepResult:
@@ -210,6 +218,7 @@ def load_sweep(path: str | FilePath) -> SweepResult:
             shape=tuple(text["shape"]),
             settings=json.loads(file["settings"][()]) if "settings" in file else {},
             model_hash=json.loads(file["model_hash"][()]) if "model_hash" in file else "",
+            cost=tuple(Cost(**c) for c in json.loads(file["cost"][()])) if "cost" in file else (),
         )
 
 
@@ -359,6 +368,7 @@ class _Job:
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         start = time.perf_counter()
         status, values = "done", {}
+        cost: Cost | None = None
         try:
             study = self.study
             arguments = {name[6:]: value for name, value in settings.items() if name.startswith("model.")}
@@ -370,9 +380,12 @@ class _Job:
                 study = vary(study, rest)
             preload = settings.get("preload")
             values = dict(self.evaluate(study, None if preload is None else float(preload)))
+            if isinstance(values.get("cost"), Cost):
+                cost = values.pop("cost")
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
             status = f"failed: {error}"
-        return {"status": status, "values": values, "seconds": time.perf_counter() - start}
+        seconds = time.perf_counter() - start
+        return {"status": status, "values": values, "seconds": seconds, "cost": asdict(cost or Cost(seconds=seconds))}
 
 
 _jobs: dict[str, _Job] = {}
@@ -518,6 +531,7 @@ def sweep(
         shape=shape,
         settings=study._settings(None),
         model_hash=study.model.hash,
+        cost=tuple(Cost(**r["cost"]) if "cost" in r else Cost(seconds=r["seconds"]) for r in ordered),
     )
 
 

@@ -137,6 +137,8 @@ class TestAnswers:
         assert again.settings == serial.settings and again.settings["engine_order"] == 5
         assert again.model_hash == serial.model_hash != ""
         assert np.array_equal(again.seconds, serial.seconds)
+        assert again.cost == serial.cost
+        assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
         assert "6 points" in str(serial)
         assert len(serial.plot("amplitude").lines) == 3
 
