@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from bdamper.errors import SettingError
-from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem
+from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 
 
 @dataclass(frozen=True)
@@ -49,8 +49,15 @@ class ContinuationOptions:
         Newton iterations in a step.
     locate : bool
         Refine folds and amplitude maxima.
+    locate_folds : bool
+        False: the point beyond a fold is marked as the fold.
     locate_tolerance : float
         On folds and maxima, relative to the step in which they lie.
+    corner_step : float
+        Longest failed step that is searched for a corner of the curve; longer ones are shortened first.
+    to_planes : bool
+        Where the mean position walks while vibration and frequency stay, go straight to where an open point touches:
+        fewer points on the walk.
     """
 
     tolerance: float = 1e-9
@@ -62,7 +69,10 @@ class ContinuationOptions:
     patience: int = 400
     max_iterations: int = 8
     locate: bool = True
+    locate_folds: bool = True
     locate_tolerance: float = 1e-8
+    corner_step: float = 0.3
+    to_planes: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.tolerance < 1e-2:
@@ -152,24 +162,34 @@ class _Follower:
         self.sign = 0  # of det [J; tangent] along the path, 0 where it is not known
         self.sense = 0.0  # of travel in frequency, the last that was not zero
         self.tilt = np.random.default_rng(1).standard_normal(system.n_unknowns + 1)
-        self.tilt *= 0.3 / np.linalg.norm(self.tilt)
+        self.tilt *= 0.3 / norm2(self.tilt)
 
     # ---- units and records ----
 
     def scale_at(self, y: NDArray) -> NDArray:
         n = self.system.n_mean
-        vibration = float(np.linalg.norm(y[n:-1]))
+        vibration = norm2(y[n:-1])
         self.largest = max(self.largest, vibration)
         vibration = max(vibration, 1e-9 * self.largest, 1e-300)
         scale = np.empty(len(y))
-        scale[:n] = max(float(np.linalg.norm(y[:n])), vibration)
+        scale[:n] = max(norm2(y[:n]), vibration)
         scale[n:-1] = vibration
         scale[-1] = 0.5 * (self.high - self.low)
         return scale
 
     def walks(self, tangent: NDArray) -> bool:
         """Whether the path moves the mean position alone: same vibration, same frequency."""
-        return float(np.linalg.norm(tangent[self.system.n_mean :])) < 1e-6
+        return norm2(tangent[self.system.n_mean :]) < 1e-6
+
+    def way_to_touch(self, y: NDArray, direction: NDArray) -> float:
+        """Step along a direction of the mean at the end of which a point that is open all the cycle touches."""
+        direction = direction / norm2(direction / self.scale_at(y))
+        try:
+            closing, rate = self.system.closing(y[:-1], direction[: self.system.n_mean])
+        except FloatingPointError:
+            return np.inf
+        ahead = (closing < 0.0) & (rate > 1e-9 * max(float(np.abs(rate).max(initial=0.0)), 1e-300))
+        return float((-closing[ahead] / rate[ahead]).min(initial=np.inf))
 
     def record(self, c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:
         if kind == "regular" and self.walks(c.tangent):
@@ -197,7 +217,7 @@ class _Follower:
         c = self.correct(predicted, tangent, scale)
         if c.status != OK:
             return c, STATUS_TEXT[c.status]
-        if np.linalg.norm((c.y - predicted) / scale) > 0.5 * step:
+        if norm2((c.y - predicted) / scale) > 0.5 * step:
             return c, "solution far from its prediction"
         # below a step of 1e-3 a large turn is a corner, not curvature
         if step > 1e-3 and float(c.tangent @ tangent) < np.cos(self.options.max_turn):
@@ -241,7 +261,7 @@ class _Follower:
         if not np.isfinite(x).all():
             return None
         sign = int(np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(pivots != np.arange(n + 1)))
-        x *= (sign * self.sign if self.sign else 1.0) / np.linalg.norm(x)
+        x *= (sign * self.sign if self.sign else 1.0) / norm2(x)
         return np.asarray(x)
 
     def around_corner(
@@ -257,7 +277,7 @@ class _Follower:
         first, beyond = tangent, self.probe(y + far * tangent * scale, scale, border)
         if beyond is None:
             return None
-        total = float(np.linalg.norm(beyond - tangent))
+        total = norm2(beyond - tangent)
         if total < 0.2 and not desperate:
             return None
         for _ in range(7):
@@ -265,11 +285,11 @@ class _Follower:
             t = self.probe(y + middle * tangent * scale, scale, border)
             if t is None:
                 return None
-            if float(np.linalg.norm(t - tangent)) < 0.5 * total:
+            if norm2(t - tangent) < 0.5 * total:
                 near, first = middle, t
             else:
                 far, beyond = middle, t
-        if float(np.linalg.norm(beyond - first)) < 0.4 * total and not desperate:
+        if norm2(beyond - first) < 0.4 * total and not desperate:
             return None  # curvature
         signs = (1.0,) if self.sign else (1.0, -1.0)
         for sense in signs:
@@ -287,14 +307,14 @@ class _Follower:
         if not predicted[-1] > 0.0:
             return None
         c = self.correct(predicted, direction, scale)
-        if c.status != OK or np.linalg.norm((c.y - predicted) / scale) > 0.5 * step + slack:
+        if c.status != OK or norm2((c.y - predicted) / scale) > 0.5 * step + slack:
             return None
         if float(c.tangent @ direction) < np.cos(self.options.max_turn):
             return None
         if self.sign and c.orientation == -self.sign:
             return None  # on the way back
         moved = (c.y - y) / scale
-        if not self.sign and float(moved @ tangent) < -0.99 * float(np.linalg.norm(moved)):
+        if not self.sign and float(moved @ tangent) < -0.99 * norm2(moved):
             return None
         return None if self._over_resonance(y, c.y) else c
 
@@ -317,7 +337,7 @@ class _Follower:
             if not low + 1e-3 * (high - low) < s < high - 1e-3 * (high - low):
                 s = 0.5 * (low + high)
             c = self.correct(a.y + s * a.tangent * a.scale, a.tangent, a.scale)
-            reached = c.status == OK and np.linalg.norm((c.y - a.y) / a.scale) <= 2.0 * s
+            reached = c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s
             f = event(c.y, c.tangent) if reached else f_high
             if reached:
                 best = c
@@ -341,9 +361,9 @@ class _Follower:
 
     def amplitude_slope(self, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """Derivative along the path of half the squared amplitude of the first response harmonic."""
-        x = self.system.amplitudes(y[:-1], 1) @ self.system.response_rows[1]
-        dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
-        return float((x.conjugate() * dx).real)
+        re, im = self.system.response_parts
+        direction = (tangent * scale)[:-1]
+        return float(re @ y[:-1]) * float(re @ direction) + float(im @ y[:-1]) * float(im @ direction)
 
     def events_between(self, a: PathPoint, b: Correction, end: float) -> str:
         """Records the events of a step; one that could not be located is the returned kind of point b."""
@@ -356,8 +376,10 @@ class _Follower:
         missed = "regular"
         if turned and self.walks(a.tangent):
             missed = "fold"  # at the end of a walk, which is a point in frequency
-        elif turned:
+        elif turned and self.options.locate_folds:
             found.append((lambda y, t: float(t[-1]), "fold"))
+        elif turned:
+            missed = "fold"
 
         def slope(y: NDArray, t: NDArray) -> float:
             return self.amplitude_slope(y, t, a.scale)
@@ -381,7 +403,7 @@ class _Follower:
         guess = last + fraction * (y - last)
         c = self.system.correct_at(guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations)
         self.iterations += c.iterations
-        if c.status == OK and np.linalg.norm((c.y - guess) / scale) < 1.0:
+        if c.status == OK and norm2((c.y - guess) / scale) < 1.0:
             self.record(c, scale, "end")
             return True
         return False
@@ -398,7 +420,7 @@ class _Follower:
             if not refused:
                 return new, step, step, ""
             self.failed += 1
-            if step <= 0.3:
+            if step <= self.options.corner_step:
                 corner = self.around_corner(y, tangent, scale, step)
                 if corner is not None:
                     return corner[0], corner[1], step, ""
@@ -416,18 +438,18 @@ class _Follower:
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
         """Whether the mean position is out of all proportion to the vibration and to where it began."""
         n = self.system.n_mean
-        return float(np.linalg.norm(y[:n])) > ratio * max(self.largest, float(np.linalg.norm(start[:n])))
+        return norm2(y[:n]) > ratio * max(self.largest, norm2(start[:n]))
 
     def _closes(self, y: NDArray, new: Correction) -> bool:
         """Whether a step passes through the first point of the path in the sense in which the path set off."""
         first = self.points[0]
         chord = (new.y - y) / first.scale
         offset = (first.y - y) / first.scale
-        length = float(np.linalg.norm(chord))
+        length = norm2(chord)
         along = float(offset @ chord) / length
         if not 0.0 <= along <= length or float(chord @ first.tangent) < 0.8 * length:
             return False
-        return float(np.linalg.norm(offset - along * chord / length)) < 0.05 * length
+        return norm2(offset - along * chord / length) < 0.05 * length
 
     def run(self, start: NDArray, up: bool) -> tuple[str, str]:
         options = self.options
@@ -453,8 +475,9 @@ class _Follower:
                 )
             scale = self.scale_at(y)
             tangent = point.tangent * point.scale / scale
-            tangent /= np.linalg.norm(tangent)
+            tangent /= norm2(tangent)
             here = PathPoint(y, tangent, scale, point.shares, point.residual, point.iterations, point.rank_deficiency)
+            failed = self.failed
             new, step, reach, refused = self.advance(y, tangent, scale, step)
             if new is None:
                 if self.walks(tangent) and self._far(y, start, 1e3):
@@ -483,7 +506,12 @@ class _Follower:
             if self.walks(new.tangent) and self.walks(tangent):
                 if self._far(new.y, start, 1e6):
                     return "walked off", WALKED_OFF
-                step = min(4.0 * step, 2.0)  # straight and at one frequency: nothing to miss
+                # straight and at one frequency: nothing to miss before the body meets a plane
+                step = min(step if self.options.to_planes and self.failed > failed else 4.0 * step, 2.0)
+                if self.options.to_planes:
+                    way = self.way_to_touch(new.y, new.tangent * scale)
+                    if way < 2.0 * step:
+                        step = way - 0.02 if way > 0.04 else way + 0.02
                 continue
             growth = min(2.0, 0.6 * options.max_turn / max(turn, 1e-9), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
             step = min(options.max_step, step * max(0.5, growth))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from bdamper.errors import BdamperError, SettingError
-from bdamper.optimal import _preloads
+from bdamper.optimal import preload_values
 from bdamper.resultfile import reading
 from bdamper.sweep import OptimalTask, sweep
 
@@ -215,7 +215,7 @@ def uncertain_curve(
     """
     if "preload" in samples:
         raise SettingError("samples: expected settings other than the preload, found 'preload'")
-    values = _preloads(preload, n)
+    values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(
         study, dict(samples), task, combine="zip", executor=executor, results=results, progress=progress
@@ -276,7 +276,7 @@ def robust_optimum(
         raise SettingError(f"n: expected at least 5, found {n}")
     if not 0.0 < tolerance < 1.0:
         raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
-    ends = _preloads(preload, 2)[[0, -1]]
+    ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
     rounds = 0
     while True:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation import _Follower, follow
 from bdamper.optimal import (
     PARAMETERS,
     linear_peak,
@@ -16,7 +17,10 @@ from bdamper.optimal import (
     setting_family,
     setting_value,
 )
-from bdamper.peaks import PeakFollower, find_peak, follow_peak
+from bdamper.peaks import PeakFollower, PeakOptions, find_peak, follow_peak, peak_scale
+from bdamper.peakscan import scan_from, solution_near
+from bdamper.peaksearch import slope_along
+from bdamper.system import CostMeter
 from bdamper.vary import vary
 
 INTERVAL = (250.0, 400.0)
@@ -230,6 +234,103 @@ class TestFindPeak:
         assert high > linear_peak(study, INTERVAL, 1.0, stuck=True).frequency
 
 
+class TestNewtonToThePeak:
+    """The quick way to a peak against the search along the curve, which shares nothing but the corrector."""
+
+    @pytest.mark.parametrize("away", [(0.02, 0.0), (-0.02, 0.0), (0.0, 1e-4), (0.01, -1e-4)])
+    def test_same_peak_as_the_search(self, study, peak, away):
+        system = study.system(1000.0)
+        rng = np.random.default_rng(3)
+        side = rng.standard_normal(len(peak.y))
+        side -= (side @ peak.tangent) * peak.tangent
+        guess = peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
+        c, slope, curvature = system.peak(guess, peak.tangent, peak.scale, 2.0 * peak.curvature, 1e-10, 1e-8, 15, 0.2)
+        assert c.status == 0
+        assert c.residual <= 1e-10
+        assert abs(slope / curvature) <= 1e-8
+        assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
+        assert curvature == pytest.approx(peak.curvature, rel=1e-2)
+        # the tangent spans the null space of the Jacobian
+        J, r_omega = system.derivatives(c.y)
+        t = c.tangent * peak.scale
+        assert np.linalg.norm(J @ t[:-1] + r_omega * t[-1]) < 1e-9 * np.linalg.norm(r_omega * t[-1])
+
+    def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
+        system = study.system(1000.0)
+        c = system.correct(peak.y + 0.1 * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-12, 20)
+        ends = [
+            system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20).y for h in (1e-4, -1e-4)
+        ]
+        difference = np.diff([np.log(abs(system.response(y[:-1])[1])) for y in ends])[0] / -2e-4
+        assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(difference, rel=1e-6)
+
+    def test_a_minimum_is_not_taken_for_a_peak(self):
+        """Between the two peaks at 18.94 N the amplitude has a minimum."""
+        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+        curve = study.track(18.94, (279.0, 284.0))
+        a = curve.amplitude
+        i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
+        y = np.append(curve.unknowns[i], 2 * np.pi * curve.frequency[i])
+        chord = np.append(curve.unknowns[i + 1], 2 * np.pi * curve.frequency[i + 1]) - y
+        system = study.system(18.94)
+        scale = peak_scale(system, y, abs(chord[-1]))
+        c, _, _ = system.peak(y, chord / scale / np.linalg.norm(chord / scale), scale, -1.0, 1e-10, 1e-8, 15, 0.1)
+        assert c.status != 0 or abs(system.response(c.y[:-1])[1]) > 1.01 * a[i]
+
+
+class TestScanFromAKnownSolution:
+    @pytest.mark.parametrize("preload", [150.0, 2000.0])
+    def test_finds_what_the_scan_from_the_ends_finds(self, study, preload):
+        whole, ending = peaks_at(study, preload, INTERVAL)
+        assert ending == "complete"
+        meter = CostMeter(0.0)
+        found = scan_from(
+            study, study.system(preload), whole[0].y, INTERVAL, preload=preload, options=PeakOptions(), meter=meter
+        )
+        assert found.ending == "complete"
+        assert found.peaks[0].amplitude == pytest.approx(whole[0].amplitude, rel=1e-9)
+        assert found.passes(whole[0], study.system(preload).n_mean)
+        far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
+        assert not found.passes(far, study.system(preload).n_mean)
+
+    def test_a_solution_at_a_neighbouring_preload_leads_to_one_here(self, study):
+        curve = study.track(400.0, INTERVAL)
+        points = np.column_stack([curve.unknowns, 2 * np.pi * curve.frequency])[::10]
+        system = study.system(350.0)
+        y = solution_near(system, points, PeakOptions(), CostMeter(0.0))
+        r, _, _ = system.evaluate(y[:-1], y[-1])
+        assert np.abs(r * system.row_scale).max() < 1e-3
+
+    def test_walks_go_straight_to_the_plane(self):
+        """The way of a walking body to the plane: there the first open point touches, a little before it none does."""
+        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+        at = study.track(30.0, (300.0, 302.0))
+        system = study.system(30.0)
+        start = np.append(at.unknowns[0], 2 * np.pi * at.frequency[0])
+        ends = []
+        for to in (False, True):
+            path = follow(system, start, (1600.0, 1900.0), up=False, options=bd.ContinuationOptions(to_planes=to))
+            assert path.status == "complete"
+            ends.append(path.points[-1].y)
+        assert ends[1] == pytest.approx(ends[0], rel=1e-6, abs=1e-12)
+        walks = [point for point in path.points if point.kind == "walk"]
+        assert walks
+        follower = _Follower(system, (1600.0, 1900.0), bd.ContinuationOptions(), None)
+        for point in walks:
+            for sense in (1.0, -1.0):
+                direction = sense * point.tangent * point.scale
+                way = follower.way_to_touch(point.y, direction)
+                if not np.isfinite(way):
+                    continue
+                unit = direction / np.linalg.norm(direction / follower.scale_at(point.y))
+                before, there = (
+                    system.closing((point.y + part * way * unit)[:-1], direction[: system.n_mean])[0]
+                    for part in (1.0 - 1e-6, 1.0 + 1e-6)
+                )
+                open_ = system.closing(point.y[:-1], direction[: system.n_mean])[0] < 0.0
+                assert before[open_].max() < 0.0 < there[open_].max()
+
+
 class TestVary:
     def test_unknown_names_are_listed(self, study):
         with pytest.raises(bd.SettingError, match=r"expected one of .*excitation\.amplitude.*found 'friction'"):
@@ -276,6 +377,21 @@ class TestVary:
         assert twice.free((300.0, 350.0)).settings["contact_stiffness_factor"] == 2.0
         with pytest.raises(bd.SettingError, match="contact_stiffness_factor"):
             replace(study, contact_stiffness_factor=0.0)
+
+    def test_the_factor_acts_on_residual_modes_too(self, study):
+        """Twice the factor, half the flexibility of the whole contact: what is at the points and what the modes carry."""
+        study = replace(study, contact_stiffness="residual_modes")
+        flexibility = []
+        for factor in (1.0, 2.0):
+            varied = vary(study, {"contact_stiffness_factor": factor})
+            basis = varied.bases[1]
+            residual = np.array([c.body == "residual" for c in basis.coordinates])
+            assert residual.any()
+            G = basis.G[..., residual].reshape(-1, int(residual.sum()))
+            k = np.concatenate([varied.stiffness[name].stiffness for name in varied.coupling.interfaces]).ravel()
+            point = np.diag(np.where(k > 0.0, 1.0 / np.where(k > 0.0, k, 1.0), 0.0))
+            flexibility.append(point + (G / basis.omega2[residual]) @ G.conj().T)
+        assert flexibility[1] == pytest.approx(0.5 * flexibility[0], rel=1e-12, abs=1e-12 * np.abs(flexibility[0]).max())
 
     def test_denser_damper(self, study):
         new = vary(study, {"damper_mass_factor": 2.0})
