@@ -361,9 +361,9 @@ class _Follower:
 
     def amplitude_slope(self, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """Derivative along the path of half the squared amplitude of the first response harmonic."""
-        re, im = self.system.response_parts
-        direction = (tangent * scale)[:-1]
-        return float(re @ y[:-1]) * float(re @ direction) + float(im @ y[:-1]) * float(im @ direction)
+        x = self.system.amplitudes(y[:-1], 1) @ self.system.response_rows[1]
+        dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
+        return float((x.conjugate() * dx).real)
 
     def events_between(self, a: PathPoint, b: Correction, end: float) -> str:
         """Records the events of a step; one that could not be located is the returned kind of point b."""
