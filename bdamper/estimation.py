@@ -184,7 +184,8 @@ def change_of_peak(
     except FloatingPointError:
         return np.nan, np.nan, np.inf, "not finite"
     change = max(abs(e.amplitude), abs(e.frequency))
-    trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.1 * change
+    stationary = not isinstance(study.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
+    trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.1 * change and stationary
     if trusted or not solve or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
     guesses = [e.y] if np.isfinite(e.size) and e.size < 0.3 else []
@@ -192,7 +193,8 @@ def change_of_peak(
     if found is not None:
         found = higher_nearby(b, found)
         return found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0, 0.0, "solved"
-    around = (0.9 * peak.frequency, 1.1 * peak.frequency)
+    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(study, preload, peak.frequency)
+    around = (0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency)
     try:
         if richer.harmonic_numbers != study.harmonic_numbers or study.harmonic_numbers == (1,):
             before, after, how = peak, richer.peak(preload, around), "found anew"
@@ -200,9 +202,18 @@ def change_of_peak(
             single = [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in (study, richer)]
             before, after = (s.peak(preload, around) for s in single)
             how = "peaks with one harmonic compared"
-    except BdamperError:
-        return e.amplitude, e.frequency, e.defect, "one Newton step, not to be trusted: no peak found"
+    except BdamperError as error:
+        return np.nan, np.nan, np.inf, f"no peak found: {error}"
     return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how
+
+
+def _stuck_resonance(study: Study, preload: float, frequency: float) -> float:
+    """Frequency in Hz of the largest stuck resonance within a third of a frequency, or this itself."""
+    system, springs = study.system(preload), study._stuck_springs(study.static(preload))
+    row = study._response_rows[1]
+    poles = [w for w in system.linear_modes(springs)[0] if 0.67 < w / (2.0 * np.pi * frequency) < 1.5]
+    best = max(poles, key=lambda w: abs(system.linear_response(w, springs) @ row), default=2.0 * np.pi * frequency)
+    return float(best) / (2.0 * np.pi)
 
 
 def _missed_events(study: Study, preload: float, y: NDArray) -> tuple[float, float, int]:
