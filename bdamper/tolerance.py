@@ -1,15 +1,17 @@
 """Settings chosen by themselves: a tracking curve whose highest peak is right to a tolerance.
 
-1. A coarse tracking curve with one harmonic finds the maxima that come near the highest.
-2. Each is embedded in the richest study that the model allows, up to thirteen harmonics; the indicator
-   (:mod:`bdamper.indicator`) says which harmonics make up the change, these are switched on, and so on until the rest is
-   below half of the tolerance (the steps are those of :mod:`bdamper.adaptive`).  A shorter
-   series of harmonics is taken if the indicator, asked the other way round, finds that it does as well.
-3. The curve is tracked with the harmonics that the highest of them calls for.  If its peak is not the one that they were
-   chosen for, or the estimated rest there is above the tolerance, what it calls for is added, and it is tracked again.
+1. A tracking curve with one harmonic.
+2. Its highest point is carried into the richest study that the model allows, up to thirteen harmonics: one Newton step
+   there says whether one harmonic is enough (:mod:`bdamper.indicator`); if not, Newton goes on to the peak itself.  This
+   costs as much as a few points of a curve.
+3. From the rich peak the one with 2, 3, ... harmonics follows in the same way, and the shortest series within the tolerance
+   is known before a curve with it is there.
+4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
-Where a peak cannot be followed to more harmonics, longer and longer series are tracked until two of them agree within a
-third of the tolerance.
+Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two of
+these agree within a third of the tolerance, the longer one is taken.
+
+A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.
 
 Contact forces are evaluated by exact events: samples would cost as much at lower accuracy.  (Coupled friction has no
 closed form; it is sampled, 32 times for each harmonic at least.)  Contact points, modes and contact stiffness say what is
@@ -20,19 +22,22 @@ of them would change.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bdamper.adaptive import _check_tolerance, _Lost, _Search
+from bdamper.adaptive import carried_over
 from bdamper.continuation import ContinuationOptions
 from bdamper.effects import Effects
+from bdamper.errors import SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import finer_evaluation, missing_harmonics
-from bdamper.indicator import Estimate, embed_between, estimate_change, highest_peaks
-from bdamper.peaks import Peak
+from bdamper.indicator import embed_between, estimate_change
+from bdamper.peaks import peak_scale
 from bdamper.response import Curve
+from bdamper.system import OK, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
     from bdamper.study import Study
@@ -40,6 +45,12 @@ if TYPE_CHECKING:
 MOST_HARMONICS = 13
 SHARE = 0.9
 """Share of the tolerance that a choice may use up by its estimate."""
+RIVAL = 0.6
+"""Share of the highest point from which on other maxima are looked at."""
+ANOTHER = 0.5
+"""Relative change of amplitude beyond which it is another peak."""
+STAGES = (1, 2, 4, 7)
+"""Series of harmonics for a first curve."""
 
 
 def richest_study(study: Study) -> Study:
@@ -76,129 +87,228 @@ def track_to_tolerance(
     Returns
     -------
     Curve
-        ``notes`` say what was chosen and why, ``settings["chosen"]`` holds it with the estimated rest.
+        ``notes`` say what was chosen and why, ``settings["chosen"]`` holds it with the estimated rest.  ``cost`` is that
+        of the choice and of all curves on the way.
     """
-    _check_tolerance(tolerance)
-    begin = time.perf_counter()
-    search = _Search(richest_study(study), float(preload), frequency, tolerance)
-    everything = search.own.harmonic_numbers
-    choice = _harmonics_called_for(search)
-    on, rest, reasons = choice.harmonics, choice.rest, list(choice.reasons)
-    climb = [] if np.isfinite(choice.amplitude) else [l for l in (1, 3, 6) if l < everything[-1]]
-    if climb:
-        on = tuple(range(1, climb.pop(0) + 1))
-    before: tuple[float, float] | None = None
-    while True:
-        chosen, system = search.variant(on)
-        curve = chosen.track(preload, frequency, options=options, **track)
-        if on == everything or not len(curve):
-            break
-        top = curve.peak
-        if not np.isfinite(choice.amplitude):  # no expectation: longer series until two of them agree
-            if before is not None and curve.complete:
-                rest = max(abs(before[0] / top.amplitude - 1.0), abs(before[1] / top.frequency - 1.0))
-                if rest <= tolerance / 3.0:
-                    reasons.append(f"the series before agrees to {percent(rest)}")
-                    break
-            before = (top.amplitude, top.frequency) if curve.complete else None
-            on = tuple(range(1, climb.pop(0) + 1)) if climb else everything
-            continue
-        expected = max(abs(choice.amplitude / top.amplitude - 1.0), abs(choice.frequency / top.frequency - 1.0))
-        if expected <= tolerance:
-            rest = expected
-            break
-        peaks = highest_peaks(system, curve, share=0.99)
-        left = search.missing(peaks[0], on) if peaks else None
-        if left is not None and left.size <= tolerance:
-            rest = left.size
-            break
-        longer = next((l for l in everything if l not in on), everything[-1])
-        if len(on) == longer - 1 and expected <= 3.0 * tolerance:  # a series, and nearly long enough
-            wanted = tuple(range(1, min(longer + 1, everything[-1]) + 1))
-            why = f"the peak of the curve is {percent(expected)} from the one expected"
-        elif left is None or not left.size < 0.3:
-            wanted, why = everything, "the peak of the curve is not the one expected"
-        else:
-            wanted, why = search.called_for(left, on), f"the peak of the curve would still change: {_change(left)}"
-        reasons.append(f"{why}: harmonics {_names(wanted)}")
-        on = wanted
-    if on == everything:
-        rest = float("nan")
-        why = "the most tried" if len(everything) >= MOST_HARMONICS else "all that the model has modes for"
-        reasons.append(f"harmonics {_names(on)} are {why}; what more would change is not estimated")
+    if not 0.0 < tolerance < 1.0:
+        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
+    choice = _Choice(richest_study(study), float(preload), frequency, tolerance, options, track)
+    harmonics, rest = choice.run()
+    curve = choice.curves[harmonics]
+    chosen = choice.variant(harmonics)[0]
     how = "exact events" if chosen.evaluation == "exact" else f"{chosen.evaluation.n_time} samples"  # type: ignore[union-attr]
-    head = f"chosen for {percent(tolerance)}: harmonics {_names(on)}, {how}"
+    names = " ".join(map(str, chosen.harmonic_numbers))
+    head = f"chosen for {percent(tolerance)}: harmonics {names}, {how}"
     if rest == rest:
         head += f"; estimated rest {percent(rest)}"
-    note = {"tolerance": tolerance, "harmonics": list(on), "evaluation": how, "rest": rest, "reasons": reasons}
+    note = {
+        "tolerance": tolerance, "harmonics": list(chosen.harmonic_numbers), "evaluation": how, "rest": rest,
+        "reasons": choice.reasons,
+    }  # fmt: skip
     return replace(
         curve,
-        notes=(*curve.notes, head, *(f"  {line}" for line in reasons)),
+        notes=(*curve.notes, head, *(f"  {line}" for line in choice.reasons)),
         settings={**curve.settings, "chosen": note},
-        cost=replace(curve.cost, seconds=time.perf_counter() - begin),
+        cost=choice.meter.read(time.perf_counter()),
     )
 
 
 @dataclass(frozen=True)
+class _Top:
+    """A highest point: a solution with so many harmonics, or what a Newton step makes of it (``missed`` > 0)."""
+
+    harmonics: int
+    y: NDArray
+    amplitude: float
+    frequency: float
+    width: float
+    at_end: bool
+    missed: float = 0.0
+
+    def difference(self, other: _Top) -> float:
+        """The larger of the relative differences of amplitude and frequency."""
+        return max(abs(other.amplitude / self.amplitude - 1.0), abs(other.frequency / self.frequency - 1.0))
+
+
+@dataclass
 class _Choice:
-    """Harmonics that the highest peak calls for, the estimated rest, why, and the peak expected with all harmonics."""
+    """The choice of a series of harmonics for one curve."""
 
-    harmonics: tuple[int, ...]
-    rest: float
-    reasons: tuple[str, ...]
-    amplitude: float = np.nan
-    frequency: float = np.nan
+    study: Study
+    preload: float
+    frequency: tuple[float, float]
+    tolerance: float
+    options: ContinuationOptions | None
+    track: dict[str, Any]
+    reasons: list[str] = field(default_factory=list)
+    curves: dict[int, Curve] = field(default_factory=dict)
+    variants: dict[int, tuple[Study, HarmonicSystem]] = field(default_factory=dict)
+    meter: CostMeter = field(default_factory=lambda: CostMeter(time.perf_counter()))
 
+    def __post_init__(self) -> None:
+        self.most = len(self.study.harmonic_numbers)
 
-def _harmonics_called_for(search: _Search) -> _Choice:
-    everything = search.own.harmonic_numbers
-    peaks, reason = search.tracked((1,))
-    if not peaks or not search.curve.complete:
-        why = f"no peak with one harmonic ({reason or search.curve.reason}): longer and longer series are tried"
-        return _Choice(everything, np.nan, (why,))
-    best: tuple[Peak, tuple[int, ...], Estimate | None] | None = None
-    try:
-        for peak in peaks:
-            lifted = search.lift(peak, (1,))
-            if best is None or lifted[0].amplitude > best[0].amplitude:
-                best = lifted
-    except _Lost as lost:
-        return _Choice(everything, np.nan, (f"{lost}: longer and longer series are tried",))
-    assert best is not None
-    peak, on, estimate = best
-    reasons = [line for line in search.log if "estimated change" in line]
-    to_come = (0.0, 0.0, 0.0) if estimate is None else (estimate.amplitude, estimate.frequency, estimate.defect)
-    rest = max(abs(to_come[0]), abs(to_come[1])) + to_come[2]
-    if estimate is not None:
-        reasons.append(f"with harmonics {_names(on)} the rest is estimated at {percent(rest)}")
-    fewer = _thinned(search, peak, on, to_come)
-    if fewer is not None:
-        on, rest = fewer
-        reasons.append(f"harmonics {_names(on)} are enough: they leave {percent(rest)}")
-    return _Choice(
-        on, rest, tuple(reasons), peak.amplitude * (1.0 + to_come[0]), peak.frequency * (1.0 + to_come[1])
-    )  # fmt: skip
+    def run(self) -> tuple[int, float]:
+        """Number of harmonics of the curve to return, and the estimated rest (NaN if there is no estimate)."""
+        before: _Top | None = None
+        target: _Top | None = None
+        for first in (*(n for n in STAGES if n < self.most), self.most):
+            tops = self.tops(first)
+            if not tops:
+                why = self.curves[first].reason or "no solutions"
+                self.reasons.append(f"no highest point with harmonics 1 to {first}: {why}")
+                continue
+            target = self.target(tops)
+            if target is not None:
+                return self.settled(first, target)
+            if first == self.most:
+                break
+            if before is not None and tops[0].difference(before) <= self.tolerance / 3.0:
+                rest = tops[0].difference(before)
+                self.reasons.append(f"the series before agrees to {percent(rest)}")
+                return first, rest
+            before = tops[0]
+            self.reasons.append(
+                f"{before.frequency:.5g} Hz: the highest point with harmonics 1 to {first} cannot be followed to {self.most}"
+            )
+        return self.all_of_them()
 
+    def all_of_them(self) -> tuple[int, float]:
+        self.curve(self.most)
+        why = "the most tried" if self.most >= MOST_HARMONICS else "all that the model has modes for"
+        self.reasons.append(f"harmonics 1 to {self.most} are {why}; what more would change is not estimated")
+        return self.most, float("nan")
 
-def _thinned(
-    search: _Search, peak: Peak, on: tuple[int, ...], to_come: tuple[float, float, float]
-) -> tuple[tuple[int, ...], float] | None:
-    """The shortest series of harmonics within the tolerance of the peak to come, if it is shorter than what is on."""
-    rich, system = search.variant(on)
-    for top in range(1, len(on)):
-        series = tuple(range(1, top + 1))
-        study, poorer = search.variant(series)
-        e = estimate_change(poorer, embed_between(rich, study, system, poorer, search.preload, peak.y))
-        away = max(abs(e.amplitude - to_come[0]), abs(e.frequency - to_come[1])) + to_come[2]
-        # what the estimate misses is found out on the curve itself
-        if away <= SHARE * search.tolerance and e.defect <= search.tolerance:
-            return series, float(away)
-    return None
+    def settled(self, first: int, target: _Top) -> tuple[int, float]:
+        """A series whose curve has the highest point that is known with all harmonics."""
+        harmonics = first
+        for _ in range(3):
+            tops = self.tops(harmonics)
+            if tops:
+                rest = target.difference(tops[0])
+                if rest + target.missed <= self.tolerance:
+                    return harmonics, rest
+                if harmonics != first and tops[0].amplitude > target.amplitude:
+                    other = self.target(tops[:1])
+                    if other is None:
+                        break
+                    if other.amplitude > target.amplitude:
+                        self.reasons.append(f"{other.frequency:.5g} Hz: the curve has another peak, a higher one")
+                        target = other
+                        if target.difference(tops[0]) + target.missed <= self.tolerance:
+                            continue
+            harmonics = self.shortest(target, harmonics)
+            if harmonics == self.most:
+                break
+        return self.all_of_them()
 
+    # ---- what there is ----
 
-def _change(estimate: Estimate) -> str:
-    return f"amplitude {percent(estimate.amplitude, True)}, frequency {percent(estimate.frequency, True)}"
+    def variant(self, harmonics: int) -> tuple[Study, HarmonicSystem]:
+        """The study with so many harmonics, and its equations."""
+        if harmonics not in self.variants:
+            study = self.study
+            if harmonics != self.most:
+                study = study.with_effects(replace(Effects.of(study), harmonics=harmonics))
+            system = study.system(self.preload)
+            self.meter.watch(system)
+            self.variants[harmonics] = study, system
+        return self.variants[harmonics]
 
+    def curve(self, harmonics: int) -> Curve:
+        """Tracked once."""
+        if harmonics not in self.curves:
+            study, _ = self.variant(harmonics)
+            curve = study.track(self.preload, self.frequency, options=self.options, **self.track)
+            self.meter.add(curve.cost)
+            self.curves[harmonics] = curve
+        return self.curves[harmonics]
 
-def _names(harmonics: tuple[int, ...]) -> str:
-    return " ".join(map(str, harmonics))
+    def tops(self, harmonics: int) -> list[_Top]:
+        """The highest point of a complete curve and lower maxima that come near it, the highest first."""
+        curve = self.curve(harmonics)
+        if not len(curve) or not curve.complete:
+            return []
+        a = curve.amplitude
+        out = []
+        for i in range(len(curve)):
+            inside = 0 < i < len(curve) - 1 and curve.branch[i - 1] == curve.branch[i] == curve.branch[i + 1]
+            if i != curve.peak.index and not (inside and a[i - 1] < a[i] >= a[i + 1] and a[i] > RIVAL * a.max()):
+                continue
+            f = float(curve.frequency[i])
+            y = np.append(curve.unknowns[i], 2.0 * np.pi * f)
+            width = 0.01 * y[-1]
+            if inside:  # unit of frequency: where the vibration has changed by its own size
+                moved = [np.linalg.norm(curve.unknowns[j] - curve.unknowns[i]) for j in (i - 1, i + 1)]
+                df = [abs(curve.frequency[j] - f) for j in (i - 1, i + 1)]
+                width = 2.0 * np.pi * sum(df) * float(np.linalg.norm(curve.unknowns[i])) / max(sum(moved), 1e-300)
+                width = float(np.clip(width, 1e-7 * y[-1], 0.2 * y[-1]))
+            out.append(_Top(harmonics, y, float(a[i]), f, width, not inside))
+        return sorted(out, key=lambda t: -t.amplitude)
+
+    # ---- what other series would give ----
+
+    def target(self, tops: list[_Top]) -> _Top | None:
+        """What the highest of some points becomes with all harmonics; None if it cannot be followed."""
+        best = self.carried(tops[0], self.most)
+        if best is None:
+            return None
+        for top in tops[1:]:
+            if top.amplitude > best.amplitude * (1.0 - self.tolerance):
+                rival = self.carried(top, self.most)
+                if rival is not None and rival.amplitude > best.amplitude:
+                    best = rival
+        return best
+
+    def shortest(self, target: _Top, tried: int) -> int:
+        """The shortest series, other than those with curves, that has the point to the tolerance."""
+        for harmonics in range(2, self.most):
+            if harmonics in self.curves:
+                continue
+            found = self.carried(target, harmonics)
+            if found is None:
+                continue
+            away = target.difference(found) + found.missed
+            if away <= SHARE * self.tolerance:
+                self.reasons.append(
+                    f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {self.most}"
+                )
+                return harmonics
+        return self.most
+
+    def carried(self, top: _Top, harmonics: int) -> _Top | None:
+        """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost."""
+        if harmonics == top.harmonics:
+            return top
+        old, a = self.variant(top.harmonics)
+        new, b = self.variant(harmonics)
+        y = embed_between(old, new, a, b, self.preload, top.y)
+        try:
+            found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y)
+        except FloatingPointError:
+            return None
+        if found is None or abs(found.amplitude / top.amplitude - 1.0) > ANOTHER:
+            return None
+        return replace(found, harmonics=harmonics)
+
+    def _at_frequency(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
+        for search in (False, True):
+            c = b.correct_at(y[:-1], float(y[-1]), peak_scale(b, y, top.width), 1e-6, 40 if search else 15, search)
+            self.meter.iterations += c.iterations
+            if c.status == OK:
+                return replace(top, y=c.y, amplitude=float(abs(b.response(c.y[:-1])[1])))
+        return None
+
+    def _at_phase(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
+        e = estimate_change(b, y)
+        change = max(abs(e.amplitude), abs(e.frequency))
+        if change + 2.0 * e.defect <= 0.5 * self.tolerance:
+            return replace(
+                top, y=e.y, amplitude=top.amplitude * (1.0 + e.amplitude), frequency=top.frequency * (1.0 + e.frequency),
+                missed=e.defect,
+            )  # fmt: skip
+        peak = carried_over(b, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [], y, top.width, quick=True)
+        if peak is None:
+            return None
+        self.meter.iterations += peak.iterations
+        return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
