@@ -19,7 +19,7 @@ contact.  The start is the harmonic-balance solution, so what is measured is whe
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import gcd
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,7 @@ from bdamper.system import (
     LAW_COUPLED,
     LAW_COUPLED_CONSTANT,
     LAW_NORMAL,
+    Cost,
     HarmonicSystem,
 )
 
@@ -58,7 +59,8 @@ class Verification:
     periods, steps_per_period, sectors : int
     drift : float
         Change of the response over the last period, relative to its size: how settled it is.
-    seconds : float
+    cost : Cost
+        Seconds for contact forces, and for the modal sums and products; an evaluation is one of all sectors.
     """
 
     frequency: float
@@ -70,7 +72,12 @@ class Verification:
     steps_per_period: int
     sectors: int
     drift: float
-    seconds: float
+    cost: Cost
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time in all."""
+        return self.cost.seconds
 
     @property
     def distance(self) -> float:
@@ -82,7 +89,7 @@ class Verification:
         return (
             f"time integration at {self.frequency:.6g} Hz: distance {self.distance:.2e} from harmonic balance "
             f"(|X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m); {self.periods} periods of "
-            f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period, {self.seconds:.1f} s"
+            f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period\n  {self.cost}"
         )
 
     def plot(self, ax: Axes | None = None) -> Axes:
@@ -113,6 +120,7 @@ class Ring:
         if (np.asarray(arrays["mass"]) <= 0.0).any():
             raise SettingError("verify: expected inertia in every coordinate, found coordinates without")
         self.system = system
+        self.cost = Cost()
         self.coupled = bool(np.isin(arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any())
         self.n = n_blades // gcd(n_blades, engine_order) if engine_order else 1
         self.wave = engine_order // gcd(n_blades, engine_order) if engine_order else 0  # nodal diameter on self.n sectors
@@ -196,6 +204,23 @@ class Ring:
         q[self.real], v[self.real] = q[self.real].real, v[self.real].real
         return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
 
+    def contact(self, q: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
+        """Modal contact force (2 n_coordinates, ...) and slider at coordinates q, timed."""
+        begin = time.perf_counter()
+        x = self.motion(q)
+        moved = time.perf_counter()
+        F, w = self.force(x, w)
+        pressed = time.perf_counter()
+        modal = self.B @ F.reshape(-1, *q.shape[1:])
+        cost = self.cost
+        self.cost = replace(
+            cost,
+            contact=cost.contact + pressed - moved,
+            assembly=cost.assembly + moved - begin + time.perf_counter() - pressed,
+            evaluations=cost.evaluations + 1,
+        )
+        return modal, w
+
     def motion(self, q: NDArray) -> NDArray:
         """(n_sectors, n_points, 3, ...) relative motion."""
         x = (self.A @ q).reshape(self.n, self.system.n_points, 3, *q.shape[1:])
@@ -268,17 +293,16 @@ class Ring:
         forcing = np.array([self.forcing(omega, k * h) for k in range(n_steps)])
         omega2 = np.tile(self.omega2, 2)[column]
         damping = np.tile(self.damping, 2)[column]
-        shape = (-1, *q.shape[1:])
-        F, w = self.force(self.motion(q), w)
-        a = forcing[0][column] - omega2 * q - damping * v - self.B @ F.reshape(shape)
+        pressed, w = self.contact(q, w)
+        a = forcing[0][column] - omega2 * q - damping * v - pressed
         response = []
         for k in range(n_steps * n_periods):
             if row is not None:
                 response.append(row @ q)
             half = v + 0.5 * h * a
             q = q + h * half
-            F, w = self.force(self.motion(q), w)
-            rest = forcing[(k + 1) % n_steps][column] - omega2 * q - self.B @ F.reshape(shape)
+            pressed, w = self.contact(q, w)
+            rest = forcing[(k + 1) % n_steps][column] - omega2 * q - pressed
             v = (half + 0.5 * h * rest) / (1.0 + 0.5 * h * damping)
             a = rest - damping * v
         return q, v, w, np.array(response)
@@ -353,5 +377,5 @@ def verify_solution(
         steps_per_period=n,
         sectors=ring.n,
         drift=float(abs(row @ (q - first))) / size,
-        seconds=time.perf_counter() - started,
+        cost=replace(ring.cost, seconds=time.perf_counter() - started),
     )

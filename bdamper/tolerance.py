@@ -8,8 +8,8 @@
    is known before a curve with it is there.
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
-Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two of
-these agree within a third of the tolerance, the longer one is taken.
+Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two
+of these agree within a third of the tolerance, the longer one is taken.
 
 A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.
 
@@ -51,6 +51,8 @@ ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
 STAGES = (1, 2, 4, 7)
 """Series of harmonics for a first curve."""
+WAY = (3, 7)
+"""Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
 
 
 def richest_study(study: Study) -> Study:
@@ -168,9 +170,8 @@ class _Choice:
                 self.reasons.append(f"the series before agrees to {percent(rest)}")
                 return first, rest
             before = tops[0]
-            self.reasons.append(
-                f"{before.frequency:.5g} Hz: the highest point with harmonics 1 to {first} cannot be followed to {self.most}"
-            )
+            why = f"the highest point with harmonics 1 to {first} cannot be followed to {self.most}"
+            self.reasons.append(f"{before.frequency:.5g} Hz: {why}")
         return self.all_of_them()
 
     def all_of_them(self) -> tuple[int, float]:
@@ -250,15 +251,22 @@ class _Choice:
 
     def target(self, tops: list[_Top]) -> _Top | None:
         """What the highest of some points becomes with all harmonics; None if it cannot be followed."""
-        best = self.carried(tops[0], self.most)
+        best = self.lifted(tops[0])
         if best is None:
             return None
         for top in tops[1:]:
             if top.amplitude > best.amplitude * (1.0 - self.tolerance):
-                rival = self.carried(top, self.most)
+                rival = self.lifted(top)
                 if rival is not None and rival.amplitude > best.amplitude:
                     best = rival
         return best
+
+    def lifted(self, top: _Top) -> _Top | None:
+        """A point as it is with all harmonics."""
+        for harmonics in WAY:
+            if top.harmonics < harmonics < self.most:
+                top = self.carried(top, harmonics) or top
+        return self.carried(top, self.most)
 
     def shortest(self, target: _Top, tried: int) -> int:
         """The shortest series, other than those with curves, that has the point to the tolerance."""
@@ -305,7 +313,7 @@ class _Choice:
         if change + 2.0 * e.defect <= 0.5 * self.tolerance:
             return replace(
                 top, y=e.y, amplitude=top.amplitude * (1.0 + e.amplitude), frequency=top.frequency * (1.0 + e.frequency),
-                missed=e.defect,
+                missed=top.missed + e.defect,
             )  # fmt: skip
         peak = carried_over(b, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [], y, top.width, quick=True)
         if peak is None:
