@@ -441,7 +441,7 @@ def richest(study: Study, settings: Sequence[Setting]) -> tuple[dict[str, Any], 
 
 def accuracy_cost(
     study: Study,
-    preload: float,
+    preload: float | None = None,
     frequency: tuple[float, float] | None = None,
     *,
     quantity: str | Solver = "peak",
@@ -459,7 +459,8 @@ def accuracy_cost(
     ----------
     study : Study
         Any; what is not varied is as it is there.
-    preload : float, N
+    preload : float, N, optional
+        By default one at which the contact slips in part (:func:`slipping_preload`); 0 where no body carries a load.
     frequency : (low, high), Hz, optional
         Interval of the peak; around the first mode by default.
     quantity : {"peak", "curve"} or callable
@@ -500,6 +501,7 @@ def accuracy_cost(
         raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
     solver = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
     interval = frequency or resonance_interval(study)
+    preload = slipping_preload(study, interval) if preload is None else float(preload)
     settings: list[Setting]
     if not isinstance(vary, (str, Mapping)) and vary is not None and any(isinstance(v, Setting) for v in vary):
         settings = list(vary)  # type: ignore[arg-type]
@@ -527,9 +529,40 @@ def accuracy_cost(
         rungs += [replace(r, pareto=_on_front(r, rows)) for r in rows]
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"),
-        float(preload), (float(interval[0]), float(interval[1])), tolerance, tuple(rungs), tuple(references), repeats,
+        preload, (float(interval[0]), float(interval[1])), tolerance, tuple(rungs), tuple(references), repeats,
         study._settings(None),
     )  # fmt: skip
+
+
+def slipping_preload(study: Study, frequency: tuple[float, float], share: float = 0.3) -> float:
+    """A preload (N) under which part of the contact slips at resonance; 0 where no body carries a load.
+
+    Friction can then carry a share of the tangential forces of the stuck response at its largest.
+
+    Parameters
+    ----------
+    study : Study
+    frequency : (low, high), Hz
+        Interval of the peak.
+    share : float
+        Of the tangential forces, summed over all points.
+
+    Raises
+    ------
+    BdamperError
+        If there is no static state, or no friction.
+    """
+    if not np.any(study._load[0]):
+        return 0.0
+    state = study.static(1.0)
+    capacity = float(study.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0
+    if not capacity > 0.0:
+        raise BdamperError("preload: expected one to be given, since nothing slips in this study, found none")
+    stuck = study.stuck(frequency)
+    c, s = study.system(1.0).slices(1)
+    u = stuck.unknowns[int(np.argmax(stuck.amplitude))]
+    motion = np.abs(study.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
+    return share * float((study._stuck_springs(state)[:, :2] * motion).sum()) / capacity
 
 
 def _on_front(rung: Rung, others: Sequence[Rung]) -> bool:

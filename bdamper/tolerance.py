@@ -105,7 +105,7 @@ def track_to_tolerance(
         head += f"; estimated rest {percent(rest)}"
     note = {
         "tolerance": tolerance, "harmonics": list(chosen.harmonic_numbers), "evaluation": how, "rest": rest,
-        "reasons": choice.reasons,
+        "curves": len(choice.curves), "reasons": choice.reasons,
     }  # fmt: skip
     return replace(
         curve,

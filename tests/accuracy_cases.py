@@ -115,6 +115,7 @@ class Tried:
     cheapest: float
     chosen: str
     series: int
+    curves: int
 
     @property
     def ratio(self) -> float:
@@ -156,4 +157,5 @@ def try_tolerance(number: int, repeats: int = 3) -> Tried | None:
         found, cheapest = timed(partial(rung.track, *place))
         if found.complete and error(found) <= tolerance:
             break
-    return Tried(case, tolerance, error(curve), seconds, cheapest, str(curve.settings["chosen"]["harmonics"]), series)
+    chosen = curve.settings["chosen"]
+    return Tried(case, tolerance, error(curve), seconds, cheapest, str(chosen["harmonics"]), series, chosen["curves"])

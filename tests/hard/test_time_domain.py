@@ -49,7 +49,10 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert result.sectors == 4  # the pattern repeats
     assert (curve.shares[curve.peak.index, 1:] > 0.01).all()  # slip and separation
     assert result.distance < 0.03
-    assert "distance" in str(result)
+    assert "distance" in str(result) and "evaluations" in str(result)
+    cost = result.cost
+    assert cost.evaluations >= 20 * result.steps_per_period
+    assert cost.contact > 0.0 and cost.assembly > 0.0 and cost.core < cost.seconds == result.seconds
     assert result.plot().get_xlabel() == "time, periods"
 
 

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.accuracy import by_sweep, by_tracking, make_ladders, richest, varied
+from bdamper.accuracy import by_sweep, by_tracking, make_ladders, richest, slipping_preload, varied
 from bdamper.errors import SettingError
 from bdamper.estimates import estimates_from_json
 from bdamper.estimation import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
 from bdamper.peaks import PeakOptions
+from bdamper.tolerance import richest_study
 from tests import accuracy_cases, models
 
 
@@ -185,6 +186,19 @@ def test_default_ladders_suit_every_model(name):
             assert own.system(0.0).n_unknowns <= best.system(0.0).n_unknowns, text
 
 
+def test_preload_of_a_ladder_is_one_at_which_the_contact_slips(study, place):
+    result = bd.accuracy_cost(study, frequency=place[1], vary={"harmonics": [1]}, repeats=1)
+    assert result.preload == pytest.approx(slipping_preload(study, place[1]), rel=1e-12)
+    shares = study.peak(result.preload, place[1]).shares
+    assert 0.02 < shares[1] + shares[2] < 0.98
+    twice = replace(study, excitation=replace(study.excitation, amplitude=2.0))
+    assert slipping_preload(twice, place[1]) == pytest.approx(2.0 * result.preload, rel=1e-9)
+    ground = bd.Study(models.ALL_MODELS["ground"](0), bd.Excitation("tip"), 2)
+    assert slipping_preload(ground, (200.0, 450.0)) == 0.0
+    with pytest.raises(bd.BdamperError, match="nothing slips"):
+        slipping_preload(replace(study, friction_coefficient=0.0), place[1])
+
+
 def test_combined_ladder_has_one_front(study, place):
     vary = {"harmonics": [1, 2], "contact_points": [6, 9]}
     result = bd.accuracy_cost(study, *place, vary=vary, combine=True, repeats=1)
@@ -217,11 +231,23 @@ def test_effectivity_on_a_sample(number):
 # ---- a tolerance instead of settings ----
 
 
-@pytest.mark.parametrize("number", [0, 2, 6])
+@pytest.mark.parametrize("number", [0, 6, 11, 29, 50])
 def test_curve_to_a_tolerance(number):
-    tried = accuracy_cases.try_tolerance(number)
+    tried = accuracy_cases.try_tolerance(number, repeats=1)
     assert tried is not None
     assert tried.error <= tried.tolerance, tried
+    assert tried.curves <= 2  # that of one harmonic and, if this is not enough, the one that is returned
+
+
+def test_top_at_an_end_of_the_interval_is_compared_at_its_frequency(study, place):
+    interval = 350.0, 354.5  # the response still rises
+    curve = study.track(place[0], interval, tolerance=0.002)
+    chosen = curve.settings["chosen"]
+    true = richest_study(study).track(place[0], interval)
+    assert curve.peak.frequency == true.peak.frequency == 354.5
+    error = abs(true.peak.amplitude / curve.peak.amplitude - 1.0)
+    assert error <= 0.002
+    assert chosen["rest"] == pytest.approx(error, rel=0.2, abs=1e-6)
 
 
 def test_tolerance_says_what_it_chose(study, place):
