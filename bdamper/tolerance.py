@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from bdamper.study import Study
 
 MOST_HARMONICS = 13
-SHARE = 0.9
-"""Share of the tolerance that a choice may use up by its estimate."""
+SHARE = 0.5
+"""Share of the tolerance up to which a change, with twice what it may miss, is not looked into any further."""
 RIVAL = 0.6
 """Share of the highest point from which on other maxima are looked at."""
 ANOTHER = 0.5
@@ -186,6 +186,7 @@ class _Choice:
         for _ in range(3):
             tops = self.tops(harmonics)
             if tops:
+                target = self.exact(target, tops[0])
                 rest = target.difference(tops[0])
                 if rest + target.missed <= self.tolerance:
                     return harmonics, rest
@@ -195,7 +196,7 @@ class _Choice:
                         break
                     if other.amplitude > target.amplitude:
                         self.reasons.append(f"{other.frequency:.5g} Hz: the curve has another peak, a higher one")
-                        target = other
+                        target = self.exact(other, tops[0])
                         if target.difference(tops[0]) + target.missed <= self.tolerance:
                             continue
             harmonics = self.shortest(target, harmonics)
@@ -276,13 +277,22 @@ class _Choice:
             found = self.carried(target, harmonics)
             if found is None:
                 continue
-            away = target.difference(found) + found.missed
-            if away <= SHARE * self.tolerance:
+            found = self.exact(found, target)
+            away = target.difference(found)
+            if away + found.missed <= self.tolerance:
                 self.reasons.append(
                     f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {self.most}"
                 )
                 return harmonics
         return self.most
+
+    def exact(self, top: _Top, other: _Top) -> _Top:
+        """The point itself instead of its estimate, where this could decide whether another is within the tolerance."""
+        away = top.difference(other)
+        if not away - top.missed <= self.tolerance < away + top.missed:
+            return top
+        found = self._solved(self.variant(top.harmonics)[1], top, top.y, [top.y])
+        return top if found is None else found
 
     def carried(self, top: _Top, harmonics: int) -> _Top | None:
         """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost."""
@@ -310,12 +320,15 @@ class _Choice:
     def _at_phase(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
         e = estimate_change(b, y)
         change = max(abs(e.amplitude), abs(e.frequency))
-        if change + 2.0 * e.defect <= 0.5 * self.tolerance:
+        if change + 2.0 * e.defect <= SHARE * self.tolerance:
             return replace(
                 top, y=e.y, amplitude=top.amplitude * (1.0 + e.amplitude), frequency=top.frequency * (1.0 + e.frequency),
                 missed=top.missed + e.defect,
             )  # fmt: skip
-        peak = carried_over(b, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [], y, top.width, quick=True)
+        return self._solved(b, top, y, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [])
+
+    def _solved(self, b: HarmonicSystem, top: _Top, y: NDArray, guesses: list[NDArray]) -> _Top | None:
+        peak = carried_over(b, guesses, y, top.width, quick=True)
         if peak is None:
             return None
         self.meter.iterations += peak.iterations
