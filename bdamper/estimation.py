@@ -3,7 +3,8 @@
 For each source the converged peak is embedded in a richer study and the change of amplitude and frequency follows from one
 Newton step there (:func:`bdamper.indicator.estimate_change`); where that step cannot be trusted (a large change, or a
 second residual that contradicts it) Newton goes on to the end in the richer study; if that leads nowhere, the peak is found
-anew, with one harmonic if harmonics are not in question.
+anew, with one harmonic if harmonics are not in question.  A curve that is highest at an end of its interval is compared at
+this frequency.
 
 ``harmonics``
     As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
@@ -37,9 +38,9 @@ from bdamper.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import ErrorEstimates, SourceError
 from bdamper.indicator import embed_between, estimate_change
-from bdamper.peaks import Peak, find_peak
+from bdamper.peaks import Peak, find_peak, peak_scale
 from bdamper.response import Curve
-from bdamper.system import Sampled
+from bdamper.system import OK, Sampled
 
 if TYPE_CHECKING:
     from bdamper.model import Model
@@ -104,15 +105,18 @@ def estimate_errors(
     if unknown:
         raise SettingError(f"sources: expected some of {SOURCES}, found {unknown}")
     begin = time.perf_counter()
+    at_end = False
     if isinstance(result, Curve):
         study._check_curve(result)
         top = result.peak
+        at_end = result.point_kind[top.index] == "end"
         preload = result.preload
         y = np.append(result.unknowns[top.index], 2.0 * np.pi * top.frequency)
         peak = find_peak(study.system(preload), y)
         amplitude, frequency = top.amplitude, top.frequency
         near = abs(peak.amplitude / amplitude - 1.0) < 0.05 and abs(peak.frequency / frequency - 1.0) < 0.02
-        if not (peak.converged and near) or isinstance(study.evaluation, Sampled):  # samples make many small peaks
+        many = isinstance(study.evaluation, Sampled)  # samples make many small peaks
+        if not (peak.converged and near) or at_end or many:
             peak = replace(peak, y=y, frequency=frequency, amplitude=amplitude, residual=float(result.residual[top.index]),
                            status="converged")  # fmt: skip
     else:
@@ -127,16 +131,14 @@ def estimate_errors(
                 f"{len(result.y) - 1}"
             )
         peak, amplitude, frequency = result, result.amplitude, result.frequency
-    items = [
-        _of_source(study, source, preload, peak, (peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0))
-        for source in sources
-    ]
+    location = peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0
+    items = [_of_source(study, source, preload, peak, at_end, location) for source in sources]
     found = tuple(item for item in items if item is not None)
     return ErrorEstimates(preload, frequency, amplitude, found, time.perf_counter() - begin)
 
 
 def _of_source(
-    study: Study, source: str, preload: float, peak: Peak, location: tuple[float, float]
+    study: Study, source: str, preload: float, peak: Peak, at_end: bool, location: tuple[float, float]
 ) -> SourceError | None:
     begin = time.perf_counter()
 
@@ -154,7 +156,8 @@ def _of_source(
         richer = richer_study(study, source)
         if richer is None:
             return None
-        amplitude, frequency, uncertainty, how = change_of_peak(study, richer.study, preload, peak)
+        change = change_at_frequency if at_end else change_of_peak
+        amplitude, frequency, uncertainty, how = change(study, richer.study, preload, peak)
     except BdamperError as error:
         return result(np.nan, np.nan, np.inf, str(error))
     f = richer.factor
@@ -205,6 +208,21 @@ def change_of_peak(
     except BdamperError as error:
         return np.nan, np.nan, np.inf, f"no peak found: {error}"
     return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how
+
+
+def change_at_frequency(
+    study: Study, richer: Study, preload: float, peak: Peak
+) -> tuple[float, float, float, str]:
+    """The same at the frequency of the peak: where a curve is highest at an end of its interval."""
+    a, b = study.system(preload), richer.system(preload)
+    y = embed_between(study, richer, a, b, preload, peak.y)
+    scale = peak_scale(b, y, y[-1])
+    for search in (False, True):
+        c = b.correct_at(y[:-1], float(y[-1]), scale, 1e-9, 60 if search else 20, search)
+        if c.status == OK:
+            amplitude = float(abs(b.response(c.y[:-1])[1]))
+            return amplitude / peak.amplitude - 1.0, 0.0, 0.0, "solved at the end of the interval"
+    return np.nan, np.nan, np.inf, "no solution found at the end of the interval"
 
 
 def _stuck_resonance(study: Study, preload: float, frequency: float) -> float:

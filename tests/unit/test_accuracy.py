@@ -60,6 +60,14 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
 
 
+def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
+    curve = study.track(place[0], (350.0, 354.5))  # the response still rises
+    estimated = curve.errors(study, sources=["harmonics"])["harmonics"]
+    true = richer_study(study, "harmonics").study.track(place[0], (350.0, 354.5)).peak
+    assert estimated.frequency == 0.0
+    assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
+
+
 def test_solver_error_is_that_of_a_loose_peak(study, place, peak):
     loose = study.peak(*place, options=PeakOptions(tolerance=1e-3, position_tolerance=1e-2))
     moved = replace(peak, y=peak.y * (1.0 + 1e-4), amplitude=peak.amplitude * (1.0 + 1e-4))
