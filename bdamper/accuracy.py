@@ -5,9 +5,9 @@ way in which the peak is found.  Each ladder has a reference, the same study wit
 rung, and the error of the reference itself is estimated (:mod:`bdamper.estimation`).  Errors are relative differences of
 the amplitude and the frequency of the highest peak.
 
-Times are medians of repeats within one run, all rungs of all ladders taking turns, so that whatever else the machine does
-meets them alike.  What is timed is the analysis; parts of a study that are made once (modes, contact stiffness, static
-state) are made before.
+Times are those of the processor, medians of repeats within one run, all rungs of all ladders taking turns, so that whatever
+else the machine does meets them alike.  What is timed is the analysis; parts of a study that are made once (modes, contact
+stiffness, static state) are made before.
 
 A rung is on the Pareto front of its ladder if none is at once cheaper and at least as accurate.
 """
@@ -83,7 +83,7 @@ class Rung:
     amplitude_error, frequency_error : float
         Relative to the reference of the ladder, with sign.
     seconds : float
-        Median.
+        Of the processor, median.
     ratio : float
         Of the time to that of the cheapest rung of the ladder.
     pareto : bool
@@ -630,9 +630,9 @@ def _timed(
 
         turns = tqdm(turns, desc="settings")
     for k, i in turns:
-        begin = time.perf_counter()
+        begin = time.process_time()
         amplitude, at = (settings[i].solver or solver)(studies[i], preload, interval)
-        times[k, i] = time.perf_counter() - begin
+        times[k, i] = time.process_time() - begin
         answers[i] = float(amplitude), float(at)
     return answers, [float(t) for t in np.median(times, axis=0)]
 
