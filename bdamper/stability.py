@@ -19,26 +19,36 @@ dies out.  A slider that is never set within the period has a multiplier of exac
 
 **Which disturbances.**  With one real basis for all harmonics (a structure without cyclic symmetry) these are all
 disturbances.  A travelling wave on a disk can also be disturbed by other waves, in which every sector differs, and the
-harmonics have bases of their own: there no such state of one sector exists.  What is known without it is the sign of
-``det J`` at fixed frequency.  The characteristic function of disturbances that keep the travelling wave is ``det J`` at
-the exponent 0 and positive at large real exponents, so ``det J < 0`` means an odd number of real positive exponents: the
-solution is unstable.  ``det J > 0`` excludes nothing but that.  :func:`stability_of_points` uses the first where it
-applies and the second elsewhere, and says which.
+harmonics have bases of their own: there no such state of one sector exists.  Their exponents are the roots of a determinant
+with the memory of the sliders in it (:mod:`bdamper.disturbances`), and those that grow are counted, oscillating or not:
+within the nodal diameters of the wave, and within others where they are given, up to one order above the harmonics of the
+motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many
+harmonics describe.  Under coupled friction the sign of
+``det J`` at fixed frequency is all that is known: it is negative if an odd number of such disturbances grows without
+oscillating.
 
-Where a law has no event sequence (sampled or coupled friction), the state is marched through the period at the sampled
-instants and the monodromy taken from differences: :func:`shooting_monodromy`.
+**Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
+disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
+left out like any slider at rest.  Differences of marched motions around such a solution do not converge to a derivative.
+
+Where a law has no event sequence of this kind (coupled friction, constant load), the state is marched through the period
+in steps and the monodromy taken from differences: :func:`shooting_monodromy`.  Events fall between its steps, so it is of
+first order in the step, while that along the events is exact for the motion given.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.system import HarmonicSystem, segments
+from bdamper.coupling import HarmonicBasis
+from bdamper.disturbances import WaveDisturbances
+from bdamper.system import LAW_COUPLED, LAW_COUPLED_CONSTANT, HarmonicSystem, segments
 
 TWO_PI = 2.0 * np.pi
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
@@ -54,8 +64,8 @@ class Stability:
     ----------
     stable : (n,) bool
     largest : (n,) float
-        Largest modulus of a multiplier; NaN where only the determinant was judged.
-    method : {"multipliers", "determinant"}
+        Largest modulus of a multiplier; NaN where it is not known.
+    method : {"multipliers", "exponents", "determinant"}
     note : str
         Which disturbances are covered.
     seconds : float
@@ -282,7 +292,12 @@ def shooting_monodromy(
     return (end[:, 1 : total + 1] - end[:, total + 1 :]) / (2.0 * scale), end[:, 0] - start[:, 0]
 
 
-def stability_of_points(system: HarmonicSystem, unknowns: NDArray, omega: NDArray) -> Stability:
+def stability_of_points(
+    system: HarmonicSystem,
+    unknowns: NDArray,
+    omega: NDArray,
+    others: Mapping[int, Mapping[int, HarmonicBasis]] | None = None,
+) -> Stability:
     """Stability of several solutions of one system.
 
     Parameters
@@ -290,11 +305,13 @@ def stability_of_points(system: HarmonicSystem, unknowns: NDArray, omega: NDArra
     system : HarmonicSystem
     unknowns : (n, n_unknowns) float
     omega : (n,) float, rad/s
+    others : mapping of d to mapping of l to HarmonicBasis, optional
+        Modes of further disturbances of a travelling wave, those of nodal diameters ``d + l EO``.
     """
     started = time.perf_counter()
     n = len(omega)
     largest = np.full(n, np.nan)
-    exact_events = np.isin(system.arrays["law"], (0, 1)).all() and system.exact
+    exact_events = np.isin(system.arrays["law"], (0, 1)).all()  # those of the motion, however its forces were found
     if has_one_real_basis(system):
         for i in range(n):
             if exact_events:
@@ -309,9 +326,41 @@ def stability_of_points(system: HarmonicSystem, unknowns: NDArray, omega: NDArra
             "all disturbances, multipliers of motion and sliders" + ("" if exact_events else " by shooting"),
             time.perf_counter() - started,
         )
-    stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
-    note = "sign of det J: disturbances that keep the travelling wave and grow without oscillating"
-    return Stability(stable, largest, "determinant", note, time.perf_counter() - started)
+    if np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any() or _one_shape(system):
+        stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
+        note = "sign of det J: disturbances of the wave itself that grow without oscillating"
+        return Stability(stable, largest, "determinant", note, time.perf_counter() - started)
+    classes: list[Mapping[int, HarmonicBasis] | None] = [None, *(others or {}).values()]
+    stable, unknown = np.ones(n, bool), 0
+    for i in range(n):
+        rate, band = NEUTRAL * omega[i] / TWO_PI, (system.n_harmonics + 1) * omega[i]
+        largest[i] = 0.0
+        for bases in classes:
+            disturbed = WaveDisturbances(system, unknowns[i], omega[i], bases)
+            try:
+                count, roots = disturbed.growing(rate, band)
+            except FloatingPointError:
+                unknown += 1
+                stable[i] &= _positive_determinant(system, unknowns[i], omega[i])
+                largest[i] = np.nan
+                continue
+            stable[i] &= count == 0
+            roots = roots[np.abs(roots.imag) < band]
+            agree = count == (roots.real > rate).sum()
+            largest[i] = max(largest[i], np.exp(TWO_PI / omega[i] * roots.real.max(initial=-np.inf))) if agree else np.nan
+    beside = f" and beside it by {', '.join(map(str, others))}" if others else ""
+    highest = f"up to {system.n_harmonics + 1} times the frequency"
+    note = f"disturbances in the nodal diameters of the wave{beside}, oscillating or not, {highest}"
+    if unknown:
+        note += f"; {unknown} could not be followed and were judged by the sign of det J"
+    return Stability(stable, largest, "exponents", note, time.perf_counter() - started)
+
+
+def _one_shape(system: HarmonicSystem) -> bool:
+    """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry, but some without inertia."""
+    first = np.asarray(system.bases[0].G)
+    same = all(np.asarray(b.G).shape == first.shape and np.allclose(b.G, first, rtol=1e-12, atol=0.0) for b in system.bases)
+    return same and bool((np.asarray(system.arrays["mass"]) <= 0.0).any())
 
 
 def _without_fixed(M: NDArray, _: NDArray) -> NDArray:

@@ -937,18 +937,46 @@ class Study:
         curve = self._curve(system, pieces, (status, reason), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 
-    def with_stability(self, curve: Curve) -> Curve:
+    def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = ()) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
 
         Parameters
         ----------
         curve : Curve
             Tracked by this study.
+        nodal_diameters : sequence of int
+            Further disturbances of a travelling wave: by how many nodal diameters they differ from it.  The model must have
+            the modes of these nodal diameters; those of their harmonics are used where it has them.
         """
         self._check_curve(curve)
-        result = stability_of_points(self.system(curve.preload), curve.unknowns, 2.0 * np.pi * curve.frequency)
+        others = {int(d): self._bases_beside(int(d)) for d in nodal_diameters}
+        result = stability_of_points(self.system(curve.preload), curve.unknowns, 2.0 * np.pi * curve.frequency, others)
         note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
         return replace(curve, stable=result.stable, stability_note=note)
+
+    def _bases_beside(self, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:
+        """Modes of the nodal diameters ``d + l EO`` that the model has, by l up to the highest harmonic."""
+        if self._contact.residual is not None or self.friction_axes != "contact" or self.single_basis:
+            raise SettingError(
+                "nodal_diameters: expected no residual modes, friction axes of the contact and bases of each nodal "
+                "diameter, found other settings"
+            )
+        if not (self.separation and self.variable_normal_load):
+            raise SettingError("nodal_diameters: expected separation and a variable normal load, found one of them off")
+        waves = replace(self.coupling, engine_order=1)
+        have = set.intersection(*(set(b.bases) for b in self.model.bodies.values() if b.kind == "constrained"))
+        out = {}
+        highest = self.harmonic_numbers[-1] if highest is None else highest
+        for l in range(-highest, highest + 1):
+            order = (d + l * int(self.engine_order)) % self.model.n_blades
+            if self.model.folded_nodal_diameter(order)[0] in have:
+                basis = waves.basis(order)
+                if self.damping_ratio is not None:
+                    basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.damping_ratio, 0.0))
+                out[l] = basis
+        if 0 not in out:
+            raise SettingError(f"nodal_diameters: expected those whose modes the model has, {sorted(have)}, found {d}")
+        return out
 
     def verify(
         self, curve: Curve, index: int | None = None, *, periods: int = 100, steps_per_period: int | None = None

@@ -1,8 +1,11 @@
 """Time integration of all sectors against harmonic balance, closed forms and its own order of accuracy."""
 
+import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.stability import stability_of_points
+from bdamper.system import LAW_BONDED
 from bdamper.timedomain import Ring, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
@@ -54,6 +57,59 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert cost.evaluations >= 20 * result.steps_per_period
     assert cost.contact > 0.0 and cost.assembly > 0.0 and cost.core < cost.seconds == result.seconds
     assert result.plot().get_xlabel() == "time, periods"
+
+
+def rig(law, evaluation="exact"):
+    """Two blades and a wedge that slips on them."""
+    return bd.Study(
+        acyclic_model(1, n_points=4, n_blade_modes=2),
+        engine_order=0,
+        harmonics=5,
+        contact_stiffness=2e6,
+        friction_coefficient=0.3,
+        evaluation=evaluation,
+        damping_ratio=0.03,
+        excitation=bd.Excitation("tip", "tangential", 100.0),
+        **law,
+    )
+
+
+LAWS = {
+    "constant normal load": {"friction_law": "constant_normal_load"},
+    "constant load in a disk": {"friction_law": "coupled", "variable_normal_load": False, "evaluation": bd.Sampled(128)},
+    "bonded": {"friction_law": "bonded"},
+    "sampled": {"evaluation": bd.Sampled(128)},
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_other_contact_laws_settle_where_harmonic_balance_says(name):
+    law = dict(LAWS[name])
+    study = rig(law, law.pop("evaluation", "exact"))
+    curve = study.track(50.0, (290.0, 320.0))
+    assert curve.complete
+    if name != "bonded":
+        assert curve.shares[curve.peak.index, 1] > 0.02  # it slips
+    found = study.verify(curve, periods=12, steps_per_period=448)
+    assert found.distance < (1e-3 if name == "bonded" else 0.01)
+    # the motion of one law is none of the others
+    if name == "sampled":
+        return
+    i = curve.peak.index
+    omega = 2 * np.pi * curve.frequency[i]
+    of_another = rig({}).system(50.0)
+    other = verify_solution(of_another, curve.unknowns[i], omega, 1, 0, periods=12, steps_per_period=448)
+    assert other.distance > 3.0 * found.distance
+    judged = stability_of_points(study.system(50.0), curve.unknowns[[i]], np.array([omega]))
+    assert judged.stable.all()
+    assert judged.method == "multipliers"
+    if name == "bonded":  # linear: the least damped mode, to second order in the step
+        system = study.system(50.0)
+        basis, n = system.bases[0], system.n_mean
+        springs = np.column_stack([system.points.kt, system.points.kn]) * (system.points.law == LAW_BONDED)[:, None]
+        stiffness = np.diag(basis.omega2) + np.einsum("pam,pa,pan->mn", basis.G.real, springs, basis.G.real)
+        rates = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -np.diag(basis.damping)]]))
+        np.testing.assert_allclose(judged.largest[0], np.exp(rates.real.max() / curve.peak.frequency), rtol=2e-3)
 
 
 def test_verification_can_fail():

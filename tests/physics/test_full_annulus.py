@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core
 from bdamper.continuation import ContinuationOptions
+from bdamper.coupling import HarmonicBasis
 from bdamper.model import Body, ModalBasis
-from bdamper.system import CostMeter
+from bdamper.system import CostMeter, HarmonicSystem, PointArrays
 from tests.models import wedge_model
 
 N, H, DOF = 8, 4, 6
@@ -90,9 +90,15 @@ def skew(r):
 def annulus(structure, study, engine_order):
     """All sectors as one system of the core, and the maps from the unknowns of one sector to those of all.
 
-    Returns the system, ``wave(l)`` (the modal coordinates of all sectors, complex, by those of one, at harmonic l) and the
-    number of modes.
+    Returns the system of the core, ``wave(l)`` (the modal coordinates of all sectors, complex, by those of one, at harmonic
+    l) and the number of modes.
     """
+    whole, wave, n = annulus_system(structure, study, engine_order)
+    return whole.core, wave, n
+
+
+def annulus_system(structure, study, engine_order):
+    """The same as a system of harmonic balance with one real basis."""
     model = structure.template
     faces = [model.interfaces[name] for name in ("left", "right", "front", "back")]
     damper = model.bodies["damper"]
@@ -157,23 +163,19 @@ def annulus(structure, study, engine_order):
         force[n : n + n_blade] += pull.real
         force[2 * n : 2 * n + n_blade] -= pull.imag
     p = one.points
-    groups = H + 1
-    damping = np.concatenate([2 * DAMPING * np.sqrt(omega2), np.zeros(6 * N)])
-    system = _core.System(
-        n_mode=np.full(groups, n, np.intc),
-        stiffness=np.tile(np.concatenate([omega2, np.zeros(6 * N)]), groups),
-        mass=np.ones(n * groups),
-        damping=np.tile(damping, groups),
-        G=np.tile(G.ravel(), groups).astype(complex),
+    damping = np.concatenate([np.full(n_blade, DAMPING), np.zeros(6 * N)])
+    stiffness = np.concatenate([omega2, np.zeros(6 * N)])
+    basis = HarmonicBasis((), stiffness, damping, G.reshape(-1, 3, n).astype(complex), 0, np.ones(n))
+    points = PointArrays(
         kt=np.tile(p.kt, (N, 1)),
         kn=np.tile(p.kn, N),
         mu=np.tile(p.mu, N),
         n0=np.tile(p.n0, N),
-        w=np.tile(p.slider, (N, 1)),
-        law=np.tile(p.law.astype(np.intc), N),
+        slider=np.tile(p.slider, (N, 1)),
+        law=np.tile(p.law, N),
         shift=np.tile(p.shift, (N, 1)),
-        force=force,
     )
+    system = HarmonicSystem([basis] * (H + 1), points, force, [np.zeros(n)] * (H + 1))
     return system, wave, n
 
 

@@ -31,7 +31,7 @@ PYTHON_LEVELS = [
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "stability", "timedomain"},
+    {"continuation", "branches", "disturbances", "stability", "timedomain"},
     {"estimates"},
     {"response"},
     {"peaksearch"},

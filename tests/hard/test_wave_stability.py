@@ -1,0 +1,180 @@
+"""Exponents of disturbances of travelling waves: closed forms, the full annulus with its multipliers, time integration."""
+
+import time
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.continuation import ContinuationOptions
+from bdamper.disturbances import WaveDisturbances
+from bdamper.stability import NEUTRAL, monodromy
+from bdamper.system import CostMeter
+from bdamper.timedomain import Ring
+from tests.models import wedge_model
+from tests.physics import test_full_annulus as annulus
+
+
+def study(harmonics, stiffness=1e5):
+    """Eight sectors under engine order 2; on soft contact an oscillating disturbance grows near 350 Hz."""
+    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    return bd.Study(
+        model,
+        engine_order=2,
+        harmonics=harmonics,
+        contact_stiffness=stiffness,
+        friction_coefficient=0.3,
+        damping_ratio=0.01,
+        excitation=bd.Excitation("tip", "tangential", 20.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return study(3).with_stability(study(3).track(400.0, (345.0, 350.0)))
+
+
+def test_at_exponent_zero_stands_the_jacobian(curve):
+    """In complex coefficients; at a state where no slider rests at the end of its interval."""
+    s = study(3).system(400.0)
+    rng = np.random.default_rng(0)
+    u = curve.unknowns[0] * (1.0 + 0.3 * rng.normal(size=s.n_unknowns))
+    u[s.n_mean :] *= 40.0
+    _, _, shares = s.contact(u)
+    assert (shares[:8, [1, 3]] > 0.01).all()
+    assert (shares[:8, 4] > 0.0).any()
+    _, J, _ = s.evaluate(u, 2000.0)
+
+    def exponential(v):
+        parts = [s.amplitudes(v, abs(l)) * (1.0 if l == 0 else 0.5) for l in range(-3, 4)]
+        return np.concatenate([p.conj() if l < 3 else p for l, p in enumerate(parts)])
+
+    D = WaveDisturbances(s, u, 2000.0).matrix(np.zeros(1))[0]
+    for _ in range(5):
+        du = rng.normal(size=len(u))
+        expected = exponential(J @ du)
+        np.testing.assert_allclose(D @ exponential(du), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("mirrored", [True, False])
+def test_the_turn_of_the_phase_counts_growing_exponents(curve, mirrored):
+    """Constant coefficients, where the exponents are eigenvalues: random contact, dampings of both signs."""
+    s, omega = study(3).system(400.0), 2000.0
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(6):
+        d = WaveDisturbances(s, curve.unknowns[0], omega, None if mirrored else study(3)._bases_beside(2))
+        n = len(d.l)
+        d._length = np.zeros(0)
+        A = rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n))
+        if mirrored:  # coefficients of a real matrix: those of -l are conjugates
+            size = np.array([(d.l == l).sum() for l in (-3, -2, -1, 0, 1, 2, 3)])
+            ends = np.cumsum(size)
+            flip = np.concatenate([np.arange(e - k, e) for e, k in zip(ends, size)][::-1])
+            A = 0.5 * (A + A[np.ix_(flip, flip)].conj())
+        d.steady = d.steady + 2e5 * A
+        d.damping = d.damping + rng.uniform(-5.0, 60.0, n) if not mirrored else d.damping + 20.0 * rng.uniform(-0.2, 3.0)
+        # the truth from the pencil, which is exact without memory; estimates are spoiled
+        exact = d._pencil(None)
+        d._pencil = lambda _, exact=exact: exact + rng.normal(size=len(exact)) * 0.02 * omega
+        band = 2.5 * omega
+        count, _ = d.growing(NEUTRAL * omega, band)
+        assert count == ((exact.real > NEUTRAL * omega) & (np.abs(exact.imag) < band)).sum()
+        seen.add(count)
+    assert len(seen) > 1
+
+
+def test_an_oscillating_disturbance_is_found_where_the_determinant_sees_none(curve):
+    s = study(3).system(400.0)
+    assert not curve.stable[-1]
+    assert "oscillating or not, up to 4 times the frequency" in curve.stability_note
+    _, J, _ = s.evaluate(curve.unknowns[-1], 2 * np.pi * curve.frequency[-1])
+    assert np.linalg.slogdet(J)[0] > 0
+
+
+@pytest.mark.slow
+def test_that_disturbance_grows_in_time(curve):
+    """All sectors marched from a disturbed wave: the rate of growth is that of the exponent."""
+    s = study(3).system(400.0)
+    u, omega = curve.unknowns[-1], 2 * np.pi * curve.frequency[-1]
+    count, roots = WaveDisturbances(s, u, omega).growing(NEUTRAL * omega, 4 * omega)
+    assert count == 2
+    grows = np.exp(2 * np.pi / omega * roots[np.abs(roots.imag) < 4 * omega].real.max())
+    ring = Ring(s, 8, 2)
+    n = 256
+    w = ring.initial_slider(u, omega, n)
+    q, v = ring.state(u, omega, 0.0)
+    q, v, w, _ = ring.march(q, v, w, omega, n, 160)  # what decays has decayed
+    sizes = []
+    for _ in range(2):
+        q, v, w, response = ring.march(q, v, w, omega, n, 60, np.eye(len(q)))
+        every = response.reshape(60, n, -1)
+        away = np.abs(np.diff(every, axis=0)).max(axis=(1, 2))
+        sizes.append(away[-20:].max())
+    assert 1.0 < grows < 1.1
+    np.testing.assert_allclose((sizes[1] / sizes[0]) ** (1 / 60), grows, atol=5e-3)
+
+
+def solution_of_the_annulus(frequency):
+    structure = annulus.Structure()
+    one_sector = annulus.make_study(structure, 3, amplitude=300.0)
+    omega = 2 * np.pi * frequency
+    options = ContinuationOptions(tolerance=1e-10)
+    y, _ = one_sector.find_start(annulus.PRELOAD, omega, options, CostMeter(time.perf_counter()))
+    one = one_sector.system(annulus.PRELOAD)
+    whole, wave, n = annulus.annulus_system(structure, one_sector, 3)
+    values = np.linalg.eigvals(monodromy(whole, annulus.spread(one, y[:-1], wave, n), omega))
+    return one_sector, one, y[:-1], omega, values[np.argsort(-np.abs(values))]
+
+
+@pytest.mark.slow
+def test_exponents_of_the_wave_are_multipliers_of_the_annulus():
+    """Eight sectors as one structure with its own modes, all sliders and events; slip and separation.
+
+    Sum over harmonics of the disturbance converges to the exact multipliers of the annulus.
+    """
+    one_sector, one, u, omega, values = solution_of_the_annulus(800.0)
+    one.evaluate(u, omega)
+    shares = one.shares()[one.points.mu > 0]
+    assert shares[:, [1, 3]].mean() > 0.2
+    assert shares[:, 4].max() > 0.0
+    period = 2 * np.pi / omega
+    distance = {}
+    for highest in (4, 10):
+        d = WaveDisturbances(one, u, omega, one_sector._bases_beside(0, highest))
+        found = []
+        for value in values[:8:2]:
+            nearest = np.inf
+            for turn in range(-3, 4):
+                root = np.log(value + 0j) / period + 1j * turn * omega
+                for _ in range(25):
+                    h = 1e-4 * omega
+                    D = d.matrix([root, root + h])
+                    step = 1.0 / np.trace(np.linalg.solve(D[0], D[1] - D[0])) * h
+                    root -= step * min(1.0, 0.05 * omega / abs(step))
+                nearest = min(nearest, abs(np.exp(root * period) - value))
+            found.append(nearest)
+        distance[highest] = np.array(found)
+    assert distance[10].max() < 3e-2
+    assert distance[10].mean() < 0.2 * distance[4].mean()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frequency", "stable"), [(800.0, True), (1000.0, False)])
+def test_the_verdict_is_that_of_the_annulus(frequency, stable):
+    one_sector, one, u, omega, values = solution_of_the_annulus(frequency)
+    assert (np.abs(values) <= 1.0 + NEUTRAL).all() == stable
+    for bases in (None, one_sector._bases_beside(1)):
+        count, _ = WaveDisturbances(one, u, omega, bases).growing(NEUTRAL * omega / (2 * np.pi), 5 * omega)
+        assert (count == 0) == stable
+
+
+def test_disturbances_beside_the_wave_need_their_modes():
+    s = bd.Study(
+        bd.reference_model("bladed_disk", 9), engine_order=5, blade_modes=3,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    c = s.track(2000.0, (330.0, 332.0))
+    with pytest.raises(bd.SettingError, match="nodal_diameters"):
+        s.with_stability(c, nodal_diameters=(1,))
+    assert s.with_stability(c, nodal_diameters=(5,)).stable.all()
