@@ -3,34 +3,39 @@
 The settings of the study are the answer that counts; what they would cost is spared where the indicator
 (:mod:`bdamper.indicator`) shows that it does not matter:
 
-1. a coarse tracking curve with one harmonic, everything else as in the study;
+1. a rough tracking curve with one harmonic, everything else as in the study;
 2. every maximum that comes near the highest is refined;
-3. each is embedded in the full study.  The change that the full study would make is a sum over its harmonics,
-   ``dA = -sum_l lambda_l . R_l``: the harmonics that make it up are switched on, the peak is found anew from the Newton
-   step that the estimate comes with, and the question is put again;
-   Where that is not where the estimate would have it, the richer curve may have other maxima close by: it is followed
-   to both sides of the peak;
-4. the peak is accepted once the estimated rest is below half of the tolerance, or nothing is left to switch on.
+3. the highest is embedded in the full study.  The change that the full study would make is a sum over its equations,
+   ``dA = -sum lambda_i R_i``: the harmonics whose equations make it up are switched on (and the elastic modes of the
+   damper where they are off, if the equations that are on already have a part in it).  The peak is found anew from the
+   Newton step that the estimate comes with, and the question is put again, until the estimated rest is below half of the
+   tolerance or nothing is left to switch on.  Where the richer peak is not as high as the estimate would have it, its
+   curve may have other maxima close by: it is followed to both sides, over folds, as long as it stays near the top;
+4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
+   asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
+   estimate cannot be relied on, the curve through the peak found is followed to both sides.
 
-If a peak cannot be carried over, if several maxima compete and one harmonic is not enough, or if the coarse curve does
-not reach through the interval, a curve is followed with everything on, and not coarsely.
+A curve is followed with everything on if a peak cannot be carried over, if the first curve has a summit which is no peak,
+no maximum at all, or does not reach through the interval.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation import ContinuationOptions
+from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
-from bdamper.indicator import TRUSTED, Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
-from bdamper.peaks import Peak, PeakOptions, coarse_options, find_peak, peak_scale
-from bdamper.system import OK, Cost, HarmonicSystem
+from bdamper.indicator import Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
+from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.system import OK, HarmonicSystem
 
 if TYPE_CHECKING:
     from bdamper.response import Curve
@@ -38,11 +43,53 @@ if TYPE_CHECKING:
 
 MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
-SURPRISE = 0.05
+SURPRISE = 0.02
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
+RELIED_ON = 0.3
+"""Relative size of an estimate up to which its Newton step is used."""
 ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
+NEAR = 0.7
+"""Share of the highest amplitude from which on points of a curve are near its top."""
+MOST_ASKED = 7
+"""Points of a curve near its top that are asked for their full response."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
+ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
+FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
+"""How a curve is followed with everything on: roughly, and with the usual steps if it does not get through."""
+
+
+class On(NamedTuple):
+    """Which of the effects that may be left out are on."""
+
+    harmonics: tuple[int, ...]
+    damper_modes: int
+
+    def __str__(self) -> str:
+        modes = f", {self.damper_modes} elastic modes" if self.damper_modes else ""
+        return f"harmonics {' '.join(map(str, self.harmonics))}{modes}"
+
+
+@dataclass(frozen=True)
+class Remaining:
+    """What the full study makes of one effect in an adaptive peak.
+
+    Parameters
+    ----------
+    effect : str
+    state : {"as in the study", "partly on", "off"}
+        The latter two for what the study has on and the peak does not need.
+    setting : str
+        With which the peak was computed.
+    amplitude, frequency : float
+        Estimated relative change if it were as in the study; 0 where it is.
+    """
+
+    effect: str
+    state: str
+    setting: str
+    amplitude: float
+    frequency: float
 
 
 @dataclass(frozen=True)
@@ -67,6 +114,8 @@ class AdaptivePeak:
         "converged", or what is wrong.
     log : tuple of str
         What was switched on, and why.
+    remaining : tuple of Remaining
+        Each effect of the study: on or off, and the estimated change that is left.
     seconds : float
     """
 
@@ -83,6 +132,7 @@ class AdaptivePeak:
     status: str
     reason: str
     log: tuple[str, ...] = ()
+    remaining: tuple[Remaining, ...] = ()
     seconds: float = field(default=0.0, compare=False)
 
     @property
@@ -92,128 +142,259 @@ class AdaptivePeak:
     def __str__(self) -> str:
         if not self.converged:
             return f"no peak: {self.status} ({self.reason})"
-        return (
+        lines = [
             f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N, harmonics "
             f"{' '.join(map(str, self.effects.harmonic_numbers))}; everything on would change it by about "
             f"{100 * self.amplitude_error:+.2g} % and {100 * self.frequency_error:+.2g} % (tolerance "
             f"{100 * self.tolerance:g} %)"
-        )
+        ]
+        for r in self.remaining:
+            rest = f", the rest would change it by {100 * r.amplitude:+.2g} % and {100 * r.frequency:+.2g} %"
+            left = "" if r.state == "as in the study" else rest
+            lines.append(f"  {r.effect}: {r.setting} ({r.state}{left})")
+        return "\n".join(lines)
 
 
-@dataclass
-class _Candidate:
-    """A peak under some effects, with the estimate of what the full study would change."""
+@dataclass(frozen=True)
+class _Found:
+    """A peak, what was on, and what the full study would change (None: nothing is left out)."""
 
     peak: Peak
-    study: Study
-    estimate: Estimate | None  # None: nothing is left out
+    on: On
+    estimate: Estimate | None
 
 
-class _Search:
+class _Lost(Exception):
+    """What the full study makes of a peak or of a curve could not be told."""
+
+
+class _Downhill(Exception):
+    """A curve has left the neighbourhood of its top."""
+
+
+class Search:
+    """Peaks of a study, and of the same with less on."""
+
     def __init__(self, study: Study, preload: float, frequency: tuple[float, float], tolerance: float) -> None:
         self.study = study
         self.own = Effects.of(study)
+        self.everything = On(self.own.harmonic_numbers, self.own.damper_modes)
         self.preload = preload
         self.frequency = frequency
         self.tolerance = tolerance
         self.log: list[str] = []
-        self.curve: Curve
-        self.variants: dict[tuple[int, ...], tuple[Study, HarmonicSystem]] = {}
+        self.best: _Found | None = None
+        self.walked: Peak | None = None
+        self.variants: dict[On, tuple[Study, HarmonicSystem]] = {}
+        self.least = On((1,), self.own.damper_modes)
 
-    def variant(self, harmonics: tuple[int, ...]) -> tuple[Study, HarmonicSystem]:
-        if harmonics not in self.variants:
+    def rigid_if_enough(self) -> On:
+        """One harmonic, without elastic modes of the damper if the linear stuck resonances do not tell them apart.
+
+        This takes a static state of its own, which may cost as much as a peak: it pays for curves only.
+        """
+        rigid = On((1,), 0)
+        with_all = self.stuck_resonances(self.everything)
+        if self.everything.damper_modes and len(with_all):
+            without = self.stuck_resonances(rigid)
+            same = len(with_all) == len(without) and np.abs(without / with_all - 1.0).max() <= 0.1 * self.tolerance
+            return rigid if same else On((1,), self.everything.damper_modes)
+        return On((1,), self.everything.damper_modes)
+
+    def stuck_resonances(self, on: On) -> NDArray:
+        """Linear resonances of the stuck contact within the interval, rad/s."""
+        study, system = self.variant(on)
+        state = study.static(self.preload)
+        if not state.converged:
+            return np.zeros(0)
+        omega, _ = system.linear_modes(study._stuck_springs(state))
+        low, high = (2.0 * np.pi * f for f in self.frequency)
+        return np.sort(omega[(omega > low) & (omega < high)])
+
+    def variant(self, on: On) -> tuple[Study, HarmonicSystem]:
+        if on not in self.variants:
             study = self.study
-            if harmonics != self.own.harmonic_numbers:
-                study = study.with_effects(replace(self.own, harmonics=harmonics))
-            self.variants[harmonics] = study, study.system(self.preload)
-        return self.variants[harmonics]
+            if on != self.everything:
+                study = study.with_effects(replace(self.own, harmonics=on.harmonics, damper_modes=on.damper_modes))
+            self.variants[on] = study, study.system(self.preload)
+        return self.variants[on]
 
-    def tracked(self, harmonics: tuple[int, ...], coarse: bool = True) -> tuple[list[Peak], str]:
-        study, system = self.variant(harmonics)
-        curve = study.track(self.preload, self.frequency, options=coarse_options() if coarse else None)
-        if coarse and not curve.complete:
-            curve = study.track(self.preload, self.frequency)
-        self.curve = curve
-        peaks = highest_peaks(system, curve, options=LOOSE)
+    def moved(self, y: NDArray, on: On, to: On) -> NDArray:
+        """A point with some effects on as a point with others on."""
+        (a, before), (b, after) = self.variant(on), self.variant(to)
+        return embed_between(a, b, before, after, self.preload, y)
+
+    def tracked(self, on: On, options: ContinuationOptions | None = None) -> tuple[Curve, list[Peak]]:
+        """A curve and its peaks that come near the highest, the highest first."""
+        study, system = self.variant(on)
+        curve = study.track(self.preload, self.frequency, options=options)
+        peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
         top = f"{peaks[0].amplitude:.4g} m at {peaks[0].frequency:.5g} Hz" if peaks else "none"
-        self.log.append(f"curve with harmonics {_names(harmonics)}: {curve.status}, {len(curve)} points, peak {top}")
-        if peaks:
-            return peaks, ""
-        if len(curve):
-            return [], f"the response has no maximum inside the interval ({curve.status}: {curve.reason})"
-        return [], curve.reason
+        self.log.append(f"curve with {on}: {curve.status}, {len(curve)} points, peak {top}")
+        return curve, peaks
 
-    def missing(self, peak: Peak, harmonics: tuple[int, ...]) -> Estimate | None:
-        """What the full study would change, None if nothing is missing."""
-        if harmonics == self.own.harmonic_numbers:
-            return None
-        study, system = self.variant(harmonics)
-        full, rich = self.variant(self.own.harmonic_numbers)
-        y = embed_between(study, full, system, rich, self.preload, peak.y)
-        return estimate_change(rich, y)
+    def estimate(self, y: NDArray, on: On) -> Estimate:
+        """What the full study would change in a point."""
+        return estimate_change(self.variant(self.everything)[1], self.moved(y, on, self.everything))
 
-    def called_for(self, estimate: Estimate, on: tuple[int, ...]) -> tuple[int, ...]:
-        """Harmonics to have on: those that are, and those that make up the estimated change."""
+    def called_for(self, estimate: Estimate, on: On) -> On:
+        """What to have on: what is, and what makes up the estimated change."""
+        if not estimate.size < RELIED_ON:
+            return self.everything
+        modes = on.damper_modes
+        if modes < self.everything.damper_modes and self.of_elastic_modes(estimate, on) > 0.25 * self.tolerance:
+            modes = self.everything.damper_modes
         share = np.abs(estimate.shares)
-        off = sorted((l for l in self.own.harmonic_numbers if l not in on), key=lambda l: share[l])
+        off = sorted((l for l in self.everything.harmonics if l not in on.harmonics), key=lambda l: share[l])
         rest = 0.0
         leave: list[int] = []
-        for l in off[:-1]:  # at least one more
+        for l in off if modes != on.damper_modes else off[:-1]:  # at least one thing more
             rest += float(share[l])
             if not rest < 0.25 * self.tolerance:
                 break
             leave.append(l)
-        return tuple(l for l in self.own.harmonic_numbers if l not in leave)
+        return On(tuple(l for l in self.everything.harmonics if l not in leave), modes)
 
-    def lift(self, peak: Peak, harmonics: tuple[int, ...]) -> tuple[Peak, tuple[int, ...], Estimate | None]:
-        """The peak with as many harmonics as it calls for."""
+    def of_elastic_modes(self, estimate: Estimate, on: On) -> float:
+        """Part of an estimated change that comes from the equations that are on already, because of the elastic modes."""
+        at = [0, *on.harmonics]
+        return max(abs(float(estimate.shares[at].sum())), abs(float(estimate.frequency_shares[at].sum())))
+
+    def lift(self, peak: Peak, on: On) -> _Found:
+        """The peak with as much on as it calls for."""
         while True:
-            estimate = self.missing(peak, harmonics)
+            estimate = None if on == self.everything else self.estimate(peak.y, on)
             if estimate is None or estimate.size <= MARGIN * self.tolerance:
-                return peak, harmonics, estimate
-            wanted = self.own.harmonic_numbers
-            if np.isfinite(estimate.size) and estimate.size < 0.3:
-                wanted = self.called_for(estimate, harmonics)
+                return _Found(peak, on, estimate)
+            wanted = self.called_for(estimate, on)
             self.log.append(
                 f"{peak.frequency:.5g} Hz: estimated change {100 * estimate.amplitude:+.2g} %, "
-                f"{100 * estimate.frequency:+.2g} %, may miss {100 * estimate.defect:.2g} %: harmonics {_names(wanted)}"
+                f"{100 * estimate.frequency:+.2g} %, may miss {100 * estimate.defect:.2g} %: {wanted}"
             )
-            full, rich = self.variant(self.own.harmonic_numbers)
-            old, before = self.variant(harmonics)
-            study, system = self.variant(wanted)
-            start = embed_between(old, study, before, system, self.preload, peak.y)
-            guesses = [embed_between(full, study, rich, system, self.preload, estimate.y)] if estimate.size < 0.3 else []
+            system = self.variant(wanted)[1]
+            start = self.moved(peak.y, on, wanted)
+            guesses = [self.moved(estimate.y, self.everything, wanted)] if estimate.size < RELIED_ON else []
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
-                found = self.climbed(peak, harmonics, wanted)
+                found = self.climbed(peak, on, wanted)
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
-                found = higher_nearby(system, found)
+                self.walked = found = higher_nearby(system, found)
             if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
-                raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with harmonics {_names(wanted)}")
-            peak, harmonics = found, wanted
+                raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}")
+            peak, on = found, wanted
 
-    def climbed(self, peak: Peak, harmonics: tuple[int, ...], wanted: tuple[int, ...]) -> Peak | None:
+    def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
         """The peak with the wanted harmonics by way of fewer."""
-        old, before = self.variant(harmonics)
-        way = [wanted[:n] for n in range(len(harmonics) + 1, len(wanted), max(1, (len(wanted) - len(harmonics)) // 2))]
-        for on in [*way, wanted]:
-            study, system = self.variant(on)
-            start = embed_between(old, study, before, system, self.preload, peak.y)
-            found = carried_over(system, [start], start, peak.scale[-1], quick=True)
-            if found is None:
-                if on == wanted:
-                    return None
-                continue
-            peak, old, before = found, study, system
+        few, many = len(on.harmonics), len(wanted.harmonics)
+        way = [wanted._replace(harmonics=wanted.harmonics[:n]) for n in range(few + 1, many, max(1, (many - few) // 2))]
+        for step in [*way, wanted]:
+            start = self.moved(peak.y, on, step)
+            found = carried_over(self.variant(step)[1], [start], start, peak.scale[-1], quick=True)
+            if found is not None:
+                peak, on = found, step
+            elif step == wanted:
+                return None
         return peak
 
+    def highest(self, curve: Curve, peaks: list[Peak], on: On) -> None:
+        """Finds the highest peak of the full study that a curve with less on leads to."""
+        a = curve.amplitude
+        self._check_summits(curve, peaks, on)
+        for peak in peaks:
+            if self.best is None or peak.amplitude * (1.0 + self.estimate(peak.y, on).size) > self.best.peak.amplitude:
+                self._take(self.lift(peak, on))
+        if on == self.everything or self.best is None:
+            return
+        rich = self.variant(self.everything)[1]
+        near = np.flatnonzero(a >= NEAR * max(peaks[0].amplitude, self.best.peak.amplitude))
+        unknown = False
+        for i in np.unique(near[np.linspace(0, len(near) - 1, MOST_ASKED).astype(int)]):
+            limit = self.best.peak.amplitude * (1.0 + self.tolerance)
+            y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
+            e = self.estimate(y, on)
+            if not e.size < RELIED_ON:
+                unknown = True
+            elif a[i] * (1.0 + e.amplitude) > limit:
+                start = self.moved(y, on, self.everything)
+                found = next(solutions_near(rich, [e.y], start, peaks[0].scale[-1], quick=True), None)
+                if found is None:
+                    unknown = True
+                elif amplitude_and_phase(rich, found[:-1])[2] > limit:
+                    peak = find_peak(rich, found, options=LOOSE, walk=False)
+                    where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
+                    if not peak.converged:
+                        raise _Lost(f"{where}, but no peak is found")
+                    self._take(_Found(peak, self.everything, None), where)
+        if unknown:
+            self.walk()
 
-def carried_over(
+    def walk(self) -> None:
+        """Follows the curve through the best peak, unless that has been done, and takes what is higher."""
+        assert self.best is not None
+        peak, on = self.best.peak, self.best.on
+        if self.walked is not None and same_peak(peak, self.walked, 1e-4):
+            return
+        higher = higher_nearby(self.variant(on)[1], peak)
+        self.walked = higher
+        if higher is not peak:
+            self._take(self.lift(higher, on), "the full response is higher nearby")
+
+    def _check_summits(self, curve: Curve, peaks: list[Peak], on: On) -> None:
+        for i in summits(curve):
+            if curve.amplitude[i] > (1.0 + self.tolerance) * peaks[0].amplitude:
+                raise _Lost(f"{curve.frequency[i]:.5g} Hz: a summit of the curve with {on} that is no peak")
+
+    def _take(self, found: _Found, why: str = "") -> None:
+        inside = self.frequency[0] < found.peak.frequency < self.frequency[1]
+        if inside and (self.best is None or found.peak.amplitude > self.best.peak.amplitude):
+            self.best = found
+            if why:
+                self.log.append(f"{why}: peak {found.peak.amplitude:.4g} m at {found.peak.frequency:.5g} Hz")
+
+    def run(self) -> Curve:
+        """Finds the highest peak; the curve that was followed last."""
+        more = self.least._replace(harmonics=self.everything.harmonics[:3])
+        for on in dict.fromkeys((self.least, more)):
+            if on == self.everything:
+                break
+            curve, peaks = self.tracked(on, ROUGH)
+            try:
+                if not curve.complete:
+                    raise _Lost(f"what the curve with {on} has not reached may be higher")
+                if not peaks:
+                    raise _Lost(f"the curve with {on} has no maximum inside the interval")
+                self.highest(curve, peaks, on)
+                return curve
+            except _Lost as lost:
+                self.log.append(str(lost))
+        for options in FOLLOWED:
+            curve, peaks = self.tracked(self.everything, options)
+            if curve.complete:
+                break
+        for peak in peaks:
+            self._take(_Found(peak, self.everything, None))
+        return curve
+
+
+def summits(curve: Curve) -> list[int]:
+    """Points of a curve from which it falls to both sides along its branch."""
+    a = curve.amplitude
+    out = []
+    for branch in np.unique(curve.branch):
+        at = np.flatnonzero(curve.branch == branch)
+        step = np.diff(a[at])
+        step[np.abs(step) < 1e-6 * a.max()] = 0.0
+        moving = np.flatnonzero(step)
+        out += [int(at[j + 1]) for j, k in zip(moving, moving[1:]) if step[j] > 0.0 > step[k]]
+    return out
+
+
+def solutions_near(
     system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
-) -> Peak | None:
-    """The peak of a system near that of a simpler one, ``start``.
+) -> Iterator[NDArray]:
+    """Solutions of a system near that of a simpler one, ``start``.
 
-    Newton is tried at the phase of the simpler peak, which follows a resonance that moves, from each guess and then with
+    Newton is tried at the phase of the simpler one, which follows a resonance that moves, from each guess and then with
     line search; then, unless ``quick``, at its frequency.
     """
     _, normal, _ = amplitude_and_phase(system, start[:-1])
@@ -227,50 +408,61 @@ def carried_over(
     for guess, plane, search in tries:
         c = system.correct(guess, plane, scale, 1e-6, 25 if search else LOOSE.max_iterations, search)
         if c.status == OK and _near(c.y, start, scale):
-            peak = find_peak(system, c.y, options=LOOSE, walk=False)
-            if peak.converged:
-                return peak
+            yield c.y
+
+
+def carried_over(
+    system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
+) -> Peak | None:
+    """The peak of a system that one of the solutions near that of a simpler one leads to (:func:`solutions_near`)."""
+    for y in solutions_near(system, guesses, start, width, quick):
+        peak = find_peak(system, y, options=LOOSE, walk=False)
+        if peak.converged:
+            return peak
     return None
 
 
-def higher_nearby(system: HarmonicSystem, peak: Peak, share: float = 0.93) -> Peak:
-    """The highest of the maxima that follow each other without a dip below a share of it."""
+def higher_nearby(system: HarmonicSystem, peak: Peak, share: float = 0.87) -> Peak:
+    """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest."""
     best = peak
-    for sense in (1.0, -1.0):
-        y, tangent, step = peak.y, sense * peak.tangent, 0.25
-        row = system.response_rows[1]
-        for _ in range(14):
-            c = system.correct(y + step * tangent * peak.scale, tangent, peak.scale, 1e-6, LOOSE.max_iterations)
-            moved = (c.y - y) / peak.scale
-            if c.status != OK or np.linalg.norm(moved - step * tangent) > 0.6 * step or float(c.tangent @ tangent) < 0.0:
-                step *= 0.5
-                if step < 0.03:
-                    break
-                continue
-            y, tangent = c.y, c.tangent
-            amplitude = float(abs(system.amplitudes(y[:-1], 1) @ row))
-            if amplitude < share * best.amplitude:
-                break
-            if amplitude > best.amplitude:
-                higher = find_peak(system, y, tangent=tangent, scale=peak.scale, options=LOOSE, walk=False)
-                if higher.converged and higher.amplitude > best.amplitude:
-                    best = higher
-            step = min(0.4, 1.5 * step)
+    for up in (True, False):
+        points, heights = _downhill(system, peak, up, share * best.amplitude)
+        for i in range(1, len(heights) - 1):
+            if heights[i - 1] < heights[i] >= heights[i + 1] and heights[i] > 0.98 * best.amplitude:
+                found = find_peak(system, points[i].y, options=LOOSE, walk=False)
+                if found.converged and found.amplitude > best.amplitude:
+                    best = found
     return best
+
+
+def _downhill(
+    system: HarmonicSystem, peak: Peak, up: bool, lowest: float
+) -> tuple[list[PathPoint], list[float]]:
+    """Points of the curve to one side of a peak down to an amplitude, and their amplitudes."""
+    row = system.response_rows[1]
+    points: list[PathPoint] = []
+    heights: list[float] = []
+
+    def note(point: PathPoint) -> None:
+        points.append(point)
+        heights.append(float(abs(system.amplitudes(point.y[:-1], 1) @ row)))
+        if heights[-1] < lowest:
+            raise _Downhill
+
+    limits = 0.7 * peak.y[-1], 1.4 * peak.y[-1]
+    with suppress(_Downhill):
+        follow(system, peak.y, limits, up=up, options=replace(ROUGH, max_points=200), on_point=note)
+    return points, heights
 
 
 def _near(y: NDArray, start: NDArray, scale: NDArray) -> bool:
     return abs(y[-1] / start[-1] - 1.0) < 0.2 and float(np.linalg.norm((y - start)[:-1] / scale[:-1])) < 2.0
 
 
-class _Lost(Exception):
-    """A peak could not be followed into a richer study."""
-
-
 def adaptive_peak(
     study: Study, preload: float, frequency: tuple[float, float], *, tolerance: float = 0.01
 ) -> AdaptivePeak:
-    """The highest peak of a study to a tolerance, with only the harmonics that it calls for.
+    """The highest peak of a study to a tolerance, with only the harmonics and elastic damper modes that it calls for.
 
     Parameters
     ----------
@@ -285,220 +477,48 @@ def adaptive_peak(
     -------
     AdaptivePeak
     """
-    _check_tolerance(tolerance)
+    check_tolerance(tolerance)
     begin = time.perf_counter()
-    search = _Search(study, float(preload), frequency, tolerance)
-    best: tuple[Peak, tuple[int, ...], Estimate | None] | None = None
-    peaks, reason = search.tracked((1,))
-    if not search.curve.complete:
-        peaks = []  # what it has not reached may be higher
-    try:
-        for peak in peaks:
-            lifted = search.lift(peak, (1,))
-            if best is None or lifted[0].amplitude > best[0].amplitude:
-                best = lifted
-    except _Lost as lost:
-        search.log.append(str(lost))
-        best = None
-    everything = search.own.harmonic_numbers
-    several = len(peaks) > 1 and best is not None and best[1] != (1,)
-    if everything != (1,) and (best is None or several):
-        peaks, reason = search.tracked(everything, coarse=not peaks and search.curve.complete)
-        if peaks and (best is None or peaks[0].amplitude > best[0].amplitude):
-            best = peaks[0], everything, None
+    search = Search(study, float(preload), frequency, tolerance)
+    curve = search.run()
+    best = search.best
     seconds = time.perf_counter() - begin
     if best is None:
+        reason = "the response has no maximum inside the interval" if len(curve) else curve.reason
         nothing = np.zeros(0)
         return AdaptivePeak(
             float(preload), np.nan, np.nan, search.own, nothing, np.nan, np.nan, np.nan, tolerance, np.nan, "no peak",
-            reason, tuple(search.log), seconds,
+            f"{reason} ({curve.status}: {curve.reason})", tuple(search.log), (), seconds,
         )  # fmt: skip
-    peak, harmonics, estimate = best
-    change = (0.0, 0.0, 0.0) if estimate is None else (estimate.amplitude, estimate.frequency, estimate.size)
+    peak, e = best.peak, best.estimate
+    change = (0.0, 0.0, 0.0) if e is None else (e.amplitude, e.frequency, e.size)
     return AdaptivePeak(
-        float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(harmonics)[0]), peak.y, *change,
-        tolerance, peak.residual, "converged", "", tuple(search.log), seconds,
+        float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(best.on)[0]), peak.y, *change,
+        tolerance, peak.residual, "converged", "", tuple(search.log), remaining(search, best), seconds,
     )  # fmt: skip
 
 
-def _check_tolerance(tolerance: float) -> None:
+def remaining(search: Search, found: _Found) -> tuple[Remaining, ...]:
+    """Each effect of the study, whether it was on, and the estimated change that is left."""
+    e, on, everything = found.estimate, found.on, search.everything
+    left: dict[str, tuple[str, str, list[int]]] = {}
+    if e is not None and on.harmonics != everything.harmonics:
+        state = "off" if on.harmonics == (1,) else "partly on"
+        off = [l for l in everything.harmonics if l not in on.harmonics]
+        left["harmonics"] = state, " ".join(map(str, on.harmonics)), off
+    if e is not None and on.damper_modes != everything.damper_modes:
+        left["damper modes"] = "off", str(on.damper_modes), [0, *on.harmonics]
+    rows = []
+    for name, setting in search.own.settings_text():
+        if e is not None and name in left:
+            state, setting, at = left[name]
+            change = float(e.shares[at].sum()), float(e.frequency_shares[at].sum())
+            rows.append(Remaining(name, state, setting, *change))
+        else:
+            rows.append(Remaining(name, "as in the study", setting, 0.0, 0.0))
+    return tuple(rows)
+
+
+def check_tolerance(tolerance: float) -> None:
     if not 0.0 < tolerance < 1.0:
         raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
-
-
-def _names(harmonics: tuple[int, ...]) -> str:
-    return " ".join(map(str, harmonics))
-
-
-# ---- curves ----
-
-
-def adaptive_curve(
-    study: Study,
-    preload: float,
-    frequency: tuple[float, float],
-    *,
-    tolerance: float = 0.01,
-    options: ContinuationOptions | None = None,
-) -> Curve:
-    """A tracking curve with one harmonic where that is enough, and with those called for elsewhere.
-
-    Parameters
-    ----------
-    study : Study
-        With everything on that is to be taken into account.
-    preload : float, N
-    frequency : (low, high), Hz
-    tolerance : float
-        On amplitude and frequency at the same phase of the response, relative, at every point.
-    options : ContinuationOptions
-
-    Returns
-    -------
-    Curve
-        In the unknowns of the full study, zero where a harmonic is off.  ``settings["adaptive"]`` holds the intervals with
-        their harmonics and the largest estimated error that remains.  Branches are the pieces that were followed in one
-        go; where one ends and the next begins they differ by less than the tolerance.
-    """
-    _check_tolerance(tolerance)
-    begin = time.perf_counter()
-    search = _Search(study, float(preload), frequency, tolerance)
-    everything = search.own.harmonic_numbers
-    cheap, _ = search.variant((1,))
-    curve = cheap.track(preload, frequency, options=options)
-    if not curve.complete or everything == (1,):
-        whole = study.track(preload, frequency, options=options)
-        return _noted(whole, tolerance, [(*frequency, everything)], 0.0, curve, begin)
-    at, estimates = _sampled_estimates(search, curve, (1,))
-    windows = _windows(curve, at, estimates, search, frequency)
-    pieces: list[Curve] = []
-    used: list[tuple[float, float, tuple[int, ...]]] = []
-    rest = 0.0
-    for low, high, harmonics in windows:
-        for wanted in dict.fromkeys((harmonics, everything)):
-            piece = search.variant(wanted)[0].track(preload, (low, high), options=options)
-            _, left = _sampled_estimates(search, piece, wanted)
-            error = max((e.size for e in left), default=0.0)
-            if wanted == everything or (piece.complete and error <= tolerance):
-                break
-        pieces.append(_widened(search, piece, wanted))
-        used.append((low, high, wanted))
-        rest = max(rest, error)
-    outside = np.ones(len(curve), bool)
-    for low, high, _ in windows:
-        outside &= (curve.frequency < low) | (curve.frequency > high)
-    calm = [e.size for i, e in zip(at, estimates) if outside[i]]
-    rest = max(rest, max(calm, default=0.0))
-    base = _widened(search, curve, (1,))
-    return _noted(_joined(base, outside, pieces), tolerance, used, rest, curve, begin)
-
-
-def _sampled_estimates(search: _Search, curve: Curve, on: tuple[int, ...]) -> tuple[list[int], list[Estimate]]:
-    """Estimates at every few points of a curve and at its maxima and folds; none where nothing is left out."""
-    if on == search.own.harmonic_numbers:
-        return [], []
-    study, system = search.variant(on)
-    full, rich = search.variant(search.own.harmonic_numbers)
-    at = [i for i in range(len(curve)) if i % 3 == 0 or curve.point_kind[i] in ("maximum", "fold") or i == len(curve) - 1]
-    out = []
-    for i in at:
-        y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
-        out.append(estimate_change(rich, embed_between(study, full, system, rich, search.preload, y)))
-    return at, out
-
-
-def _windows(
-    curve: Curve, at: list[int], estimates: list[Estimate], search: _Search, frequency: tuple[float, float]
-) -> list[tuple[float, float, tuple[int, ...]]]:
-    """Frequency intervals in which more than one harmonic is called for, and which."""
-    spans: list[tuple[float, float, tuple[int, ...]]] = []
-    everything = search.own.harmonic_numbers
-    for k, e in enumerate(estimates):
-        if e.size <= MARGIN * search.tolerance:
-            continue
-        first, last = at[max(k - 1, 0)], at[min(k + 1, len(at) - 1)]
-        f = curve.frequency[first : last + 1]
-        wanted = search.called_for(e, (1,)) if e.size < TRUSTED else everything
-        spans.append((float(f.min()), float(f.max()), wanted))
-    spans.sort()
-    close = 0.03 * (frequency[1] - frequency[0])
-    out: list[tuple[float, float, tuple[int, ...]]] = []
-    for low, high, wanted in spans:
-        if out and low <= out[-1][1] + close:
-            union = tuple(sorted({*out[-1][2], *wanted}))
-            out[-1] = (out[-1][0], max(out[-1][1], high), union)
-        else:
-            out.append((low, high, wanted))
-    return [(low, high, wanted) for low, high, wanted in out if high > low]
-
-
-def _widened(search: _Search, curve: Curve, on: tuple[int, ...]) -> Curve:
-    """The curve in the unknowns of the full study."""
-    if on == search.own.harmonic_numbers:
-        return curve
-    study, system = search.variant(on)
-    full, rich = search.variant(search.own.harmonic_numbers)
-    unknowns = np.zeros((len(curve), rich.n_unknowns))
-    for i in range(len(curve)):
-        y = np.append(curve.unknowns[i], 0.0)
-        unknowns[i] = embed_between(study, full, system, rich, search.preload, y)[:-1]
-    return replace(curve, unknowns=unknowns, harmonics=rich.response(unknowns))
-
-
-def _joined(base: Curve, outside: NDArray, pieces: list[Curve]) -> Curve:
-    """Points of the base curve outside of the windows, and the pieces, each followed in one go a branch of its own."""
-    parts: list[tuple[Curve, NDArray]] = []
-    # runs of the base curve between windows
-    cuts = np.flatnonzero(np.diff(outside.astype(int))) + 1
-    for run in np.split(np.arange(len(base)), cuts):
-        if len(run) and outside[run[0]]:
-            parts.append((base, run))
-    parts += [(piece, np.arange(len(piece))) for piece in pieces if len(piece)]
-    parts.sort(key=lambda p: float(p[0].frequency[p[1]].min()))
-    branch: list[NDArray] = []
-    for curve, index in parts:
-        own = curve.branch[index]
-        branch.append(own - own.min() + (branch[-1].max() + 1 if branch else 0))
-
-    names = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency")
-    arrays: dict[str, Any] = {
-        name: np.concatenate([getattr(curve, name)[index] for curve, index in parts]) for name in names
-    }
-    stable = [None if curve.stable is None else curve.stable[index] for curve, index in parts]
-    judged = [s for s in stable if s is not None]
-    arrays["stable"] = np.concatenate(judged) if judged and len(judged) == len(stable) else None
-    bad = [piece for piece in pieces if not piece.complete]
-    return replace(
-        base,
-        **arrays,
-        branch=np.concatenate(branch),
-        point_kind=tuple(curve.point_kind[i] for curve, index in parts for i in index),
-        status="incomplete" if bad else base.status,
-        reason="; ".join(piece.reason for piece in bad) if bad else base.reason,
-        start_log=tuple(line for curve in [base, *pieces] for line in curve.start_log),
-        notes=tuple(dict.fromkeys(line for curve in [base, *pieces] for line in curve.notes)),
-        cost=_summed([base.cost, *(piece.cost for piece in pieces)]),
-        settings={**(pieces[0] if pieces else base).settings},
-    )
-
-
-def _summed(costs: list[Cost]) -> Cost:
-    return Cost(*(sum(getattr(c, f.name) for c in costs) for f in fields(Cost)))
-
-
-def _noted(
-    curve: Curve,
-    tolerance: float,
-    windows: list[tuple[float, float, tuple[int, ...]]],
-    error: float,
-    first: Curve,
-    begin: float,
-) -> Curve:
-    note = {
-        "tolerance": tolerance,
-        "intervals": [{"from": low, "to": high, "harmonics": list(on)} for low, high, on in windows],
-        "estimated_error": error,
-        "points_with_one_harmonic": len(first),
-    }
-    cost = replace(curve.cost, seconds=time.perf_counter() - begin)
-    return replace(curve, settings={**curve.settings, "adaptive": note}, cost=cost)

@@ -199,11 +199,15 @@ class Effects:
             out["contact points"] = replace(self, contact_points=richer.contact_points)
         return out
 
+    def settings_text(self) -> list[tuple[str, str]]:
+        """Name and setting of each effect, as text."""
+        return [(f.name.replace("_", " "), _text(getattr(self, f.name))) for f in fields(self)]
+
     def describe(self) -> str:
         """A table of all effects: the setting, what it means, and what is assumed where it is off or reduced."""
         rows = [
-            (f.name.replace("_", " "), _text(getattr(self, f.name)), f.metadata["meaning"], f.metadata["off"])
-            for f in fields(self)
+            (name, text, f.metadata["meaning"], f.metadata["off"])
+            for f, (name, text) in zip(fields(self), self.settings_text())
         ]
         head = ("effect", "setting", "meaning", "assumed where off or reduced")
         width = [max(len(r[i]) for r in [head, *rows]) for i in range(4)]

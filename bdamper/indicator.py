@@ -57,8 +57,9 @@ class Estimate:
         Relative change of amplitude or frequency that the estimate misses, as far as a second residual tells.
     y : (n_unknowns + 1,) float
         The embedded point after one Newton step: a guess for the richer solution.
-    shares : (n_harmonics + 1,) float
-        Parts of the relative change of amplitude that come from the equations of each harmonic, the mean first.
+    shares, frequency_shares : (n_harmonics + 1,) float
+        Parts of the relative change of amplitude and of frequency that come from the equations of each harmonic, the mean
+        first.
     """
 
     amplitude: float
@@ -66,6 +67,7 @@ class Estimate:
     defect: float
     y: NDArray
     shares: NDArray
+    frequency_shares: NDArray
 
     @property
     def size(self) -> float:
@@ -167,11 +169,12 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     new = y + step * columns
     again = np.empty(n)
     if not new[-1] > 0.0 or system.core.evaluate(np.ascontiguousarray(new[:-1]), float(new[-1]), again) != OK:
-        return Estimate(np.nan, np.nan, np.inf, y, np.full(system.n_harmonics + 1, np.nan))
+        unknown = np.full(system.n_harmonics + 1, np.nan)
+        return Estimate(np.nan, np.nan, np.inf, y, unknown, unknown)
     missed = (np.append(again, 0.0) * rows) @ dual
-    parts = -right * dual[:, 0]
-    shares = np.array([sum(float(parts[p].sum()) for p in system.slices(l)) for l in range(system.n_harmonics + 1)])
-    return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new, shares)
+    parts = -right[:, None] * dual
+    shares = np.array([sum(parts[p].sum(axis=0) for p in system.slices(l)) for l in range(system.n_harmonics + 1)])
+    return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new, shares[:, 0], shares[:, 1])
 
 
 def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
@@ -435,7 +438,8 @@ def _advice_on(
     try:
         e = estimate_change(rich, y)
     except FloatingPointError:
-        e = Estimate(np.nan, np.nan, np.inf, y, np.zeros(rich.n_harmonics + 1))
+        nothing = np.zeros(rich.n_harmonics + 1)
+        e = Estimate(np.nan, np.nan, np.inf, y, nothing, nothing)
     cost = _iteration_time(rich, y) / own_time
     return EffectAdvice(
         name, e.amplitude, e.frequency, e.defect, e.reliability(tolerance), rich.n_unknowns, rich.n_points, cost

@@ -870,7 +870,8 @@ class Study:
         stability : bool
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         effects : {"all", "auto"}
-            "auto": harmonics of the study are on only where they matter; see :func:`bdamper.adaptive.adaptive_curve`.
+            "auto": harmonics of the study are on only where they matter; see
+            :func:`bdamper.adaptive_curves.adaptive_curve`.
         tolerance : float, optional
             Relative.  With "auto": at every point, by leaving harmonics of the study out (0.01 by default).  With "all": at
             the highest peak, by choosing harmonics and evaluation whatever the study has
@@ -884,7 +885,7 @@ class Study:
         """
         _check_auto(effects)
         if effects == "auto":
-            from bdamper.adaptive import adaptive_curve
+            from bdamper.adaptive_curves import adaptive_curve
 
             if from_high or progress or search_branches is not False:
                 raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')

@@ -1,12 +1,17 @@
 """Adaptive against everything on, over many models, modes, engine orders and preloads.
 
-    python -m benchmarks.agreement_effects [--cases 300] [--out agreement_effects.jsonl] [--part 0/1] [--again]
+    python -m benchmarks.agreement_effects [--cases 300] [--first 0] [--out agreement_effects.jsonl] [--again]
 
-For each case (:mod:`tests.effect_cases`): the highest peak of a tracking curve with everything on, the same from a coarse
-curve whose maxima are refined, and the adaptive one at a tolerance of 1 %; then advice on a random choice of effects that
-are off, against what each of them changes when it is switched on.  Numbers are drawn until there are so many cases with a
-static state, a complete curve with everything on and a maximum inside the interval; what is passed over is counted.  Times
-are processor time of this process.  A run can be interrupted and resumed; results go to the file one line a case.
+For each case (:mod:`tests.effect_cases`): the highest peak of the tracking curve with everything on, and the adaptive one
+at a tolerance of 1 %; then advice on a random choice of effects that are off, against what each of them changes when it is
+switched on.  Where responses coexist one curve may miss the highest.  So the peak that counts is the highest of three: of
+the curve followed from below, of that followed from above, and of the one that the adaptive peak leads to under the
+equations with everything on; which it was is noted.  The time that counts is that of the one curve from below.
+
+Numbers are drawn until there are so many cases with a static state, a complete curve with everything on and a maximum
+inside the interval; what is passed over is counted.  Times are processor time of this process.  A run can be interrupted
+and resumed; results go to the file one line a case.  The numbers from 0 were used while the method was made, those from
+:data:`HELD_OUT` (``--first``) were not.
 """
 
 from __future__ import annotations
@@ -22,11 +27,14 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.indicator import advise, highest_peaks
+from bdamper.adaptive import LOOSE, AdaptivePeak, carried_over
+from bdamper.indicator import advise, embed, highest_peaks
 from bdamper.peaks import coarse_options
 from tests.effect_cases import Case, draw, everything_on, found, scene, study_of
 
 TOLERANCE = 0.01
+HELD_OUT = 100_000
+OPTIONS = bd.ContinuationOptions(max_points=1500)
 
 
 def sparse(case: Case) -> bd.Effects:
@@ -79,30 +87,49 @@ def run(case: Case) -> dict[str, Any]:
         return {**out, "note": "no static state or no stuck resonance"}
     preload, interval = place
     out |= {"preload": preload, "interval": interval}
-    curve, seconds = timed(lambda: study.track(preload, interval, options=bd.ContinuationOptions(max_points=1500)))
+    curve, seconds = timed(lambda: study.track(preload, interval, options=OPTIONS))
     out |= {"status": curve.status, "reason": curve.reason, "seconds_full": seconds, "points": len(curve)}
     if not curve.complete:
         return {**out, "note": f"curve with everything on: {curve.status}"}
     top = curve.peak
     if curve.point_kind[top.index] != "maximum":
         return {**out, "note": "no maximum inside the interval"}
-    out |= {"amplitude": top.amplitude, "frequency": top.frequency, "folds": len(curve.folds)}
+    out |= {"from_below": [top.amplitude, top.frequency], "folds": len(curve.folds)}
     out["shares"] = [float(x) for x in curve.shares[top.index]]
-    (peak, _), out["seconds_search"] = timed(lambda: searched(study, preload, interval))
-    out["search"] = [peak.amplitude, peak.frequency] if peak else None
+    out["from_above"] = out["from_below"]
+    if curve.shares[:, 0].min() < 1.0:  # a contact that sticks throughout has one response
+        above = study.track(preload, interval, from_high=True, options=OPTIONS)
+        peaks = highest_peaks(study.system(preload), above, share=0.9, options=LOOSE) if len(above) else []
+        out["from_above"] = [peaks[0].amplitude, peaks[0].frequency] if peaks else None
     adapt(out, study)
     out["advice"] = advice(case, preload, (0.9 * interval[0], 1.15 * interval[1]))
     return out
 
 
 def adapt(row: dict[str, Any], study: bd.Study) -> None:
-    """Adds the adaptive peak to a result."""
+    """Adds the adaptive peak to a result, and the peak with everything on that counts."""
+    study = study.with_effects(bd.Effects.of(study))  # what has been computed does not serve
     study.system(row["preload"])
-    auto, row["seconds_auto"] = timed(
-        lambda: study.adaptive_peak(row["preload"], tuple(row["interval"]), tolerance=TOLERANCE)
-    )
+    preload, interval = row["preload"], tuple(row["interval"])
+    auto, row["seconds_auto"] = timed(lambda: study.adaptive_peak(preload, interval, tolerance=TOLERANCE))
     row["auto"] = [auto.amplitude, auto.frequency] if auto.converged else None
-    row |= {"harmonics": list(auto.effects.harmonic_numbers), "error_bound": auto.error_bound, "log": list(auto.log)}
+    row |= {"effects": [list(auto.effects.harmonic_numbers), auto.effects.damper_modes], "error_bound": auto.error_bound}
+    row["log"] = list(auto.log)
+    row["followed"] = polished(study, auto, interval)
+    ways = {name: row[name] for name in ("from_below", "from_above", "followed") if row[name]}
+    best = max(ways, key=lambda name: ways[name][0] * (1.0 + 1e-3 * (name == "from_below")))
+    row["best"] = best
+    row["amplitude"], row["frequency"] = ways[best]
+
+
+def polished(study: bd.Study, auto: AdaptivePeak, interval: tuple[float, float]) -> list[float] | None:
+    """The peak with everything on that the adaptive one leads to, if there is one inside the interval."""
+    if not auto.converged:
+        return None
+    y = embed(study.with_effects(auto.effects), study, auto.preload, auto.y)
+    peak = carried_over(study.system(auto.preload), [y], y, 0.01 * y[-1])
+    inside = peak is not None and interval[0] < peak.frequency < interval[1]
+    return [peak.amplitude, peak.frequency] if peak is not None and inside else None
 
 
 def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[list[Any]]:
@@ -134,22 +161,32 @@ def summary(rows: list[dict[str, Any]]) -> str:
     """What the issue of agreement comes to."""
     good = [r for r in rows if "note" not in r]
     wrong = [r for r in good if disagrees(r)]
-    total = {key: sum(r[key] for r in good) for key in ("seconds_full", "seconds_search", "seconds_auto")}
     lines = [
         f"cases: {len(good)}; passed over: {dict(Counter(r['note'] for r in rows if 'note' in r))}",
         f"adaptive within {100 * TOLERANCE:g} % of everything on: {len(good) - len(wrong)} of {len(good)} "
         f"({100 * (1 - len(wrong) / max(len(good), 1)):.2f} %)",
-        f"processor time: tracking curves {total['seconds_full']:.1f} s, coarse search with everything on "
-        f"{total['seconds_search']:.1f} s, adaptive {total['seconds_auto']:.1f} s: "
-        f"{total['seconds_auto'] / max(total['seconds_full'], 1e-9):.3f} and "
-        f"{total['seconds_auto'] / max(total['seconds_search'], 1e-9):.3f}",
     ]
+    for name, some in (
+        ("all", good),
+        ("reference model", [r for r in good if "reference" in r["case"]]),
+        ("random models", [r for r in good if "reference" not in r["case"]]),
+    ):
+        full, auto = (sum(r[key] for r in some) for key in ("seconds_full", "seconds_auto"))
+        lines.append(
+            f"  {name}: {len(some)} cases, {sum(disagrees(r) for r in some)} exceptions; processor time of tracking curves "
+            f"{full:.1f} s, adaptive {auto:.1f} s: {auto / max(full, 1e-9):.3f}"
+        )
+    for r in good:
+        if r["amplitude"] > (1.0 + TOLERANCE) * r["from_below"][0]:
+            lines.append(
+                f"  {r['case']}: the curve from below misses {r['amplitude']:.5g} m at {r['frequency']:.6g} Hz "
+                f"({r['best'].replace('_', ' ')}), its own peak is {r['from_below'][0]:.5g} m"
+            )
     for r in wrong:
-        other = "none" if r["search"] is None else f"{r['search'][0]:.5g} at {r['search'][1]:.6g}"
         mine = "none" if r["auto"] is None else f"{r['auto'][0]:.5g} m at {r['auto'][1]:.6g} Hz"
         lines.append(
-            f"  {r['case']}: everything on {r['amplitude']:.5g} m at {r['frequency']:.6g} Hz ({r['points']} points, "
-            f"{r['folds']} folds; coarse search {other}), adaptive {mine}"
+            f"  {r['case']}: everything on {r['amplitude']:.5g} m at {r['frequency']:.6g} Hz "
+            f"({r['best'].replace('_', ' ')}, {r['points']} points, {r['folds']} folds), adaptive {mine}"
         )
         lines += [f"      {line}" for line in r["log"]]
     table: Counter[tuple[str, str]] = Counter()
@@ -177,10 +214,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=300)
     parser.add_argument("--out", default="agreement_effects.jsonl")
-    parser.add_argument("--part", default="0/1", help="i/n: only the numbers i, i + n, i + 2 n, ...")
+    parser.add_argument("--first", type=int, default=0, help="number of the first case")
     parser.add_argument("--again", action="store_true", help="adaptive peaks of the results on file anew")
     given = parser.parse_args()
-    first, step = (int(x) for x in given.part.split("/"))
     rows = found(given.out)
     if given.again:
         for row in rows:
@@ -189,14 +225,14 @@ def main() -> None:
         with open(given.out, "w") as file:
             file.writelines(json.dumps(row) + "\n" for row in rows)
     done = {r["number"] for r in rows}
-    number = first
+    number = given.first
     while sum("note" not in r for r in rows) < given.cases:
         if number not in done:
             row = run(draw(number))
             rows.append(row)
             with open(given.out, "a") as file:
                 file.write(json.dumps(row) + "\n")
-        number += step
+        number += 1
     print(summary(sorted(rows, key=lambda r: r["number"])))
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from benchmarks.agreement_effects import TOLERANCE, disagrees, run
-from tests.effect_cases import draw
+from tests.effect_cases import draw, scene, study_of
 
 MODE_1 = {"excitation": bd.Excitation("tip"), "frequency": (250.0, 400.0)}
 MODE_2 = {"excitation": bd.Excitation("tip", "axial"), "frequency": (560.0, 760.0)}
@@ -118,6 +118,23 @@ def test_adaptive_agrees_with_everything_on_and_advice_misses_nothing_large():
     assert not missed
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (57, "several maxima of one hill over folds, close in height"),
+        (509, "the top of the curve with one harmonic is no peak, that of the full one lies elsewhere"),
+    ],
+)
+def test_a_higher_maximum_of_the_full_response_is_found(number, why):
+    full = study_of(draw(number))
+    preload, interval = scene(full, draw(number))
+    truth = full.track(preload, interval).peak
+    found = full.adaptive_peak(preload, interval)
+    assert found.amplitude == pytest.approx(truth.amplitude, rel=TOLERANCE), found.log
+    assert found.frequency == pytest.approx(truth.frequency, rel=TOLERANCE)
+
+
 def test_adaptive_simulation_pays_for_one_harmonic_where_that_is_enough(model):
     full = study(model, MODE_1, harmonics=5)
     stuck = full.adaptive_peak(50e3, MODE_1["frequency"])
@@ -136,6 +153,7 @@ def test_an_adaptive_curve_is_the_curve_with_everything_on(model, preload):
     curve = full.track(preload, MODE_2["frequency"], effects="auto", tolerance=TOLERANCE)
     truth = full.track(preload, MODE_2["frequency"])
     note = curve.settings["adaptive"]
+    assert note["elsewhere"] == {"harmonics": [1], "damper_modes": 0}
     assert curve.complete and note["estimated_error"] <= TOLERANCE
     assert bool(note["intervals"]) == (preload < 10e3)
     assert curve.unknowns.shape[1] == truth.unknowns.shape[1]

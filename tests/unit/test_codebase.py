@@ -42,7 +42,7 @@ PYTHON_LEVELS = [
     {"peakscan"},
     {"peakset"},
     {"leastenvelope"},
-    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "accuracy", "results",
+    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "adaptive_curves", "accuracy", "results",
      "estimation", "tolerance"},
     {"prescribed", "microslip", "motion", "measured", "vtu"},
     {"plotting"},

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.adaptive import _Search, adaptive_peak
+from bdamper.adaptive import On, Search, adaptive_peak, summits
 from bdamper.indicator import Estimate, embed, estimate_change, fullest, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
 from tests import models
@@ -109,7 +109,7 @@ def test_embedding_keeps_what_both_have(full, changes):
     ],
 )
 def test_reliability(amplitude, defect, expected):
-    assert Estimate(amplitude, 0.0, defect, np.zeros(1), np.zeros(1)).reliability(0.01) == expected
+    assert Estimate(amplitude, 0.0, defect, *np.zeros((3, 1))).reliability(0.01) == expected
 
 
 def test_advice_prints_plots_and_saves(full, tmp_path):
@@ -140,17 +140,25 @@ def test_fullest_asks_for_what_the_model_has(full):
     }
 
 
-def test_harmonics_are_called_for_by_their_shares(full):
-    search = _Search(full, 40.0, INTERVAL, 0.01)
-    search.own = replace(bd.Effects.of(full), harmonics=5)
+def test_harmonics_and_elastic_modes_are_called_for_by_their_shares(full):
+    search = Search(full, 40.0, INTERVAL, 0.01)
+    search.everything = On((1, 2, 3, 4, 5), 2)
 
-    def asked(*shares):
-        return search.called_for(Estimate(sum(shares), 0.0, 0.0, np.zeros(1), np.array([0.0, 0.0, *shares])), (1,))
+    def asked(on, *shares):
+        size = float(np.clip(np.sum(shares), -0.2, 0.2))
+        estimate = Estimate(size, 0.0, 0.0, np.zeros(1), np.array(shares), np.zeros(6))
+        return search.called_for(estimate, on)
 
-    assert asked(0.05, 1e-4, 1e-5, 1e-6) == (1, 2)
-    assert asked(1e-4, 0.05, 1e-5, 0.02) == (1, 3, 5)
-    assert asked(0.002, 0.002, 0.05, 1e-5) == (1, 3, 4)  # one of two that matter together
-    assert asked(0.1, -0.1, 0.1, 0.1) == (1, 2, 3, 4, 5)
+    one, elastic = On((1,), 0), On((1,), 2)
+    assert asked(elastic, 0.0, 0.0, 0.05, 1e-4, 1e-5, 1e-6) == On((1, 2), 2)
+    assert asked(elastic, 0.0, 0.0, 1e-4, 0.05, 1e-5, 0.02) == On((1, 3, 5), 2)
+    assert asked(elastic, 0.0, 0.0, 0.002, 0.002, 0.05, 1e-5) == On((1, 3, 4), 2)  # one of two that matter together
+    assert asked(elastic, 0.0, 0.0, 0.1, -0.1, 0.1, 0.1) == On((1, 2, 3, 4, 5), 2)
+    # the equations that are on already change with the elastic modes alone
+    assert asked(one, 1e-4, 1e-4, 0.05, 1e-4, 1e-5, 1e-6) == On((1, 2), 0)
+    assert asked(one, 1e-4, 0.02, 0.05, 1e-4, 1e-5, 1e-6) == On((1, 2), 2)
+    assert asked(one, 0.0, 0.02, 1e-4, 1e-4, 1e-5, 1e-6) == On((1,), 2)
+    assert search.called_for(Estimate(0.5, 0.0, 0.0, *np.zeros((3, 6))), one) == search.everything
 
 
 def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
@@ -168,6 +176,35 @@ def test_adaptive_peak_of_a_slipping_contact_is_that_of_the_study(full):
     tight = full.adaptive_peak(40.0, INTERVAL, tolerance=1e-6)
     assert tight.effects.harmonics == 3 and tight.error_bound == 0.0
     assert tight.amplitude == pytest.approx(truth.amplitude, rel=1e-4)
+
+
+def test_an_adaptive_peak_tells_of_every_effect_what_is_left(full):
+    gentle = replace(full, excitation=bd.Excitation("tip", amplitude=1e-3))
+    found = gentle.adaptive_peak(200.0, INTERVAL)
+    rows = {r.effect: r for r in found.remaining}
+    assert list(rows) == [name for name, _ in bd.Effects.of(full).settings_text()]
+    assert rows["harmonics"].state == "off" and rows["rotation"].state == "as in the study"
+    assert abs(rows["harmonics"].amplitude) <= found.error_bound
+    left = [r for r in found.remaining if r.state != "as in the study"]
+    assert sum(r.amplitude for r in left) == pytest.approx(found.amplitude_error, abs=1e-12)
+    assert "harmonics: 1 (off, the rest would change it" in str(found) and "rotation: X Y Z (as in the study)" in str(found)
+    everything = full.adaptive_peak(40.0, INTERVAL, tolerance=1e-6)
+    assert all(r.state == "as in the study" for r in everything.remaining)
+
+
+def test_summits_are_where_a_branch_falls_to_both_sides(full):
+    curve = full.track(1e3, INTERVAL)
+
+    def at(*amplitudes, branch=None):
+        n = len(amplitudes)
+        harmonics = np.zeros((n, 2), complex)
+        harmonics[:, 1] = amplitudes
+        return summits(replace(curve, harmonics=harmonics, branch=np.zeros(n, int) if branch is None else np.array(branch)))
+
+    assert at(1.0, 2.0, 1.0) == [1]
+    assert at(1.0, 2.0, 2.0, 2.0, 1.0) == [1]  # the mean walks while the vibration stands still
+    assert at(3.0, 2.0, 1.0, 2.0) == [] and at(1.0, 2.0, 2.0) == []
+    assert at(1.0, 2.0, 1.0, 3.0, 2.0, branch=[0, 0, 1, 1, 1]) == [3]
 
 
 def test_no_peak_is_said_to_be_none(full):
