@@ -164,7 +164,7 @@ class _Found:
     estimate: Estimate | None
 
 
-class _Lost(Exception):
+class LostError(Exception):
     """What the full study makes of a peak or of a curve could not be told."""
 
 
@@ -280,7 +280,7 @@ class Search:
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 self.walked = found = higher_nearby(system, found)
             if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
-                raise _Lost(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}")
+                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}")
             peak, on = found, wanted
 
     def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
@@ -323,7 +323,7 @@ class Search:
                     peak = find_peak(rich, found, options=LOOSE, walk=False)
                     where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
                     if not peak.converged:
-                        raise _Lost(f"{where}, but no peak is found")
+                        raise LostError(f"{where}, but no peak is found")
                     self._take(_Found(peak, self.everything, None), where)
         if unknown:
             self.walk()
@@ -342,7 +342,7 @@ class Search:
     def _check_summits(self, curve: Curve, peaks: list[Peak], on: On) -> None:
         for i in summits(curve):
             if curve.amplitude[i] > (1.0 + self.tolerance) * peaks[0].amplitude:
-                raise _Lost(f"{curve.frequency[i]:.5g} Hz: a summit of the curve with {on} that is no peak")
+                raise LostError(f"{curve.frequency[i]:.5g} Hz: a summit of the curve with {on} that is no peak")
 
     def _take(self, found: _Found, why: str = "") -> None:
         inside = self.frequency[0] < found.peak.frequency < self.frequency[1]
@@ -360,12 +360,12 @@ class Search:
             curve, peaks = self.tracked(on, ROUGH)
             try:
                 if not curve.complete:
-                    raise _Lost(f"what the curve with {on} has not reached may be higher")
+                    raise LostError(f"what the curve with {on} has not reached may be higher")
                 if not peaks:
-                    raise _Lost(f"the curve with {on} has no maximum inside the interval")
+                    raise LostError(f"the curve with {on} has no maximum inside the interval")
                 self.highest(curve, peaks, on)
                 return curve
-            except _Lost as lost:
+            except LostError as lost:
                 self.log.append(str(lost))
         for options in FOLLOWED:
             curve, peaks = self.tracked(self.everything, options)
