@@ -30,11 +30,9 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
         return;
     }
     bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
-    for (int i = 0; i < n; ++i) {
-        evaluator->latest_is_coupled = bd_law_is_coupled(element[i].law);
-        if (evaluator->latest_is_coupled)
-            bd_coulomb_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->coulomb);
-    }
+    evaluator->latest_is_coupled = 0;
+    for (int i = 0; i < n; ++i) evaluator->latest_is_coupled |= bd_law_is_coupled(element[i].law);
+    if (evaluator->latest_is_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
 }
 
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,

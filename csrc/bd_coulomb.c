@@ -8,18 +8,7 @@
  * and in open contact s = p.  (With kt_1 = kt_2 this is slip along the friction force; with kt_1 != kt_2 the return to the
  * disk is radial in the force.)
  *
- * One step.  Between samples p and n0 + kn v are taken as linear in time, and that motion is solved exactly, events
- * inside the step included, which makes the evaluation of second order:
- *
- *   stick    T moves along the chord dp; it leaves the disk at the root of |T + tau dp|^2 = (R + tau dR)^2.
- *   slip     with D = |dp|, a = dp/D, the angle theta between e and a obeys d theta/d tau = -(D/R) sin theta, so
- *            tan(theta/2) shrinks by q = exp(-D int d tau/R).  With c = a.e, x = 1 + c, y = 1 - c, den = x + q^2 y,
- *                e_1 = alpha a + beta (e - c a),  alpha = (x - q^2 y)/den,  beta = 2 q/den.        (tractrix)
- *   closing  R grows from zero: stick if |dp| <= dR over the rest of the step, else slip along a.
- *   opening  s = p.
- *
- * At the onset of slip a perturbation of T is projected on the edge of the disk, so the instant of the onset need not be
- * differentiated.
+ * The motion from sample to sample, through which P and its derivatives come, is bd_slide.c.
  *
  * Rest.  A slider that lies in all the disks |p_k - s| <= R_k of the cycle never moves.  If they have common points, any of
  * them will do: where a transient would end depends on its history, which the law leaves open.  The given slider w is kept if
@@ -58,8 +47,6 @@ enum {
     FREE_STEPS = 3,
     MOST_PERIODS = 1000
 }; /* the ellipse is then smaller than rounding, whatever was taken from Newton's method */
-enum { STEP_STICK, STEP_SLIP, STEP_OPEN, STEP_CLOSE };
-static const double EDGE = 1e-12;    /* relative distance at which T counts as on the edge of the disk */
 static const double SETTLED = 1e-13; /* the last step of Newton's method relative to the size of the forces */
 static const double STILL = 4e-15;   /* |P(s) - s| that counts as none where that step comes no closer */
 static const double SLACK = 2e-15;   /* violation of a disk at rest */
@@ -67,32 +54,34 @@ static const double TOUCH = 1e-14;   /* least violation up to which the slider i
 static const double BARELY = 1e-4;   /* least violation up to which F is summed from movements */
 static const double ONSET = 1e-9;    /* least violation up to which the derivative is that of the onset */
 
-/* ds_1 = A ds_0 + B0 dp_0 + B1 dp_1 + C0 dg_0 + C1 dg_1 */
-typedef struct {
-    int kind;
-    double s[2], ds[2]; /* the slider, and how far it came: more exact than the difference where that is small */
-    double A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
-} bd_step;
-
 bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sampled) {
     memset(work, 0, sizeof *work);
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n_col = 3 * n_coef + 2;
-    const size_t n_power = (size_t)bd_n_power(sampled->n_harm);
-    work->memory = malloc(sizeof(double) * (4 * k + 4 * n_col + 2 * n_coef * n_col + n_coef + n_coef * n_coef + n_power));
+    const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8, lanes = BD_LANES;
+    const size_t n_double = 4 * padded * lanes + 22 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
+                            n_coef + n_coef * n_coef + n_power;
+    work->memory = malloc(sizeof(double) * n_double);
     work->segment = malloc(sizeof(bd_segment) * k);
-    if (!work->memory || !work->segment) {
+    work->lanes.kind = malloc(k * lanes);
+    if (!work->memory || !work->segment || !work->lanes.kind) {
         bd_coulomb_destroy(work);
         return BD_NO_MEMORY;
     }
     work->n_harm = sampled->n_harm;
     work->n_time = sampled->n_time;
-    work->interpolate = sampled->lanes.interpolate;
+    work->n_padded = (int)padded;
+    work->kernel = sampled->kernel;
     work->power = sampled->power;
+    work->lanes.n_time = sampled->n_time;
+    work->lanes.interpolate = sampled->lanes.interpolate;
     double *m = work->memory;
-    work->x = m, m += k;
-    work->y = m, m += k;
-    work->R = m, m += k;
-    work->g = m, m += k;
+    work->point = m, m += 4 * padded * lanes;
+    work->lanes.x = m, m += k * lanes;
+    work->lanes.y = m, m += k * lanes;
+    work->lanes.R = m, m += k * lanes;
+    work->lanes.g = m, m += k * lanes;
+    work->lanes.step = m, m += 18 * k * lanes;
+    work->motion = m, m += 3 * n_coef * lanes;
     work->slider = m, m += 2 * n_col;
     work->next = m, m += 2 * n_col;
     work->held = m, m += 2 * n_coef * n_col;
@@ -106,6 +95,7 @@ void bd_coulomb_destroy(bd_coulomb_work *work) {
     if (!work) return;
     free(work->memory);
     free(work->segment);
+    free(work->lanes.kind);
     memset(work, 0, sizeof *work);
 }
 
@@ -126,146 +116,6 @@ static int solve_period(const double dP[2][2], const double *b, double *y) {
     y[0] = (m11 * b[0] - m01 * b[1]) / det;
     y[1] = (m00 * b[1] - m10 * b[0]) / det;
     return 1;
-}
-
-/* ---- one step ---- */
-
-static void zero_step(bd_step *o, int kind) {
-    memset(o, 0, sizeof *o);
-    o->kind = kind;
-}
-
-/* (log R1 - log R0)/(R1 - R0) = int d tau/R, and its derivatives. */
-static double mean_inverse(double R0, double R1, double *d0, double *d1) {
-    const double d = (R1 - R0) / R0;
-    double L;
-    if (fabs(d) < 1e-3) { /* series of log(1 + d)/d to rounding */
-        double sum = 0.0, slope = 0.0;
-        for (int n = 6; n >= 0; --n) sum = 1.0 / (n + 1) - d * sum;
-        for (int n = 6; n >= 1; --n) slope = (double)n / (n + 1) - d * slope; /* minus the derivative of the series */
-        L = sum / R0;
-        *d1 = -slope / (R0 * R0);
-        *d0 = -L / R0 - *d1 * R1 / R0; /* homogeneous of degree -1 */
-        return L;
-    }
-    L = log1p(d) / (R1 - R0);
-    *d1 = (1.0 / R1 - L) / (R1 - R0);
-    *d0 = (L - 1.0 / R0) / (R1 - R0);
-    return L;
-}
-
-/* Slip over the rest 1 - tau of the step, from the force direction e on the edge R_e. */
-static void slip_step(bd_step *o, const double *e, double tau, double R_e, double R1, double mu, const double *dp,
-                      const double *p1) {
-    const double D[2] = {(1.0 - tau) * dp[0], (1.0 - tau) * dp[1]}, length = norm(D[0], D[1]);
-    double M_e[2][2] = {{1.0, 0.0}, {0.0, 1.0}}, M_D[2][2] = {{0.0}}, m_e[2] = {0.0}, m_1[2] = {0.0};
-    double e1[2] = {e[0], e[1]}, de[2] = {0.0, 0.0}; /* e_1 and e_1 - e */
-    if (length > 0.0) {
-        double L_e, L_1;
-        const double L = mean_inverse(R_e, R1, &L_e, &L_1), p = -expm1(-length * L), q = 1.0 - p,
-                     a[2] = {D[0] / length, D[1] / length};
-        const double c = fmax(a[0] * e[0] + a[1] * e[1], -1.0 + 1e-14), X = 1.0 + c, Y = 1.0 - c, den = X + q * q * Y;
-        const double alpha = (X - q * q * Y) / den, beta = 2.0 * q / den;
-        const double alpha_c = beta * beta, alpha_q = -4.0 * q * X * Y / (den * den);
-        const double beta_c = -2.0 * q * (1.0 - q * q) / (den * den), beta_q = 2.0 * alpha / den;
-        for (int i = 0; i < 2; ++i) {
-            e1[i] = alpha * a[i] + beta * (e[i] - c * a[i]);
-            de[i] = p / den * (X * Y * (1.0 + q) * a[i] + (Y * (1.0 + q) - 2.0) * (e[i] - c * a[i]));
-        }
-        for (int i = 0; i < 2; ++i) {
-            const double side = e[i] - c * a[i];
-            const double V_c = a[i] * (alpha_c - beta) + side * beta_c, V_q = a[i] * alpha_q + side * beta_q;
-            for (int j = 0; j < 2; ++j) {
-                const double across = (i == j ? 1.0 : 0.0) - a[i] * a[j];
-                M_e[i][j] = (i == j ? beta : 0.0) + V_c * a[j];
-                M_D[i][j] = (alpha - beta * c) * across / length + V_c * (e[j] - c * a[j]) / length - q * L * V_q * a[j];
-            }
-            m_e[i] = -q * length * L_e * V_q;
-            m_1[i] = -q * length * L_1 * V_q;
-        }
-    }
-    double size = norm(e1[0], e1[1]);
-    e1[0] /= size;
-    e1[1] /= size;
-    zero_step(o, STEP_SLIP);
-    for (int i = 0; i < 2; ++i) {
-        for (int j = 0; j < 2; ++j) {
-            double turn = 0.0; /* R1 M_e (I - e e^T)/R_e */
-            for (int k = 0; k < 2; ++k) turn += M_e[i][k] * ((k == j ? 1.0 : 0.0) - e[k] * e[j]);
-            turn *= R1 / R_e;
-            o->A[i][j] = turn;
-            o->B0[i][j] = (1.0 - tau) * (R1 * M_D[i][j] - turn);
-            o->B1[i][j] = (i == j ? 1.0 : 0.0) - tau * turn - (1.0 - tau) * R1 * M_D[i][j];
-        }
-        o->C0[i] = -R1 * mu * m_e[i] * (1.0 - tau);
-        o->C1[i] = -R1 * mu * (m_e[i] * tau + m_1[i]) - mu * e1[i];
-        o->s[i] = p1[i] - R1 * e1[i];
-        o->ds[i] = D[i] - R1 * de[i] - (R1 - R_e) * e[i];
-    }
-}
-
-static void close_step(bd_step *o, double t, double g0, double g1, double mu, const double *dp, const double *p0,
-                       const double *p1, int interpolate) {
-    const double rest = 1.0 - t, chord = norm(dp[0], dp[1]), R1 = mu * g1, dg = g1 - g0;
-    if (rest * chord <= R1) {
-        zero_step(o, STEP_CLOSE);
-        for (int i = 0; i < 2; ++i) {
-            o->s[i] = p0[i] + t * dp[i];
-            o->B0[i][i] = rest;
-            o->B1[i][i] = t;
-            o->C0[i] = interpolate ? -dp[i] * g1 / (dg * dg) : 0.0;
-            o->C1[i] = interpolate ? dp[i] * g0 / (dg * dg) : 0.0;
-        }
-        return;
-    }
-    zero_step(o, STEP_SLIP);
-    for (int i = 0; i < 2; ++i) {
-        const double a = dp[i] / chord;
-        for (int j = 0; j < 2; ++j) {
-            const double across = ((i == j ? 1.0 : 0.0) - a * dp[j] / chord) * R1 / chord;
-            o->B0[i][j] = across;
-            o->B1[i][j] = (i == j ? 1.0 : 0.0) - across;
-        }
-        o->C1[i] = -mu * a;
-        o->s[i] = p1[i] - R1 * a;
-    }
-}
-
-/* From sample k0 to the next one, k1. */
-static void take_step(const bd_coulomb_work *work, double mu, int k0, int k1, const double *s, bd_step *o) {
-    const double p0[2] = {work->x[k0], work->y[k0]}, p1[2] = {work->x[k1], work->y[k1]};
-    const double g0 = work->g[k0], g1 = work->g[k1];
-    const double dp[2] = {p1[0] - p0[0], p1[1] - p0[1]};
-    if (!(g1 > 0.0)) {
-        zero_step(o, STEP_OPEN);
-        o->B1[0][0] = o->B1[1][1] = 1.0;
-        for (int i = 0; i < 2; ++i) o->s[i] = p1[i], o->ds[i] = p1[i] - s[i];
-        return;
-    }
-    if (!(g0 > 0.0)) {
-        close_step(o, work->interpolate ? -g0 / (g1 - g0) : 0.0, g0, g1, mu, dp, p0, p1, work->interpolate);
-        for (int i = 0; i < 2; ++i) o->ds[i] = o->s[i] - s[i];
-        return;
-    }
-    const double T[2] = {p0[0] - s[0], p0[1] - s[1]}, R0 = mu * g0, R1 = mu * g1, dR = R1 - R0, size = norm(T[0], T[1]);
-    const int edge = size >= R0 * (1.0 - EDGE);
-    if (edge && T[0] * dp[0] + T[1] * dp[1] > size * dR) {
-        const double e[2] = {T[0] / size, T[1] / size};
-        slip_step(o, e, 0.0, R0, R1, mu, dp, p1);
-        return;
-    }
-    if (norm(p1[0] - s[0], p1[1] - s[1]) <= R1) {
-        zero_step(o, STEP_STICK);
-        o->s[0] = s[0], o->s[1] = s[1];
-        o->A[0][0] = o->A[1][1] = 1.0;
-        return;
-    }
-    const double a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = T[0] * dp[0] + T[1] * dp[1] - R0 * dR;
-    const double c = edge ? 0.0 : (size - R0) * (size + R0), root = sqrt(fmax(b * b - a * c, 0.0));
-    const double tau = fmin(1.0, fmax(0.0, b >= 0.0 ? (b + root > 0.0 ? -c / (b + root) : 0.0) : (root - b) / a));
-    const double Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = norm(Te[0], Te[1]);
-    const double e[2] = {Te[0] / size_e, Te[1] / size_e};
-    slip_step(o, e, tau, R0 + tau * dR, R1, mu, dp, p1);
 }
 
 /* ---- rest ---- */
@@ -468,38 +318,13 @@ static void admit(const bd_coulomb_work *work, double *s) {
     s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-/* One period: F = P(s) - s, as the sum of all movements if asked for, and the derivative dP (2, 2) of P. */
-static void march(const bd_coulomb_work *work, double mu, const double *start, int summed, double *F, double dP[2][2]) {
-    double s[2] = {start[0], start[1]};
-    bd_step o;
-    F[0] = F[1] = 0.0;
-    dP[0][0] = dP[1][1] = 1.0;
-    dP[0][1] = dP[1][0] = 0.0;
-    for (int k = 0; k < work->n_time; ++k) {
-        take_step(work, mu, before(work, k), k, s, &o);
-        if (o.kind == STEP_STICK) continue;
-        for (int i = 0; i < 2; ++i) s[i] = o.s[i], F[i] += o.ds[i];
-        for (int j = 0; j < 2; ++j) {
-            const double d0 = dP[0][j], d1 = dP[1][j];
-            dP[0][j] = o.A[0][0] * d0 + o.A[0][1] * d1;
-            dP[1][j] = o.A[1][0] * d0 + o.A[1][1] * d1;
-        }
-    }
-    for (int i = 0; i < 2 && !summed; ++i) F[i] = s[i] - start[i];
-}
-
-/* Where the settled slider can be: (x - c) . Q^-1 (x - c) <= 1. */
-typedef struct {
-    double c[2], Q[2][2];
-} ellipse;
-
-static int contains(const ellipse *e, const double *x) {
+static int contains(const bd_ellipse *e, const double *x) {
     const double y[2] = {x[0] - e->c[0], x[1] - e->c[1]}, det = e->Q[0][0] * e->Q[1][1] - e->Q[0][1] * e->Q[1][0];
     return e->Q[1][1] * y[0] * y[0] - 2.0 * e->Q[0][1] * y[0] * y[1] + e->Q[0][0] * y[1] * y[1] <= 1.01 * det;
 }
 
 /* The smallest ellipse around the part of e with F . (x - m) >= 0, give or take a share `noise` of F. */
-static void cut(ellipse *e, const double *F, const double *m, double noise) {
+static void cut(bd_ellipse *e, const double *F, const double *m, double noise) {
     const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
     const double width = sqrt(F[0] * g[0] + F[1] * g[1]);
     const double depth = (F[0] * (m[0] - e->c[0]) + F[1] * (m[1] - e->c[1])) / width - noise;
@@ -516,44 +341,85 @@ static void cut(ellipse *e, const double *F, const double *m, double noise) {
     e->Q[1][0] = e->Q[0][1]; /* a difference would grow */
 }
 
-/* From a first guess to the settled slider at the end of the period, which barely moves or does; returns 0 if it was not
- * found. */
-static int settle(bd_coulomb_work *work, double mu, double size, int barely, double *s) {
+static void start_search(bd_coulomb_work *work, const bd_hold *centre, double size, bd_search *search) {
     const int last = work->n_time - 1;
     const double radius2 = work->R[last] * work->R[last];
-    ellipse around = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}};
-    double before = INFINITY; /* length of the latest step of Newton's method */
-    int n_row = 0;            /* such steps in a row; the first of them may grow, as slips across come after slips along */
-    work->n_period = work->n_newton = 0;
-    admit(work, s);
-    while (work->n_period < MOST_PERIODS) {
-        double F[2], dP[2][2], step[2] = {0.0, 0.0};
-        march(work, mu, s, barely, F, dP);
-        ++work->n_period;
-        const double far = norm(F[0], F[1]);
-        const int solved = solve_period(dP, F, step);
-        const double length = solved ? norm(step[0], step[1]) : INFINITY;
-        const int closer = solved && (n_row < FREE_STEPS || length < 0.5 * before);
-        if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
-            for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
-            admit(work, s);
-            return 1;
-        }
-        const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
-        cut(&around, F, middle, STILL * size / far);
-        const double next[2] = {s[0] + step[0], s[1] + step[1]};
-        if (closer && (length < 1e-6 * size || contains(&around, next))) {
-            before = length;
-            ++n_row;
-            ++work->n_newton;
-        } else {
-            before = INFINITY;
-            n_row = 0;
-        }
-        for (int i = 0; i < 2; ++i) s[i] = n_row > 0 ? next[i] : around.c[i];
-        admit(work, s);
+    *search = (bd_search){.state = BD_SEARCHING,
+                          .size = size,
+                          .centre = *centre,
+                          .s = {centre->s[0], centre->s[1]},
+                          .before = INFINITY,
+                          .around = {{work->x[last], work->y[last]}, {{radius2, 0.0}, {0.0, radius2}}}};
+    admit(work, search->s);
+}
+
+/* The next guess, from a period of slider lane that began at the latest one. */
+static void go_on(bd_coulomb_work *work, bd_search *search, int lane) {
+    const bd_slide *l = &work->lanes;
+    const double size = search->size, *from = search->centre.value < BARELY * size ? l->moved : l->end;
+    double F[2], dP[2][2], step[2] = {0.0, 0.0}, *s = search->s;
+    for (int i = 0; i < 2; ++i) {
+        F[i] = from[i * BD_LANES + lane] - (from == l->end ? s[i] : 0.0);
+        for (int j = 0; j < 2; ++j) dP[i][j] = l->slope[(2 * i + j) * BD_LANES + lane];
     }
-    return 0;
+    const double far = norm(F[0], F[1]);
+    const int solved = solve_period(dP, F, step);
+    const double length = solved ? norm(step[0], step[1]) : INFINITY;
+    const int closer = solved && (search->n_row < FREE_STEPS || length < 0.5 * search->before);
+    if (far == 0.0 || length <= SETTLED * size || (far <= STILL * size && !closer)) {
+        for (int i = 0; i < 2; ++i) s[i] += closer ? step[i] : F[i];
+        admit(work, s);
+        search->state = BD_SETTLED;
+        return;
+    }
+    if (++search->n_period >= MOST_PERIODS) search->state = BD_LOST;
+    const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
+    cut(&search->around, F, middle, STILL * size / far);
+    const double next[2] = {s[0] + step[0], s[1] + step[1]};
+    if (closer && (length < 1e-6 * size || contains(&search->around, next))) {
+        search->before = length;
+        ++search->n_row;
+    } else {
+        search->before = INFINITY;
+        search->n_row = 0;
+    }
+    for (int i = 0; i < 2; ++i) s[i] = search->n_row > 0 ? next[i] : search->around.c[i];
+    admit(work, s);
+}
+
+static void take_lane(bd_coulomb_work *work, int lane) {
+    const size_t n = (size_t)work->n_padded;
+    work->x = work->point + 4 * n * (size_t)lane;
+    work->y = work->x + n;
+    work->R = work->y + n;
+    work->g = work->R + n;
+}
+
+static void set_sliders(bd_coulomb_work *work, int n) {
+    memset(work->lanes.s, 0, sizeof work->lanes.s);
+    for (int lane = 0; lane < n; ++lane)
+        for (int i = 0; i < 2; ++i)
+            if (work->search[lane].state != BD_DONE) work->lanes.s[i * BD_LANES + lane] = work->search[lane].s[i];
+}
+
+/* Settles all lanes that slip; returns whether there are any. */
+static int settle(bd_coulomb_work *work, int n) {
+    int any = 0;
+    for (int searching = 1; searching;) {
+        searching = 0;
+        for (int lane = 0; lane < n; ++lane) searching |= work->search[lane].state == BD_SEARCHING;
+        if (!searching) break;
+        any = 1;
+        set_sliders(work, n);
+        work->kernel->slide(&work->lanes, 0, 0);
+        for (int lane = 0; lane < n; ++lane) {
+            if (work->search[lane].state != BD_SEARCHING) continue;
+            take_lane(work, lane);
+            go_on(work, work->search + lane, lane);
+        }
+        ++work->n_period;
+    }
+    return any;
 }
 
 /* ---- force and tangent over the settled period ---- */
@@ -569,20 +435,23 @@ static void end_stretch(bd_coulomb_work *work) {
     memset(work->stretch, 0, sizeof(double) * n_coef);
 }
 
-/* Derivative of the slider through one step that moved it. */
-static void advance(bd_coulomb_work *work, const bd_element *element, const bd_step *o, int k0, int k1) {
+/* Derivative of the slider through the step of a lane that ends at sample k and moved it. */
+static void advance(bd_coulomb_work *work, const bd_element *element, int lane, int k) {
     const size_t n_coef = (size_t)bd_n_coef(work->n_harm), n_col = 3 * n_coef + 2;
-    const double *b0 = basis_at(work, k0), *b1 = basis_at(work, k1);
+    const size_t stride = (size_t)work->n_time * BD_LANES;
+    const double *A = work->lanes.step + 2 * stride + (size_t)k * BD_LANES + (size_t)lane, *B0 = A + 4 * stride;
+    const double *B1 = A + 8 * stride, *C = A + 12 * stride, *b0 = basis_at(work, before(work, k)), *b1 = basis_at(work, k);
     const double kn = bd_law_is_constant(element->law) ? 0.0 : element->kn;
     for (size_t d = 0; d < 2; ++d) {
         double *restrict to = work->next + d * n_col;
         const double *restrict s0 = work->slider, *restrict s1 = work->slider + n_col;
-        for (size_t j = 0; j < n_col; ++j) to[j] = o->A[d][0] * s0[j] + o->A[d][1] * s1[j];
+        const double A0 = A[2 * d * stride], A1 = A[(2 * d + 1) * stride];
+        for (size_t j = 0; j < n_col; ++j) to[j] = A0 * s0[j] + A1 * s1[j];
         for (size_t c = 0; c < 2; ++c) {
-            const double kt = element->kt[c], f0 = kt * o->B0[d][c], f1 = kt * o->B1[d][c];
+            const double kt = element->kt[c], f0 = kt * B0[(2 * d + c) * stride], f1 = kt * B1[(2 * d + c) * stride];
             for (size_t j = 0; j < n_coef; ++j) to[c * n_coef + j] += f0 * b0[j] + f1 * b1[j];
         }
-        const double f0 = kn * o->C0[d], f1 = kn * o->C1[d];
+        const double f0 = kn * C[d * stride], f1 = kn * C[(2 + d) * stride];
         for (size_t j = 0; j < n_coef && kn > 0.0; ++j) to[2 * n_coef + j] += f0 * b0[j] + f1 * b1[j];
     }
     double *swap = work->slider;
@@ -610,14 +479,13 @@ static void start_slider(bd_coulomb_work *work, const bd_element *element) {
     }
 }
 
-/* Sums of force, and of the slider's derivative if tangent is asked for. */
-static void sum_period(bd_coulomb_work *work, const bd_element *element, double *s, int tangent, bd_response *out,
+/* Sums of force, and of the slider's derivative if tangent is asked for, over the settled period of a lane. */
+static void sum_period(bd_coulomb_work *work, const bd_element *element, int lane, int tangent, bd_response *out,
                        bd_status_share *share) {
     const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm), n_time = work->n_time;
-    const double weight = BD_TWO_PI / n_time;
+    const double weight = BD_TWO_PI / n_time, *s = work->lanes.step;
     double *F[2] = {out->F, out->F + n_coef};
     int n_open = 0, n_stick = 0;
-    bd_step o;
     memset(out->F, 0, sizeof(double) * 2 * (size_t)n_coef);
     memset(work->contact, 0, sizeof(double) * (size_t)n_power);
     work->n_segment = 0;
@@ -627,22 +495,22 @@ static void sum_period(bd_coulomb_work *work, const bd_element *element, double 
         start_slider(work, element);
     }
     for (int k = 0; k < n_time; ++k) {
-        take_step(work, element->mu, before(work, k), k, s, &o);
-        s[0] = o.s[0], s[1] = o.s[1];
-        if (tangent && o.kind != STEP_STICK) {
+        const int at = k * BD_LANES + lane, kind = work->lanes.kind[at];
+        if (tangent && kind != BD_STEP_STICK) {
             end_stretch(work);
-            advance(work, element, &o, before(work, k), k);
+            advance(work, element, lane, k);
         }
-        push_sample(work, k, o.kind == STEP_OPEN ? BD_OPEN : o.kind == STEP_SLIP ? BD_SLIP_PLUS : BD_STICK);
-        n_stick += o.kind == STEP_STICK || o.kind == STEP_CLOSE;
-        if (o.kind == STEP_OPEN) {
+        push_sample(work, k, kind == BD_STEP_OPEN ? BD_OPEN : kind == BD_STEP_SLIP ? BD_SLIP_PLUS : BD_STICK);
+        n_stick += kind == BD_STEP_STICK || kind == BD_STEP_CLOSE;
+        if (kind == BD_STEP_OPEN) {
             ++n_open;
             continue;
         }
-        const double *b = basis_at(work, k), *power = b - 1, T[2] = {work->x[k] - s[0], work->y[k] - s[1]};
+        const double *b = basis_at(work, k), *power = b - 1;
+        const double T[2] = {work->x[k] - s[at], work->y[k] - s[n_time * BD_LANES + at]};
         for (int d = 0; d < 2; ++d)
             for (int i = 0; i < n_coef; ++i) F[d][i] += weight * T[d] * b[i];
-        for (int i = 0; i < n_power; ++i) work->contact[i] += weight * power[i];
+        for (int i = 0; tangent && i < n_power; ++i) work->contact[i] += weight * power[i];
         for (int i = 0; tangent && i < n_coef; ++i) work->stretch[i] += weight * b[i];
     }
     if (tangent) end_stretch(work);
@@ -683,31 +551,53 @@ static void write_tangent(bd_coulomb_work *work, const bd_element *element, bd_r
         }
 }
 
-static double sample_motion(bd_coulomb_work *work, const bd_element *element, const double *x) {
-    const int n_coef = bd_n_coef(work->n_harm), constant = bd_law_is_constant(element->law);
-    double size = 0.0;
-    for (int k = 0; k < work->n_time; ++k) {
-        const double *b = basis_at(work, k);
-        double u[3] = {0.0, 0.0, 0.0};
-        for (int a = 0; a < 3; ++a)
-            for (int i = 0; i < n_coef; ++i) u[a] += b[i] * x[a * n_coef + i];
-        work->x[k] = element->kt[0] * u[0];
-        work->y[k] = element->kt[1] * u[1];
-        work->g[k] = constant ? element->load : element->n0 + element->kn * u[2];
-        work->R[k] = element->mu * fmax(work->g[k], 0.0);
-        size = fmax(size, fmax(fabs(work->x[k]) + fabs(work->y[k]), work->R[k]));
+/* Motion and load of all points at the samples, lane beside lane and point after point. */
+static void sample_motion(bd_coulomb_work *work, int n, const bd_element *element, const double *x) {
+    const int n_coef = bd_n_coef(work->n_harm), n_power = bd_n_power(work->n_harm);
+    bd_slide *l = &work->lanes;
+    memset(work->motion, 0, sizeof(double) * 3 * (size_t)n_coef * BD_LANES);
+    for (int lane = 0; lane < n; ++lane) {
+        const bd_element *e = element + lane;
+        const int rubs = work->search[lane].state != BD_DONE;
+        const double *from = x + 3 * (size_t)n_coef * (size_t)lane;
+        l->mu[lane] = e->mu;
+        for (int a = 0; a < 3 && rubs; ++a) {
+            double *to = work->motion + a * n_coef * BD_LANES + lane;
+            const double factor = a < 2 ? e->kt[a] : bd_law_is_constant(e->law) ? 0.0 : e->kn;
+            for (int i = 0; i < n_coef; ++i) to[i * BD_LANES] = factor * from[a * n_coef + i];
+            if (a == 2) to[0] += bd_law_is_constant(e->law) ? e->load : e->n0;
+        }
     }
-    return size;
+    double *value[3] = {l->x, l->y, l->g};
+    for (int a = 0; a < 3; ++a)
+        work->kernel->lane_values(n_coef, work->n_time, work->power, n_power, work->motion + a * n_coef * BD_LANES,
+                                  value[a]);
+    for (int i = 0; i < work->n_time * BD_LANES; ++i) l->R[i] = l->mu[i % BD_LANES] * (l->g[i] > 0.0 ? l->g[i] : 0.0);
+    for (int lane = 0; lane < n; ++lane) {
+        if (work->search[lane].state == BD_DONE) continue;
+        take_lane(work, lane);
+        for (int k = 0; k < work->n_time; ++k) {
+            const int at = k * BD_LANES + lane;
+            work->x[k] = l->x[at];
+            work->y[k] = l->y[at];
+            work->R[k] = l->R[at];
+            work->g[k] = l->g[at];
+        }
+        for (int k = work->n_time; k < work->n_padded; ++k) work->x[k] = work->y[k] = 0.0, work->R[k] = INFINITY;
+    }
 }
 
-void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
-                         bd_coulomb_work *work) {
-    const int n_coef = bd_n_coef(work->n_harm);
-    work->n_segment = work->n_period = 0;
-    if (!bd_element_rubs(element, 0) && !bd_element_rubs(element, 1)) return;
-    const double size = sample_motion(work, element, x);
+/* What geometry tells of a point; the others begin their search. */
+static void find_rest(bd_coulomb_work *work, const bd_element *element, const double *x, bd_response *out,
+                      bd_status_share *share, bd_search *search) {
+    double size = 0.0;
     int n_open = 0;
-    for (int k = 0; k < work->n_time; ++k) n_open += !(work->g[k] > 0.0);
+    for (int k = 0; k < work->n_time; ++k) {
+        n_open += !(work->g[k] > 0.0);
+        const double reach = fabs(work->x[k]) + fabs(work->y[k]), most = reach > work->R[k] ? reach : work->R[k];
+        size = most > size ? most : size;
+    }
+    search->state = BD_DONE;
     if (n_open == work->n_time) {
         work->segment[0] = (bd_segment){0.0, BD_TWO_PI, BD_OPEN};
         work->n_segment = 1;
@@ -716,42 +606,73 @@ void bd_coulomb_evaluate(const bd_element *element, const double *x, bd_response
     const double given[2] = {element->kt[0] * element->w[0], element->kt[1] * element->w[1]};
     const double scale = size + norm(given[0], given[1]) + 1e-300;
     const int tangent = out->dN != NULL;
-    const bd_disks disks = {work->n_time, work->x, work->y, work->R};
-    bd_hold hold = {.s = {given[0], given[1]}, .value = INFINITY};
+    const bd_disks disks = {work->n_padded, work->x, work->y, work->R, work->kernel};
+    bd_hold centre = {.s = {given[0], given[1]}, .value = INFINITY};
     int worst = 0;
     if (n_open == 0 && bd_disks_worst(&disks, given, &worst) <= SLACK * scale) {
         rest(work, element, x, given, out, share);
         return;
     }
-    if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &hold);
-    if (hold.value < -TOUCH * scale) {
-        const double way = bd_disks_enter(&disks, given, hold.s, &worst);
-        const double s[2] = {given[0] + way * (hold.s[0] - given[0]), given[1] + way * (hold.s[1] - given[1])};
-        rest(work, element, x, s, out, share);
-        if (tangent) {
-            derivative_of_rest(work, element, given, &hold, way, worst);
-            memset(work->stretch, 0, sizeof(double) * (size_t)n_coef);
-            work->stretch[0] = 1.0; /* bears on the mean force alone */
-            write_parts(work, element, 1, work->slider, work->stretch, out);
-        }
+    if (n_open == 0) bd_disks_centre(&disks, SLACK * scale, &centre);
+    if (centre.value > TOUCH * scale) {
+        start_search(work, &centre, scale, search);
         return;
     }
-    if (hold.value <= TOUCH * scale) {
-        rest(work, element, x, hold.s, out, share);
-        if (tangent) tangent_of_onset(work, element, &hold, out);
+    if (centre.value >= -TOUCH * scale) {
+        rest(work, element, x, centre.s, out, share);
+        if (tangent) tangent_of_onset(work, element, &centre, out);
         return;
     }
-    double s[2] = {hold.s[0], hold.s[1]};
-    if (!settle(work, element->mu, scale, hold.value < BARELY * scale, s)) {
-        for (int i = 0; i < 2 * n_coef; ++i) out->F[i] = NAN;
+    const double way = bd_disks_enter(&disks, given, centre.s, &worst);
+    const double s[2] = {given[0] + way * (centre.s[0] - given[0]), given[1] + way * (centre.s[1] - given[1])};
+    rest(work, element, x, s, out, share);
+    if (!tangent) return;
+    derivative_of_rest(work, element, given, &centre, way, worst);
+    memset(work->stretch, 0, sizeof(double) * (size_t)bd_n_coef(work->n_harm));
+    work->stretch[0] = 1.0; /* bears on the mean force alone */
+    write_parts(work, element, 1, work->slider, work->stretch, out);
+}
+
+static void finish(bd_coulomb_work *work, const bd_element *element, int lane, bd_response *out, bd_status_share *share) {
+    const bd_search *search = work->search + lane;
+    const int tangent = out->dN != NULL, onset = search->centre.value <= ONSET * search->size;
+    if (search->state == BD_LOST) {
+        for (int i = 0; i < 2 * bd_n_coef(work->n_harm); ++i) out->F[i] = NAN;
         out->tangential[0] = out->tangential[1] = BD_BLOCK_LINEAR;
         return;
     }
-    const int onset = hold.value <= ONSET * scale;
-    sum_period(work, element, s, tangent && !onset, out, share);
+    sum_period(work, element, lane, tangent && !onset, out, share);
     out->tangential[0] = out->tangential[1] = BD_BLOCK_FULL;
     out->coupled = 1;
     out->with_normal[0] = out->with_normal[1] = !bd_law_is_constant(element->law);
-    if (tangent && onset) tangent_of_onset(work, element, &hold, out);
+    if (tangent && onset) tangent_of_onset(work, element, &search->centre, out);
     if (tangent && !onset) write_tangent(work, element, out);
+}
+
+void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                         bd_coulomb_work *work) {
+    const size_t size = 3 * (size_t)bd_n_coef(work->n_harm);
+    int any = 0;
+    work->n_segment = work->n_period = 0;
+    for (int lane = 0; lane < n; ++lane) {
+        const bd_element *e = element + lane;
+        const int rubs = bd_law_is_coupled(e->law) && (bd_element_rubs(e, 0) || bd_element_rubs(e, 1));
+        work->search[lane].state = rubs ? BD_SEARCHING : BD_DONE;
+        any |= rubs;
+    }
+    if (!any) return;
+    sample_motion(work, n, element, x);
+    for (int lane = 0; lane < n; ++lane) {
+        if (work->search[lane].state == BD_DONE) continue;
+        take_lane(work, lane);
+        find_rest(work, element + lane, x + size * (size_t)lane, out + lane, share + lane, work->search + lane);
+    }
+    if (!settle(work, n)) return;
+    set_sliders(work, n);
+    work->kernel->slide(&work->lanes, 1, out->dN != NULL);
+    for (int lane = 0; lane < n; ++lane) {
+        if (work->search[lane].state == BD_DONE) continue;
+        take_lane(work, lane);
+        finish(work, element + lane, lane, out + lane, share + lane);
+    }
 }

@@ -16,19 +16,6 @@ enum { MOST_ROUNDS = 60 };
 
 static double norm(double x, double y) { return sqrt(x * x + y * y); }
 
-static double violation(const bd_disks *disks, int k, const double *s) {
-    return norm(disks->x[k] - s[0], disks->y[k] - s[1]) - disks->R[k];
-}
-
-double bd_disks_worst(const bd_disks *disks, const double *s, int *which) {
-    double most = -INFINITY;
-    for (int k = 0; k < disks->n; ++k) {
-        const double far = violation(disks, k, s);
-        if (far > most) most = far, *which = k;
-    }
-    return most;
-}
-
 /* ---- centre ---- */
 
 /* Two disks; value -infinity if one of them holds the centre alone. */

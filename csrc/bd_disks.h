@@ -2,11 +2,12 @@
 #ifndef BD_DISKS_H
 #define BD_DISKS_H
 
-#include "bd_types.h"
+#include "bd_kernel.h"
 
 typedef struct {
-    int n;
+    int n;                   /* a multiple of 8; disks beyond those there are have an infinite radius */
     const double *x, *y, *R; /* (n) centres and radii, which are positive */
+    const bd_kernel *kernel;
 } bd_disks;
 
 /* A point of the plane and the disks on whose edges (or at the same distance from them) it lies. */
@@ -17,7 +18,9 @@ typedef struct {
 } bd_hold;
 
 /* Largest of |c_k - s| - R_k over the disks, and the disk that has it. */
-double bd_disks_worst(const bd_disks *disks, const double *s, int *which);
+static inline double bd_disks_worst(const bd_disks *disks, const double *s, int *which) {
+    return disks->kernel->worst(disks->n, disks->x, disks->y, disks->R, s, which);
+}
 
 /* The point at which that is least.  It is negative if and only if the disks have common points inside. */
 void bd_disks_centre(const bd_disks *disks, double slack, bd_hold *hold);

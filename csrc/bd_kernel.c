@@ -200,6 +200,9 @@ void BD_JOIN(bd_lanes_march_, BD_VARIANT)(bd_lanes *lanes);
 void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double *power, int n_power, const double *x,
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
+void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
+double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
+                                      int *which);
 
 extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);
 const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
@@ -215,4 +218,6 @@ const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .march = BD_JOIN(bd_lanes_march_, BD_VARIANT),
     .lane_values = BD_JOIN(bd_lanes_values_, BD_VARIANT),
     .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),
+    .slide = BD_JOIN(bd_slide_, BD_VARIANT),
+    .worst = BD_JOIN(bd_worst_, BD_VARIANT),
 };

@@ -33,6 +33,22 @@ typedef struct {
     unsigned char *state;    /* (n_time, BD_LANES) bd_state of each sample, or NULL */
 } bd_lanes;
 
+/* What a step of coupled friction was. */
+enum { BD_STEP_STICK, BD_STEP_SLIP, BD_STEP_OPEN, BD_STEP_CLOSE };
+
+/* Coupled friction at BD_LANES contact points: see bd_slide.c. */
+typedef struct {
+    int n_time, interpolate;
+    double *x, *y, *R, *g; /* (n_time, BD_LANES) kt u; mu times the load; n0 + kn v, or the constant load */
+    double mu[BD_LANES];
+    double s[2 * BD_LANES];     /* (2, BD_LANES) slider at the start of the period */
+    double end[2 * BD_LANES];   /* at its end */
+    double moved[2 * BD_LANES]; /* sum of its movements: more exact than the difference where these are small */
+    double slope[4 * BD_LANES]; /* (2, 2, BD_LANES) derivative of the end with respect to the start */
+    double *step;               /* (18, n_time, BD_LANES) s, A, B0, B1 (2, 2), C0, C1 (2) of each step */
+    unsigned char *kind;        /* (n_time, BD_LANES) */
+} bd_slide;
+
 typedef struct {
     const char *name;
     /* C (m, n) += A^T B with A (k, m), B (k, n); row strides m, stride_b, stride_c. */
@@ -59,6 +75,10 @@ typedef struct {
     void (*lane_values)(int n_coef, int n_time, const double *power, int n_power, const double *x, double *value);
     /* E (n_power, BD_LANES) = sum of powers over the samples at which g > 0. */
     void (*lane_contact)(int n_power, int n_time, const double *power, const double *g, double *E);
+    /* One period of coupled friction; `kept` stores the steps, with their derivatives if `tangent`. */
+    void (*slide)(bd_slide *lanes, int kept, int tangent);
+    /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
+    double (*worst)(int n, const double *x, const double *y, const double *R, const double *s, int *which);
 } bd_kernel;
 
 /* Row stride of the matrices that fill_rows writes and product reads: whole vectors can run over the end of a row. */

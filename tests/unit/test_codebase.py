@@ -16,7 +16,7 @@ C_LEVELS = [
     {"bd_kernel"},
     {"bd_trig"},
     {"bd_element"},
-    {"bd_lanes", "bd_dispatch", "bd_event", "bd_sampled", "bd_disks"},
+    {"bd_lanes", "bd_slide", "bd_dispatch", "bd_event", "bd_sampled", "bd_disks"},
     {"bd_coulomb"},
     {"bd_contact"},
     {"bd_hbm"},
