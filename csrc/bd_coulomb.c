@@ -58,7 +58,7 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     memset(work, 0, sizeof *work);
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n_col = 3 * n_coef + 2;
     const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8, lanes = BD_LANES;
-    const size_t n_double = 4 * padded * lanes + 22 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
+    const size_t n_double = 4 * padded * lanes + 25 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
                             n_coef + n_coef * n_coef + n_power;
     work->memory = malloc(sizeof(double) * n_double);
     work->segment = malloc(sizeof(bd_segment) * k);
@@ -80,6 +80,9 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     work->lanes.y = m, m += k * lanes;
     work->lanes.R = m, m += k * lanes;
     work->lanes.g = m, m += k * lanes;
+    work->lanes.a = m, m += k * lanes;
+    work->lanes.b = m, m += k * lanes;
+    work->lanes.p = m, m += k * lanes;
     work->lanes.step = m, m += 18 * k * lanes;
     work->motion = m, m += 3 * n_coef * lanes;
     work->slider = m, m += 2 * n_col;
@@ -409,6 +412,7 @@ static int settle(bd_coulomb_work *work, int n) {
         searching = 0;
         for (int lane = 0; lane < n; ++lane) searching |= work->search[lane].state == BD_SEARCHING;
         if (!searching) break;
+        if (!any) work->kernel->slide_ways(&work->lanes);
         any = 1;
         set_sliders(work, n);
         work->kernel->slide(&work->lanes, 0, 0);

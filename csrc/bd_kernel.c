@@ -201,6 +201,7 @@ void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double 
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
 void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes);
 double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                       int *which);
 
@@ -219,5 +220,6 @@ const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .lane_values = BD_JOIN(bd_lanes_values_, BD_VARIANT),
     .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),
     .slide = BD_JOIN(bd_slide_, BD_VARIANT),
+    .slide_ways = BD_JOIN(bd_slide_ways_, BD_VARIANT),
     .worst = BD_JOIN(bd_worst_, BD_VARIANT),
 };

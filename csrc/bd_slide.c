@@ -81,14 +81,25 @@ typedef struct {
     bd_vec s[2], ds[2], A[2][2], B0[2][2], B1[2][2], C0[2], C1[2];
 } step;
 
+/* Of a slip by the part D of the way dp, what does not depend on the slider if that is all of it. */
+typedef struct {
+    bd_vec length, a[2], p; /* |D|, D/|D|, 1 - q */
+    bd_inverse inverse;
+} way;
+
+BD_INLINE way way_of(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
+    way w = {.length = bd_max(root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)), .inverse = mean_inverse(R_e, R1, tangent)};
+    for (int i = 0; i < 2; ++i) w.a[i] = D[i] / w.length;
+    w.p = lost(w.length * w.inverse.L);
+    return w;
+}
+
 /* Slip over the rest 1 - tau of the step, from the force direction e on the edge R_e. */
-BD_INLINE void slip_step(step *o, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu, const bd_vec *dp,
-                         const bd_vec *p1, const int tangent) {
+BD_INLINE void slip_step(step *o, const way *w, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_vec R1, bd_vec mu,
+                         const bd_vec *dp, const bd_vec *p1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0), rest = one - tau;
-    const bd_vec D[2] = {rest * dp[0], rest * dp[1]};
-    const bd_vec length = bd_max(root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300));
-    const bd_inverse inv = mean_inverse(R_e, R1, tangent);
-    const bd_vec p = lost(length * inv.L), q = one - p, a[2] = {D[0] / length, D[1] / length};
+    const bd_vec D[2] = {rest * dp[0], rest * dp[1]}, length = w->length, *a = w->a, p = w->p, q = one - p;
+    const bd_inverse inv = w->inverse;
     const bd_vec c = bd_min(bd_max(a[0] * e[0] + a[1] * e[1], bd_all(-1.0 + 1e-14)), one);
     const bd_vec X = one + c, Y = one - c, q2 = q * q, inverse = one / (X + q2 * Y);
     const bd_vec alpha = (X - q2 * Y) * inverse, beta = two * q * inverse;
@@ -101,9 +112,8 @@ BD_INLINE void slip_step(step *o, const bd_vec *e, bd_vec tau, bd_vec R_e, bd_ve
         o->ds[i] = D[i] - R1 * de - (R1 - R_e) * e[i];
         V_c[i] = a[i] * (alpha_c - beta) + side[i] * beta_c;
     }
-    const bd_vec size = one / root(e1[0] * e1[0] + e1[1] * e1[1]), scale = R1 / R_e;
+    const bd_vec scale = R1 / R_e;
     for (int i = 0; i < 2; ++i) {
-        e1[i] *= size;
         o->s[i] = p1[i] - R1 * e1[i];
         for (int j = 0; j < 2; ++j) M_e[i][j] = V_c[i] * a[j] + (i == j ? beta : zero);
     }
@@ -172,15 +182,20 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
     const bd_mask slips = direct | (contact & ~(bd_mask)(root(end[0] * end[0] + end[1] * end[1]) <= R1));
     bd_mask slipping = slips;
     *sticks = contact & ~slips;
-    if (bd_any(slips)) {
+    if (!tangent && bd_any(slips) && !bd_any(slips & ~direct)) {
+        const bd_vec e[2] = {T[0] / size, T[1] / size};
+        way w = {.length = one, .a = {bd_load(l->a + at1), bd_load(l->b + at1)}, .p = bd_load(l->p + at1)};
+        slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, 0);
+    } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
         const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = root(bd_max(b * b - a * c, zero));
         const bd_vec late =
             bd_select((bd_mask)(b >= zero), bd_select((bd_mask)(b + h > zero), (zero - c) / (b + h), zero), (h - b) / a);
-        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, late)));
+        const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, late))), rest = one - tau;
         const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = root(Te[0] * Te[0] + Te[1] * Te[1]);
-        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e};
-        slip_step(o, e, tau, R0 + tau * dR, R1, mu, dp, p1, tangent);
+        const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR, D[2] = {rest * dp[0], rest * dp[1]};
+        const way w = way_of(D, R_e, R1, tangent);
+        slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
     }
     if (bd_any(closing))
         close_step(o, &slipping, closing, bd_all(l->interpolate ? -1.0 : 0.0) * g0 / (g1 - g0), g0, g1, mu, R1, s, dp, p0,
@@ -255,6 +270,19 @@ BD_INLINE void period(bd_slide *l, const int kept, const int tangent) {
             for (int j = 0; j < 2; ++j) bd_store(l->slope + (2 * i + j) * BD_LANES + v * BD_WIDTH, P[i][j]);
         }
     }
+}
+
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l);
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l) {
+    for (int k = 0; k < l->n_time; ++k)
+        for (int v = 0; v < N_VEC; ++v) {
+            const int at1 = k * BD_LANES + v * BD_WIDTH, at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
+            const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0), bd_load(l->y + at1) - bd_load(l->y + at0)};
+            const way w = way_of(D, bd_load(l->R + at0), bd_load(l->R + at1), 0);
+            bd_store(l->a + at1, w.a[0]);
+            bd_store(l->b + at1, w.a[1]);
+            bd_store(l->p + at1, w.p);
+        }
 }
 
 void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *l, int kept, int tangent);
