@@ -58,7 +58,7 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     memset(work, 0, sizeof *work);
     const size_t n_coef = (size_t)bd_n_coef(sampled->n_harm), k = (size_t)sampled->n_time, n_col = 3 * n_coef + 2;
     const size_t n_power = (size_t)bd_n_power(sampled->n_harm), padded = (k + 7) / 8 * 8, lanes = BD_LANES;
-    const size_t n_double = 4 * padded * lanes + 25 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
+    const size_t n_double = 4 * padded * lanes + 29 * k * lanes + 3 * n_coef * lanes + 4 * n_col + 2 * n_coef * n_col +
                             n_coef + n_coef * n_coef + n_power;
     work->memory = malloc(sizeof(double) * n_double);
     work->segment = malloc(sizeof(bd_segment) * k);
@@ -80,9 +80,7 @@ bd_status bd_coulomb_create(bd_coulomb_work *work, const bd_sampled_work *sample
     work->lanes.y = m, m += k * lanes;
     work->lanes.R = m, m += k * lanes;
     work->lanes.g = m, m += k * lanes;
-    work->lanes.a = m, m += k * lanes;
-    work->lanes.b = m, m += k * lanes;
-    work->lanes.p = m, m += k * lanes;
+    work->lanes.way = m, m += 7 * k * lanes;
     work->lanes.step = m, m += 18 * k * lanes;
     work->motion = m, m += 3 * n_coef * lanes;
     work->slider = m, m += 2 * n_col;
@@ -406,13 +404,13 @@ static void set_sliders(bd_coulomb_work *work, int n) {
 }
 
 /* Settles all lanes that slip; returns whether there are any. */
-static int settle(bd_coulomb_work *work, int n) {
+static int settle(bd_coulomb_work *work, int n, int tangent) {
     int any = 0;
     for (int searching = 1; searching;) {
         searching = 0;
         for (int lane = 0; lane < n; ++lane) searching |= work->search[lane].state == BD_SEARCHING;
         if (!searching) break;
-        if (!any) work->kernel->slide_ways(&work->lanes);
+        if (!any) work->kernel->slide_ways(&work->lanes, tangent);
         any = 1;
         set_sliders(work, n);
         work->kernel->slide(&work->lanes, 0, 0);
@@ -671,7 +669,7 @@ void bd_coulomb_evaluate(int n, const bd_element *element, const double *x, bd_r
         take_lane(work, lane);
         find_rest(work, element + lane, x + size * (size_t)lane, out + lane, share + lane, work->search + lane);
     }
-    if (!settle(work, n)) return;
+    if (!settle(work, n, out->dN != NULL)) return;
     set_sliders(work, n);
     work->kernel->slide(&work->lanes, 1, out->dN != NULL);
     for (int lane = 0; lane < n; ++lane) {

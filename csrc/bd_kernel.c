@@ -201,7 +201,7 @@ void BD_JOIN(bd_lanes_values_, BD_VARIANT)(int n_coef, int n_time, const double 
                                            double *value);
 void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const double *power, const double *g, double *E);
 void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes);
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes, int tangent);
 double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                       int *which);
 

@@ -40,7 +40,7 @@ enum { BD_STEP_STICK, BD_STEP_SLIP, BD_STEP_OPEN, BD_STEP_CLOSE };
 typedef struct {
     int n_time, interpolate;
     double *x, *y, *R, *g; /* (n_time, BD_LANES) kt u; mu times the load; n0 + kn v, or the constant load */
-    double *a, *b, *p;     /* (n_time, BD_LANES) of the whole step to a sample: direction of dp, 1 - q */
+    double *way;           /* (7, n_time, BD_LANES) of the whole step to a sample what does not depend on the slider */
     double mu[BD_LANES];
     double s[2 * BD_LANES];     /* (2, BD_LANES) slider at the start of the period */
     double end[2 * BD_LANES];   /* at its end */
@@ -78,7 +78,7 @@ typedef struct {
     void (*lane_contact)(int n_power, int n_time, const double *power, const double *g, double *E);
     /* One period of coupled friction; `kept` stores the steps, with their derivatives if `tangent`. */
     void (*slide)(bd_slide *lanes, int kept, int tangent);
-    void (*slide_ways)(bd_slide *lanes); /* before it: a, b, p */
+    void (*slide_ways)(bd_slide *lanes, int tangent); /* before it: way */
     /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
     double (*worst)(int n, const double *x, const double *y, const double *R, const double *s, int *which);
 } bd_kernel;

@@ -140,6 +140,27 @@ BD_INLINE void slip_step(step *o, const way *w, const bd_vec *e, bd_vec tau, bd_
 
 BD_INLINE void choose(bd_vec *to, bd_mask mask, bd_vec x) { *to = bd_select(mask, x, *to); }
 
+BD_INLINE double *way_part(const bd_slide *l, int at, int part) { return l->way + part * l->n_time * BD_LANES + at; }
+
+BD_INLINE void save_way(bd_slide *l, int at, const way *w, const int tangent) {
+    bd_store(way_part(l, at, 0), w->a[0]);
+    bd_store(way_part(l, at, 1), w->a[1]);
+    bd_store(way_part(l, at, 2), w->p);
+    if (!tangent) return;
+    bd_store(way_part(l, at, 3), w->length);
+    bd_store(way_part(l, at, 4), w->inverse.L);
+    bd_store(way_part(l, at, 5), w->inverse.L0);
+    bd_store(way_part(l, at, 6), w->inverse.L1);
+}
+
+BD_INLINE way load_way(const bd_slide *l, int at, const int tangent) {
+    way w = {.a = {bd_load(way_part(l, at, 0)), bd_load(way_part(l, at, 1))}, .p = bd_load(way_part(l, at, 2))};
+    if (!tangent) return w;
+    w.length = bd_load(way_part(l, at, 3));
+    w.inverse = (bd_inverse){bd_load(way_part(l, at, 4)), bd_load(way_part(l, at, 5)), bd_load(way_part(l, at, 6))};
+    return w;
+}
+
 /* Closing: where the limit is zero between the samples. */
 BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0, bd_vec g1, bd_vec mu, bd_vec R1,
                           const bd_vec *s, const bd_vec *dp, const bd_vec *p0, const bd_vec *p1, int interpolate,
@@ -182,10 +203,10 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
     const bd_mask slips = direct | (contact & ~(bd_mask)(root(end[0] * end[0] + end[1] * end[1]) <= R1));
     bd_mask slipping = slips;
     *sticks = contact & ~slips;
-    if (!tangent && bd_any(slips) && !bd_any(slips & ~direct)) {
+    if (bd_any(slips) && !bd_any(slips & ~direct)) {
         const bd_vec e[2] = {T[0] / size, T[1] / size};
-        way w = {.length = one, .a = {bd_load(l->a + at1), bd_load(l->b + at1)}, .p = bd_load(l->p + at1)};
-        slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, 0);
+        const way w = load_way(l, at1, tangent);
+        slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
     } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
         const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = root(bd_max(b * b - a * c, zero));
@@ -272,17 +293,22 @@ BD_INLINE void period(bd_slide *l, const int kept, const int tangent) {
     }
 }
 
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l);
-void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l) {
+BD_INLINE void ways(bd_slide *l, const int tangent) {
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
             const int at1 = k * BD_LANES + v * BD_WIDTH, at0 = (k > 0 ? k - 1 : l->n_time - 1) * BD_LANES + v * BD_WIDTH;
             const bd_vec D[2] = {bd_load(l->x + at1) - bd_load(l->x + at0), bd_load(l->y + at1) - bd_load(l->y + at0)};
-            const way w = way_of(D, bd_load(l->R + at0), bd_load(l->R + at1), 0);
-            bd_store(l->a + at1, w.a[0]);
-            bd_store(l->b + at1, w.a[1]);
-            bd_store(l->p + at1, w.p);
+            const way w = way_of(D, bd_load(l->R + at0), bd_load(l->R + at1), tangent);
+            save_way(l, at1, &w, tangent);
         }
+}
+
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l, int tangent);
+void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *l, int tangent) {
+    if (tangent)
+        ways(l, 1);
+    else
+        ways(l, 0);
 }
 
 void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *l, int kept, int tangent);
