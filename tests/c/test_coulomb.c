@@ -130,6 +130,105 @@ static void test_tangent(bd_law law, bd_evaluation evaluation) {
     bd_evaluator_destroy(&e);
 }
 
+/* Eight points beside each other, of which some rest, slip, open or follow another law, are the same as one by one. */
+static void test_lanes(void) {
+    unsigned long long seed = 5;
+    bd_evaluator e;
+    CHECK(bd_evaluator_create(&e, BD_SAMPLED, 2, 64) == BD_OK);
+    for (int trial = 0; trial < 40; ++trial) {
+        static result many[BD_LANES], one;
+        bd_element element[BD_LANES];
+        bd_response out[BD_LANES];
+        bd_status_share share[BD_LANES];
+        double x[BD_LANES * 15];
+        for (int i = 0; i < BD_LANES * 15; ++i) x[i] = uniform(&seed);
+        for (int lane = 0; lane < BD_LANES; ++lane) {
+            const bd_law law[4] = {BD_LAW_COUPLED, BD_LAW_COUPLED_CONSTANT, BD_LAW_COUPLED, BD_LAW_SEPARABLE};
+            element[lane] = (bd_element){.law = law[lane % 4],
+                                         .kt = {1.5, 1.5 + uniform(&seed)},
+                                         .kn = 1.5 + uniform(&seed),
+                                         .mu = 0.5,
+                                         .n0 = 3.0 + 4.0 * uniform(&seed),
+                                         .load = 2.0 + uniform(&seed)};
+            double *b = many[lane].block;
+            out[lane] = (bd_response){
+                .F = many[lane].F, .dT = {b, b + 25}, .dTv = {b + 50, b + 75}, .dTc = {b + 100, b + 125}, .dN = b + 150};
+        }
+        bd_contact_evaluate_many(BD_LANES, element, x, out, share, &e);
+        for (int lane = 0; lane < BD_LANES; ++lane) {
+            bd_element_write_blocks(element + lane, 2, out + lane);
+            evaluate(&e, element + lane, x + 15 * lane, &one);
+            for (int i = 0; i < 15; ++i) CHECK_NEAR(many[lane].F[i], one.F[i], 1e-11);
+            for (int i = 0; i < 7 * 25; ++i)
+                CHECK_NEAR(many[lane].block[i], one.block[i], 1e-8 * (1.0 + fabs(one.block[i])));
+            CHECK_NEAR(share[lane].slip[0], one.share.slip[0], 1e-12);
+        }
+    }
+    bd_evaluator_destroy(&e);
+}
+
+/* All builds of the inner loop move the sliders alike, and through whole steps of slip as the closed form says. */
+static void test_slide(void) {
+    enum { N = 64, SIZE = N * BD_LANES };
+    static double memory[3][(4 + 7 + 18) * SIZE];
+    static unsigned char kind[3][SIZE];
+    bd_slide l[3];
+    const bd_kernel *kernel[3];
+    const int n = bd_kernel_all(kernel);
+    int slips = 0, opens = 0, closes = 0, sticks = 0;
+    for (int v = 0; v < n; ++v) {
+        unsigned long long seed = 8;
+        double *m = memory[v];
+        l[v] = (bd_slide){.n_time = N, .interpolate = 1, .x = m, .y = m + SIZE, .R = m + 2 * SIZE, .g = m + 3 * SIZE};
+        l[v].way = m + 4 * SIZE, l[v].step = m + 11 * SIZE, l[v].kind = kind[v];
+        for (int lane = 0; lane < BD_LANES; ++lane) {
+            const double a = uniform(&seed), b = uniform(&seed), c = 2.0 * uniform(&seed), swing = lane < 2 ? 1e-6 : lane;
+            l[v].mu[lane] = 0.4;
+            for (int k = 0; k < N; ++k) {
+                const double t = BD_TWO_PI * k / N, g = 1.0 + 0.2 * swing * cos(t + c);
+                const int at = k * BD_LANES + lane;
+                l[v].x[at] = cos(t) + 0.3 * a * sin(2 * t);
+                l[v].y[at] = a * sin(t) + b * cos(2 * t);
+                l[v].g[at] = g;
+                l[v].R[at] = 0.4 * fmax(g, 0.0);
+            }
+        }
+        kernel[v]->slide_ways(l + v, 1);
+        kernel[v]->slide(l + v, 0, 0); /* from zero to where the limits allow */
+        memcpy(l[v].s, l[v].end, sizeof l[v].s);
+        kernel[v]->slide(l + v, 1, 1);
+        for (int i = 0; i < 4 * BD_LANES; ++i) {
+            CHECK_NEAR(l[v].slope[i], l[0].slope[i], 1e-12);
+            if (i >= 2 * BD_LANES) continue;
+            CHECK_NEAR(l[v].end[i], l[0].end[i], 1e-13);
+            CHECK_NEAR(l[v].moved[i], l[v].end[i] - l[v].s[i], 1e-11);
+        }
+        for (int i = 0; i < SIZE; ++i) CHECK(kind[v][i] == kind[0][i]);
+        for (int part = 0; part < 18; ++part)
+            for (int i = 0; i < SIZE; ++i)
+                if (part < 2 || kind[v][i] != BD_STEP_STICK)
+                    CHECK_NEAR(l[v].step[part * SIZE + i], l[0].step[part * SIZE + i],
+                               1e-9 * (1.0 + fabs(l[0].step[part * SIZE + i])));
+        for (int lane = 0; lane < BD_LANES; ++lane)
+            for (int k = 1; k < N; ++k) {
+                const int at = k * BD_LANES + lane, from = at - BD_LANES;
+                slips += kind[v][at] == BD_STEP_SLIP, opens += kind[v][at] == BD_STEP_OPEN;
+                closes += kind[v][at] == BD_STEP_CLOSE, sticks += kind[v][at] == BD_STEP_STICK;
+                const double R0 = l[v].R[from], R1 = l[v].R[at], *s = l[v].step, *r = s + SIZE;
+                const double T0 = l[v].x[from] - s[from], T1 = l[v].y[from] - r[from];
+                const double d0 = l[v].x[at] - l[v].x[from], d1 = l[v].y[at] - l[v].y[from], D = hypot(d0, d1);
+                if (kind[v][at] != BD_STEP_SLIP || !(R0 > 0.0) || hypot(T0, T1) < R0 * (1.0 - 1e-13)) continue;
+                if (T0 * d0 + T1 * d1 <= R0 * (R1 - R0)) continue;
+                const double before = atan2(d0 * T1 - d1 * T0, d0 * T0 + d1 * T1);
+                const double time = R1 == R0 ? 1.0 / R0 : log1p((R1 - R0) / R0) / (R1 - R0);
+                const double after = 2.0 * atan(tan(0.5 * before) * exp(-D * time)), turn = atan2(d1, d0) + after;
+                CHECK_NEAR(s[at], l[v].x[at] - R1 * cos(turn), 1e-12);
+                CHECK_NEAR(r[at], l[v].y[at] - R1 * sin(turn), 1e-12);
+            }
+    }
+    CHECK(slips > 100 * n && opens > 10 * n && closes >= n && sticks > 10 * n);
+}
+
 static void test_refusal(void) {
     CHECK(!bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED) && !bd_evaluation_serves(BD_EXACT, BD_LAW_COUPLED_CONSTANT));
     CHECK(bd_evaluation_serves(BD_EXACT, BD_LAW_BONDED) && bd_evaluation_serves(BD_SAMPLED, BD_LAW_COUPLED));
@@ -144,6 +243,8 @@ int main(void) {
     test_tangent(BD_LAW_COUPLED, BD_SAMPLED);
     test_tangent(BD_LAW_COUPLED_CONSTANT, BD_SAMPLED);
     test_tangent(BD_LAW_COUPLED, BD_SAMPLED_PLAIN);
+    test_lanes();
+    test_slide();
     test_refusal();
     return check_result();
 }
