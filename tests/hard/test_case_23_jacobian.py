@@ -142,7 +142,7 @@ def coupled_load_vanishes(state, event):
 
     While the limit R of friction vanishes over a step in which the slider moves by D, the angle of the force to the motion
     turns by a factor R^(D/dR).  The Jacobian approaches its limit with that power of R (less one where it grows again from
-    zero), which may be any positive one.
+    zero), which may be any positive one, so that no decrease can be asked for within a few decades.
     """
     X, _, _ = state.system.contact(state.at(event))
     theta = 2 * np.pi * np.arange(N_TIME) / N_TIME
@@ -163,9 +163,7 @@ def check_event(state, seed):
         assert errors[3] < 1e-3, (seed, state.name, errors)
         _, J, _ = state.evaluate(event)
         rounding = 4e-14 * np.abs(J @ state.at(event)).max() / np.abs(J @ state.direction).max() / abs(h)
-        if coupled_load_vanishes(state, event):
-            assert all(b < 0.9 * a + 1e-5 for a, b in zip(errors, errors[1:])), (seed, state.name, errors)
-        else:
+        if not coupled_load_vanishes(state, event):
             assert errors[3] < 0.1 * errors[0] + max(1e-5, 1e3 * rounding), (seed, state.name, errors)
     return True
 
