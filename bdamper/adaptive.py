@@ -35,7 +35,7 @@ from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
 from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
-from bdamper.system import OK, HarmonicSystem
+from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
     from bdamper.response import Curve
@@ -116,7 +116,7 @@ class AdaptivePeak:
         What was switched on, and why.
     remaining : tuple of Remaining
         Each effect of the study: on or off, and the estimated change that is left.
-    seconds : float
+    cost : Cost
     """
 
     preload: float
@@ -133,7 +133,12 @@ class AdaptivePeak:
     reason: str
     log: tuple[str, ...] = ()
     remaining: tuple[Remaining, ...] = ()
-    seconds: float = field(default=0.0, compare=False)
+    cost: Cost = field(default_factory=Cost, compare=False)
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time in all."""
+        return self.cost.seconds
 
     @property
     def converged(self) -> bool:
@@ -152,6 +157,7 @@ class AdaptivePeak:
             rest = f", the rest would change it by {100 * r.amplitude:+.2g} % and {100 * r.frequency:+.2g} %"
             left = "" if r.state == "as in the study" else rest
             lines.append(f"  {r.effect}: {r.setting} ({r.state}{left})")
+        lines.append(f"  {self.cost}")
         return "\n".join(lines)
 
 
@@ -182,6 +188,7 @@ class Search:
         self.preload = preload
         self.frequency = frequency
         self.tolerance = tolerance
+        self.meter = CostMeter(time.perf_counter())
         self.log: list[str] = []
         self.best: _Found | None = None
         self.walked: Peak | None = None
@@ -216,7 +223,9 @@ class Search:
             study = self.study
             if on != self.everything:
                 study = study.with_effects(replace(self.own, harmonics=on.harmonics, damper_modes=on.damper_modes))
-            self.variants[on] = study, study.system(self.preload)
+            system = study.system(self.preload)
+            self.meter.watch(system)
+            self.variants[on] = study, system
         return self.variants[on]
 
     def moved(self, y: NDArray, on: On, to: On) -> NDArray:
@@ -228,6 +237,7 @@ class Search:
         """A curve and its peaks that come near the highest, the highest first."""
         study, system = self.variant(on)
         curve = study.track(self.preload, self.frequency, options=options)
+        self.meter.add(curve.cost)
         peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
         top = f"{peaks[0].amplitude:.4g} m at {peaks[0].frequency:.5g} Hz" if peaks else "none"
         self.log.append(f"curve with {on}: {curve.status}, {len(curve)} points, peak {top}")
@@ -478,23 +488,23 @@ def adaptive_peak(
     AdaptivePeak
     """
     check_tolerance(tolerance)
-    begin = time.perf_counter()
     search = Search(study, float(preload), frequency, tolerance)
     curve = search.run()
     best = search.best
-    seconds = time.perf_counter() - begin
     if best is None:
         reason = "the response has no maximum inside the interval" if len(curve) else curve.reason
         nothing = np.zeros(0)
         return AdaptivePeak(
             float(preload), np.nan, np.nan, search.own, nothing, np.nan, np.nan, np.nan, tolerance, np.nan, "no peak",
-            f"{reason} ({curve.status}: {curve.reason})", tuple(search.log), (), seconds,
+            f"{reason} ({curve.status}: {curve.reason})", tuple(search.log), (),
+            search.meter.read(time.perf_counter()),
         )  # fmt: skip
     peak, e = best.peak, best.estimate
     change = (0.0, 0.0, 0.0) if e is None else (e.amplitude, e.frequency, e.size)
     return AdaptivePeak(
         float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(best.on)[0]), peak.y, *change,
-        tolerance, peak.residual, "converged", "", tuple(search.log), remaining(search, best), seconds,
+        tolerance, peak.residual, "converged", "", tuple(search.log), remaining(search, best),
+        search.meter.read(time.perf_counter()),
     )  # fmt: skip
 
 

@@ -167,6 +167,9 @@ def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
     assert found.converged and found.effects.harmonics == (1,)
     assert found.amplitude == pytest.approx(truth.amplitude, rel=1e-5)
     assert "harmonics 1;" in str(found)
+    cost = found.cost
+    assert cost.evaluations > 0 and cost.iterations > 0 and 0.0 < cost.core < cost.seconds == found.seconds
+    assert str(cost) in str(found)
 
 
 def test_adaptive_peak_of_a_slipping_contact_is_that_of_the_study(full):
