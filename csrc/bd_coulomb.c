@@ -200,7 +200,7 @@ static double turn_of_slip(const bd_coulomb_work *work, const bd_hold *hold, int
 /* Derivatives (n, 2, n_col) of the slider after each of the disks that hold it at the onset of slip. */
 static void derivative_of_onset(bd_coulomb_work *work, const bd_element *element, const bd_hold *hold) {
     const size_t n_col = 3 * (size_t)bd_n_coef(work->n_harm) + 2, n = (size_t)hold->n;
-    double *D = work->held, *across = work->slider, *follow = work->next, e[3][2], r[3];
+    double *D = work->held, *across = work->slider, *follow = work->next, e[3][2] = {{0.0}}, r[3] = {0.0};
     memset(D, 0, sizeof(double) * n * 2 * n_col);
     memset(across, 0, sizeof(double) * n_col);
     for (int i = 0; i < hold->n; ++i) r[i] = direction(work, hold, i, e[i]);
