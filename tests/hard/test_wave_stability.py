@@ -8,9 +8,10 @@ import pytest
 import bdamper as bd
 from bdamper.continuation import ContinuationOptions
 from bdamper.disturbances import WaveDisturbances
-from bdamper.stability import NEUTRAL, monodromy
+from bdamper.stability import NEUTRAL, monodromy, multipliers
 from bdamper.system import CostMeter
 from bdamper.timedomain import Ring
+from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import wedge_model
 from tests.physics import test_full_annulus as annulus
 
@@ -54,6 +55,36 @@ def test_at_exponent_zero_stands_the_jacobian(curve):
         du = rng.normal(size=len(u))
         expected = exponential(J @ du)
         np.testing.assert_allclose(D @ exponential(du), expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def nearest_root(d, root):
+    """Newton's method on the determinant."""
+    h = 1e-4 * d.omega
+    for _ in range(30):
+        D = d.matrix(np.array([root, root + h]))
+        step = 1.0 / np.trace(np.linalg.solve(D[0], D[1] - D[0])) * h
+        root -= step * min(1.0, 0.05 * d.omega / abs(step))
+        if abs(step) < 1e-10 * d.omega:
+            break
+    return root
+
+
+def test_multipliers_along_the_events_are_roots():
+    """Two oscillators with stick, slip and separation, no wave: the memory of sliders away from exponent zero."""
+    distance = {}
+    for harmonics in (7, 15):
+        system = two_oscillators(harmonics)
+        points = [p for p in followed(system, 1.0, 2.42, STUCK).points if p.shares[0] < 0.45][::12]
+        assert len(points) >= 2
+        distance[harmonics] = 0.0
+        for p in points:
+            d = WaveDisturbances(system, p.y[:-1], p.y[-1])
+            period = 2 * np.pi / p.y[-1]
+            for value in multipliers(system, p.y[:-1], p.y[-1])[:2]:
+                root = nearest_root(d, np.log(value + 0j) / period)
+                distance[harmonics] = max(distance[harmonics], abs(np.exp(root * period) - value))
+    assert distance[15] < 5e-3
+    assert distance[15] < distance[7]
 
 
 @pytest.mark.parametrize("mirrored", [True, False])
@@ -146,12 +177,7 @@ def test_exponents_of_the_wave_are_multipliers_of_the_annulus():
         for value in values[:8:2]:
             nearest = np.inf
             for turn in range(-3, 4):
-                root = np.log(value + 0j) / period + 1j * turn * omega
-                for _ in range(25):
-                    h = 1e-4 * omega
-                    D = d.matrix([root, root + h])
-                    step = 1.0 / np.trace(np.linalg.solve(D[0], D[1] - D[0])) * h
-                    root -= step * min(1.0, 0.05 * omega / abs(step))
+                root = nearest_root(d, np.log(value + 0j) / period + 1j * turn * omega)
                 nearest = min(nearest, abs(np.exp(root * period) - value))
             found.append(nearest)
         distance[highest] = np.array(found)
