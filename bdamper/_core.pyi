@@ -49,6 +49,7 @@ class System:
         rank_tolerance: float = 1e-14,
         ramp: NDArray[np.float64] | None = None,
         omega: float = 0.0,
+        support: NDArray[np.float64] | None = None,
     ) -> tuple[int, int, float, float, float, float, int, tuple[float, float, float], int]: ...
     def peak(
         self,

@@ -176,9 +176,12 @@ def _joined(base: Curve, outside: NDArray, pieces: list[Curve]) -> Curve:
     judged = [s for s in stable if s is not None]
     arrays["stable"] = np.concatenate(judged) if judged and len(judged) == len(stable) else None
     bad = [piece for piece in pieces if not piece.complete]
+    spans = [(piece.frequency.min(), piece.frequency.max()) for piece in pieces if len(piece)]
+    kept = [part for part in base.left_out if not any(a <= part.low and part.high <= b for a, b in spans)]
     return replace(
         base,
         **arrays,
+        left_out=tuple(sorted({*kept, *(part for piece in pieces for part in piece.left_out)})),
         branch=np.concatenate(branch),
         point_kind=tuple(curve.point_kind[i] for curve, index in parts for i in index),
         status="incomplete" if bad else base.status,

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,25 @@ from bdamper.system import OK, CostMeter, HarmonicSystem
 TWO_PI = 2.0 * np.pi
 GAP = 1e-3
 """Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
-ENDED = ("complete", "turned back", "closed", "tangle")
+
+
+class LeftOut(NamedTuple):
+    """A part of a curve that was not followed.
+
+    Parameters
+    ----------
+    low, high : float, Hz
+        Between which it lies, or sets off: the same where a path breaks off at a point.
+    why : str
+    """
+
+    low: float
+    high: float
+    why: str
+
+    def __str__(self) -> str:
+        where = f"{self.low:.6g} Hz" if self.high == self.low else f"{self.low:.6g} to {self.high:.6g} Hz"
+        return f"{where}: {self.why}"
 
 
 @dataclass(frozen=True)
@@ -162,13 +181,9 @@ def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[fl
         yield reached, high
 
 
-def uncovered(pieces: Sequence[Piece], low: float, high: float, part: float = 0.5) -> float | None:
-    """A frequency within the widest part of the interval without a solution, by default in its middle."""
-    gaps = list(_gaps(pieces, low, high))
-    if not gaps:
-        return None
-    a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-    return a + part * (b - a)
+def uncovered(pieces: Sequence[Piece], low: float, high: float) -> list[tuple[float, float]]:
+    """Parts of the interval without a solution that are too wide for a complete curve."""
+    return [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
 
 
 def fill(
@@ -179,62 +194,89 @@ def fill(
     on_point: Callable[[PathPoint], None] | None,
     pieces: list[Piece],
     log: list[str],
+    find_start: Callable[[float], NDArray | None],
 ) -> None:
-    """Looks for solutions in what is left without: Newton with line search from solutions on both sides of each gap.
+    """Looks for solutions in what is left without and follows them both ways.
 
-    It ends where no gap is left that counts, or nothing is found in the widest.
+    At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that finds
+    the first point of a curve.  A gap in which nothing is found is left; so are the others once ``searches`` of them were
+    looked into.
     """
-    low, high = limits
-    for _ in range(8):
-        gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
-        points = [p for piece in pieces for p in piece.path.points]
-        if not gaps or not points:
+    hopeless: set[tuple[float, float]] = set()
+    for _ in range(options.searches):
+        gaps = [gap for gap in uncovered(pieces, *limits) if gap not in hopeless]
+        if not gaps:
             return
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        found = None
-        for part in (0.5, 0.2, 0.8, 0.05, 0.95):
-            omega = a + part * (b - a)
-            for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:4]:
-                c = system.correct_at(point.y[:-1], omega, point.scale, options.tolerance, 60, True)
-                meter.iterations += c.iterations
-                if c.status == OK:
-                    found = c.y
-                    break
-            if found is not None:
-                break
+        found = _within(system, a, b, options, meter, pieces, find_start)
         if found is None:
-            return
-        log.append(f"{found[-1] / TWO_PI:.6g} Hz: set off from a solution that others nearby led to")
+            hopeless.add((a, b))
+            continue
+        log.append(f"{found[-1] / TWO_PI:.6g} Hz: set off from a solution within a gap")
         follow_both(system, found, limits, options, meter, on_point, pieces)
         if pieces[-1].path.status == "interrupted":
             return
 
 
-def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str]:
-    """Status and reason of a curve from those of its pieces.
+def _within(
+    system: HarmonicSystem,
+    a: float,
+    b: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    pieces: Sequence[Piece],
+    find_start: Callable[[float], NDArray | None],
+) -> NDArray | None:
+    """A solution in a gap."""
+    points = [p for piece in pieces for p in piece.path.points]
+    frequencies = [a + part * (b - a) for part in (0.5, 0.2, 0.8, 0.05, 0.95)]
+    for omega in frequencies:
+        for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:4]:
+            c = system.correct_at(point.y[:-1], omega, point.scale, options.tolerance, 60, True)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                return c.y
+    for omega in frequencies[:3]:
+        start = find_start(omega)
+        if start is not None:
+            return start
+    return None
 
-    "complete" says that there are solutions at every frequency of the interval, gaps below a thousandth of its width aside,
-    and that every path ended where a curve can end, or in a tangle of folds, which the reason then names.
+
+def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, tuple[LeftOut, ...]]:
+    """Status and reason of a curve from those of its pieces, and what was not followed.
+
+    "complete" says that there are solutions at every frequency of the interval, gaps below a thousandth of its width aside.
+    Such gaps, and paths that ended where a curve cannot end, are what is left out.
     """
+    gaps = uncovered(pieces, low, high)
+    left = _left_out(pieces, low, high)
     for piece in pieces:
         if piece.path.status == "interrupted":
-            return "interrupted", piece.path.reason
+            return "interrupted", piece.path.reason, left
     reasons = "; ".join(dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces))
     if not any(piece.path.points for piece in pieces):
-        return "no start", reasons
-    tangles = [piece.path.reason for piece in pieces if piece.path.status == "tangle"]
-    left = f"; left: {'; '.join(tangles)}" if tangles else ""
-    gaps = [gap for gap in _gaps(pieces, low, high) if gap[1] - gap[0] > GAP * (high - low)]
+        return "no start", reasons, left
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        return "incomplete", f"no solution found from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}"
+        return "incomplete", f"no solution found from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
     through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
     extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
     if through:
-        return "complete", through[0].path.reason + (f"; {extra} further branches" if extra else "") + left
-    if all(piece.path.status in ENDED for piece in pieces if piece.path.points):
-        return "complete", f"{extra + 1} separate branches cover the interval{left}"
-    return "incomplete", f"solutions at every frequency, but not every branch was followed to its end: {reasons}"
+        reason = through[0].path.reason + (f"; {extra} further branches" if extra else "")
+    else:
+        reason = f"{extra + 1} separate branches cover the interval"
+    return "complete", reason, left
+
+
+def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:
+    out = [LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, "no solution found") for a, b in _gaps(pieces, low, high)]
+    for piece in pieces:
+        path = piece.path
+        if path.points and path.status not in ("complete", "turned back", "closed"):
+            ends = path.tangle or (path.points[-1].y[-1],) * 2
+            out.append(LeftOut(float(ends[0]) / TWO_PI, float(ends[1]) / TWO_PI, f"{path.status}: {path.reason}"))
+    return tuple(sorted(out))
 
 
 # ---- other branches ----

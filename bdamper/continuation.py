@@ -45,6 +45,8 @@ class ContinuationOptions:
     max_points : int
     patience : int
         Points without getting any further in frequency after which a path is left as a tangle of folds.
+    searches : int
+        Gaps of a curve that are looked into for further solutions.
     max_iterations : int
         Newton iterations in a step.
     locate : bool
@@ -67,6 +69,7 @@ class ContinuationOptions:
     max_turn: float = 0.45
     max_points: int = 5000
     patience: int = 400
+    searches: int = 60
     max_iterations: int = 8
     locate: bool = True
     locate_folds: bool = True
@@ -81,6 +84,8 @@ class ContinuationOptions:
             raise SettingError(
                 f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
             )
+        if self.searches < 0:
+            raise SettingError(f"searches: expected a whole number >= 0, found {self.searches}")
         for name in ("max_points", "patience", "max_iterations"):
             if getattr(self, name) < 2:
                 raise SettingError(f"{name}: expected at least 2, found {getattr(self, name)}")
@@ -126,6 +131,8 @@ class Path:
         progress), "walked off" (a free body that nothing stops), "stalled", "too many points" or "interrupted".
     reason : str
     iterations, failed_steps : int
+    tangle : (low, high), rad/s, or None
+        Of the folds in which the path was left.
     """
 
     points: tuple[PathPoint, ...]
@@ -133,6 +140,7 @@ class Path:
     reason: str
     iterations: int
     failed_steps: int
+    tangle: tuple[float, float] | None = None
 
 
 WALKED_OFF = (
@@ -161,6 +169,7 @@ class _Follower:
         self.largest = 0.0
         self.sign = 0  # of det [J; tangent] along the path, 0 where it is not known
         self.sense = 0.0  # of travel in frequency, the last that was not zero
+        self.tangle: tuple[float, float] | None = None
         self.tilt = np.random.default_rng(1).standard_normal(system.n_unknowns + 1)
         self.tilt *= 0.3 / norm2(self.tilt)
 
@@ -469,10 +478,10 @@ class _Follower:
             if (y[-1] - front) * self._outward(up) > 1e-4 * (self.high - self.low):
                 front, front_at = y[-1], len(self.points)
             elif len(self.points) - front_at > options.patience:
-                span = sorted(p.y[-1] / (2 * np.pi) for p in self.points[front_at:])
-                return "tangle", (
-                    f"{options.patience} points of folds between {span[0]:.6g} and {span[-1]:.6g} Hz without progress"
-                )
+                omega = [float(p.y[-1]) for p in self.points[front_at:]]
+                self.tangle = min(omega), max(omega)
+                low, high = (w / (2 * np.pi) for w in self.tangle)
+                return "tangle", f"{options.patience} points of folds between {low:.6g} and {high:.6g} Hz without progress"
             scale = self.scale_at(y)
             tangent = point.tangent * point.scale / scale
             tangent /= norm2(tangent)
@@ -503,6 +512,8 @@ class _Follower:
             kind = self.events_between(here, new, reach)
             point = self.record(new, scale, kind)
             turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
+            if self.system.lets_go and self._far(new.y, start, 1e2):
+                return "walked off", WALKED_OFF
             if self.walks(new.tangent) and self.walks(tangent):
                 if self._far(new.y, start, 1e6):
                     return "walked off", WALKED_OFF
@@ -552,4 +563,4 @@ def follow(
         status, reason = follower.run(start, up)
     except KeyboardInterrupt:
         status, reason = "interrupted", "by the user"
-    return Path(tuple(follower.points), status, reason, follower.iterations, follower.failed)
+    return Path(tuple(follower.points), status, reason, follower.iterations, follower.failed, follower.tangle)

@@ -476,7 +476,7 @@ def _near(
 
 def coarse_options(tolerance: float = 1e-7) -> ContinuationOptions:
     """Settings with which a curve is followed only to learn which peaks it has."""
-    return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05)
+    return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05, searches=4)
 
 
 def refine_maxima(

@@ -139,8 +139,12 @@ def plot_curves(
         for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
             label = labels[i] if labels is not None else _engineering(curve.preload)
             _draw_tracking(ax, curve, colour, MARKERS[i % len(MARKERS)], label)
+            for part in curve.left_out:
+                ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6)
         if any(unstable_points(c).any() for c in tracking):
             ax.plot([], [], color="k", linestyle=(0, (3, 1.5)), label="unstable")
+        if any(c.left_out for c in tracking):
+            ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
         if logarithmic:
             ax.set_yscale("log")
         ax.set_xlabel("Frequency (Hz)")

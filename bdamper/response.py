@@ -18,6 +18,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.branches import LeftOut
 from bdamper.errors import BdamperError
 from bdamper.estimates import ErrorEstimates, estimates_from_json
 from bdamper.resultfile import reading
@@ -73,6 +74,9 @@ class Curve:
     preload : float, N
     status, reason : str
     cost : Cost
+    left_out : tuple of LeftOut
+        What was not followed: frequencies (Hz) without solution, tangles of folds that were walked around, paths that broke
+        off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
     settings : mapping
     model_hash : str
     start_log : tuple of str
@@ -101,6 +105,7 @@ class Curve:
     status: str
     reason: str
     cost: Cost
+    left_out: tuple[LeftOut, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
     start_log: tuple[str, ...] = ()
@@ -114,7 +119,7 @@ class Curve:
 
     @property
     def complete(self) -> bool:
-        """Whether the curve, with all its branches, spans the interval that was asked for."""
+        """Whether solutions cover the interval that was asked for, gaps of a thousandth of it aside; see ``left_out``."""
         return self.status == "complete"
 
     @property
@@ -162,6 +167,7 @@ class Curve:
             lines.append(f"  {c}")
         if self.stable is not None:
             lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
+        lines += [f"  left out: {part}" for part in self.left_out]
         lines += [f"  {note}" for note in self.notes]
         if self.error_estimates is not None:
             lines += [f"  {line}" for line in str(self.error_estimates).split("\n")]
@@ -195,6 +201,7 @@ class Curve:
             file.attrs["point_kind"] = json.dumps(self.point_kind)
             file.attrs["start_log"] = json.dumps(self.start_log)
             file.attrs["notes"] = json.dumps(self.notes)
+            file.attrs["left_out"] = json.dumps(self.left_out)
             file.attrs["stability_note"] = self.stability_note
             if self.error_estimates is not None:
                 file.attrs["error_estimates"] = self.error_estimates.to_json()
@@ -225,6 +232,7 @@ def load_curve(path: str | FilePath) -> Curve:
             point_kind=tuple(json.loads(file.attrs["point_kind"])),
             start_log=tuple(json.loads(file.attrs["start_log"])),
             notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
+            left_out=tuple(LeftOut(*part) for part in json.loads(file.attrs.get("left_out", "[]"))),
             stable=file["stable"][()] if "stable" in file else None,
             stability_note=str(file.attrs.get("stability_note", "")),
             error_estimates=(

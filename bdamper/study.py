@@ -6,7 +6,8 @@ finds the first point of a curve is, in this order,
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
-4. homotopy: continuation in the level of the excitation from the static state on, around folds;
+4. homotopy: continuation in the level of the excitation from the static state on, around folds,
+5. another homotopy: free bodies are held by springs and dampers, which fade;
 
 what was tried is kept in the result.
 """
@@ -25,6 +26,7 @@ from numpy.typing import NDArray
 
 from bdamper.aggregation import unite_contact_points, united_gap, united_stiffness
 from bdamper.branches import (
+    LeftOut,
     Piece,
     ending,
     fill,
@@ -35,7 +37,6 @@ from bdamper.branches import (
     linear_resonances,
     new_solutions,
     notes,
-    uncovered,
     why_no_solution,
 )
 from bdamper.checks import check_model
@@ -85,6 +86,21 @@ if TYPE_CHECKING:
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
+LET_GO = 1200
+"""Points of a path on which free bodies are let go."""
+SUPPORTS = (
+    (10.0, 0.1, False),
+    (1.0, 0.1, False),
+    (10.0, 1.0, True),
+    (10.0, 0.01, True),
+    (1.0, 1.0, False),
+    (1.0, 0.01, True),
+    (0.1, 1.0, False),
+    (0.1, 10.0, True),
+    (1.0, 10.0, True),
+    (0.1, 1.0, True),
+)
+"""By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
 
@@ -807,6 +823,8 @@ class Study:
             if c.status == OK:
                 return c.y, log
         start, log = self._raise_excitation(preload, omega, state, options, meter, log)
+        if start is None:
+            start = self._let_go(preload, omega, state, options, meter, log)
         why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, c.y) if start is None else ""
         return start, [*log, why] if why else log
 
@@ -836,6 +854,50 @@ class Study:
             return None, log
         log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
         return np.append(path.points[-1].y[:-1], omega), log
+
+    def _let_go(
+        self,
+        preload: float,
+        omega: float,
+        state: PreloadState,
+        options: ContinuationOptions,
+        meter: CostMeter,
+        log: list[str],
+    ) -> NDArray | None:
+        """Free bodies held by springs and dampers, which fade along the curve and around its folds.
+
+        Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
+        solutions, and some of them past ranges of excitation in which the body walks off.
+        """
+        system = self.system(preload)
+        free = [basis.omega2 == 0.0 for basis in system.bases]
+        if not any(f.any() for f in free):
+            return None
+        meter.watch(system)
+        first = 1e-2
+        one = replace(options, locate=False, max_points=LET_GO, patience=LET_GO)
+        mean = state.q[: system.n_mean]
+        stuck = system.linear_response(omega, self._stuck_springs(state))
+        held = [np.where(free[1], 0.0, q) for q in (system.linear_response(omega, None), stuck)]
+        for drag, spring, raising in SUPPORTS:
+            supported = system.letting_go(omega, drag, spring, raising)
+            guesses = [system.pack(mean, first * stuck)] if raising else [system.pack(mean, q) for q in held]
+            for u in guesses:
+                scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
+                c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
+                meter.iterations += c.iterations
+                if c.status == OK:
+                    break
+            else:
+                continue
+            path = follow(supported, c.y, (0.5 * first, 1.0), options=one)
+            meter.iterations += path.iterations
+            meter.failed_steps += path.failed_steps
+            if path.status == "complete":
+                log.append(f"free bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
+                return np.append(path.points[-1].y[:-1], omega)
+        log.append("free bodies held and let go: no solution")
+        return None
 
     # ---- curves ----
 
@@ -908,6 +970,12 @@ class Study:
         meter.watch(system)
         pieces: list[Piece] = []
         log: list[str] = []
+
+        def start_within(omega: float) -> NDArray | None:
+            start, tried = self.find_start(preload, omega, options, meter)
+            log.extend(f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in tried)
+            return start
+
         try:
             with _progress_bar(progress, low, high) as on_point:
                 follow_on = partial(self._follow_from, system, preload, (low, high), options, meter, on_point)
@@ -916,13 +984,8 @@ class Study:
                     leap(system, (low, high), options, meter, on_point, pieces, log)
                     if finished(pieces):
                         break
-                for part in (0.5, 0.25, 0.75):  # neither end leads through: set off from within
-                    inside = None if finished(pieces) else uncovered(pieces, low, high, part)
-                    if inside is None:
-                        break
-                    follow_on(inside, (True, False), pieces, log)
-                if not finished(pieces):
-                    fill(system, (low, high), options, meter, on_point, pieces, log)
+                if not finished(pieces):  # neither end leads through: set off from within
+                    fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
                 if search_branches:
                     ratios = (0.7, 1.4) if search_branches is True else tuple(float(r) for r in search_branches)
                     starts = self._other_starts(preload, (low, high), ratios, options, meter)
@@ -931,11 +994,11 @@ class Study:
                         follow_both(system, start, (low, high), options, meter, on_point, pieces)
         except KeyboardInterrupt:
             pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        status, reason = ending(pieces, low, high)
+        status, reason, left_out = ending(pieces, low, high)
         if status in ("incomplete", "no start") and 0.0 < preload < 2.0 * self.excitation.amplitude:
             ratio = preload / self.excitation.amplitude
             reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about, raise the preload"
-        curve = self._curve(system, pieces, (status, reason), preload, meter, options, tuple(log))
+        curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 
     def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = ()) -> Curve:
@@ -1077,7 +1140,7 @@ class Study:
         self,
         system: HarmonicSystem,
         pieces: list[Piece],
-        ending: tuple[str, str],
+        ending: tuple[str, str, tuple[LeftOut, ...]],
         preload: float,
         meter: CostMeter,
         options: ContinuationOptions,
@@ -1102,6 +1165,7 @@ class Study:
             preload=preload,
             status=ending[0],
             reason=ending[1],
+            left_out=ending[2],
             cost=meter.read(time.perf_counter()),
             settings=self._settings(options),
             model_hash=self.model.hash,

@@ -189,6 +189,11 @@ class HarmonicSystem:
         self.watched: list[tuple[float, float, NDArray]] = []
         """Linear resonances that a path must not step over: frequency and half-width (rad/s), modal row."""
 
+    @property
+    def lets_go(self) -> bool:
+        """Whether the parameter fades a support out (:meth:`letting_go`)."""
+        return "support" in self._parameter
+
     def slices(self, harmonic: int) -> tuple[slice, slice]:
         """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
         n = self.n_mode
@@ -223,6 +228,28 @@ class HarmonicSystem:
         out.watched = []
         return out
 
+    def letting_go(self, omega: float, drag: float, spring: float, raising: bool = False) -> HarmonicSystem:
+        """The same equations at fixed omega with free bodies held by a support that fades as the parameter s goes to 1.
+
+        Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own, in units
+        of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is then s; with ``raising`` it is
+        also the factor on the excitation.
+        """
+        out = self.excitation_ramp(omega)
+        if not raising:
+            out._parameter["ramp"] = np.zeros(self.n_unknowns)
+        support = np.zeros((self.n_unknowns, self.n_unknowns))
+        for l, basis in enumerate(self.bases):
+            c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
+            free = np.flatnonzero(basis.omega2 == 0.0)
+            if l == 0:
+                support[c[free], c[free]] = spring * omega**2
+            else:
+                support[c[free], s[free]] = drag * l * omega**2
+                support[s[free], c[free]] = -drag * l * omega**2
+        out._parameter["support"] = support
+        return out
+
     def with_force(self, force: NDArray) -> HarmonicSystem:
         """The same equations under another modal force."""
         out = copy(self)
@@ -235,7 +262,11 @@ class HarmonicSystem:
         """Jacobian and derivative with respect to the parameter at a point."""
         if self._parameter:
             _, J, _ = self.evaluate(y[:-1], self._parameter["omega"])
-            return J, -self._parameter["ramp"]
+            by_factor = -self._parameter["ramp"]
+            if self.lets_go:
+                J += (1.0 / y[-1] - 1.0) * self._parameter["support"]
+                by_factor = by_factor - self._parameter["support"] @ y[:-1] / y[-1] ** 2
+            return J, by_factor
         _, J, r_omega = self.evaluate(y[:-1], y[-1])
         return J, r_omega
 

@@ -283,21 +283,22 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
 static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y",         "normal",         "scale",       "row_scale",  "tangent",
                             "tolerance", "max_iterations", "line_search", "least_norm", "rank_tolerance",
-                            "ramp",      "omega",          NULL};
-    PyObject *object[5], *ramp = Py_None;
+                            "ramp",      "omega",          "support",     NULL};
+    PyObject *object[5], *ramp = Py_None, *support = Py_None;
     bd_newton_options options = {.least_norm = 1, .rank_tolerance = 1e-14};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOd:correct", names, &object[0], &object[1], &object[2],
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOdO:correct", names, &object[0], &object[1], &object[2],
                                      &object[3], &object[4], &options.tolerance, &options.max_iterations,
                                      &options.line_search, &options.least_norm, &options.rank_tolerance, &ramp,
-                                     &options.omega))
+                                     &options.omega, &support))
         return NULL;
-    const npy_intp n = self->hbm.n_unknown;
+    const npy_intp n = self->hbm.n_unknown, square[2] = {n, n};
     double *y = vector(object[0], "y", n + 1, 1);
     double *normal = y ? vector(object[1], "normal", n + 1, 0) : NULL;
     double *scale = normal ? vector(object[2], "scale", n + 1, 0) : NULL;
     double *row_scale = scale ? vector(object[3], "row_scale", n, 0) : NULL;
     double *tangent = row_scale ? vector(object[4], "tangent", n + 1, 1) : NULL;
     if (!tangent || (ramp != Py_None && !(options.ramp = vector(ramp, "ramp", n, 0)))) return NULL;
+    if (support != Py_None && !(options.support = doubles(support, "support", 2, square, 0))) return NULL;
     bd_newton_report report;
     bd_status status;
     double mean[3];
@@ -405,10 +406,11 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14, ramp=None, omega=0.0)\n-> (status, iterations, residual, first_step, last_step, condition, "
+     "rank_tolerance=1e-14, ramp=None, omega=0.0, support=None)\n-> (status, iterations, residual, first_step, last_step, condition, "
      "rank, (stick, slip, open), orientation)\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
-     "with ramp (n_unknown), a factor on that part of the excitation at the given omega."},
+     "with ramp (n_unknown), a factor on that part of the excitation at the given omega, which also fades out the linear "
+     "force support (n_unknown, n_unknown)."},
     {"peak", (PyCFunction)(void (*)(void))System_peak, METH_VARARGS | METH_KEYWORDS,
      "peak(y, tangent, scale, row_scale, re, im, tolerance, max_iterations, curvature, place_tolerance, max_step)\n"
      "-> (status, iterations, residual, slope, curvature, rank, (stick, slip, open))\n\n"

@@ -3,8 +3,13 @@
  *     r(u, omega) = 0
  *     normal . (z - z_predicted) = 0,      z = (u, omega)/scale,
  *
- * which is regular at folds of the response curve.  In place of omega the last unknown may be a factor on the vibratory
- * excitation at fixed omega, which serves to grow a response from the static state.  The matrix is built in scaled
+ * which is regular at folds of the response curve.  In place of omega the last unknown may be a factor s on the vibratory
+ * excitation at fixed omega, which serves to grow a response from the static state, or fade out a linear support B, which
+ * serves to let go of a body that was held:
+ *
+ *     r(u, omega) + (1 - s) ramp + (1/s - 1) B u = 0,      0 < s <= 1.
+ *
+ * The support goes from as good as rigid at small s to nothing at 1.  The matrix is built in scaled
  * unknowns and its rows are brought to unit size before the LU factorisation, so the condition estimate does not depend on
  * units.  If the estimate says that the system is rank-deficient (a free body whose mean position no contact determines)
  * the least-norm solution of a rank-revealing QR takes the place of the LU solution, which leaves such a position where it
@@ -155,6 +160,21 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
     return info == 0 ? BD_OK : BD_SINGULAR;
 }
 
+/* Adds the force of the support and its derivatives. */
+static void add_support(bd_newton_work *w, const double *support, const double *y, int with_jacobian) {
+    const size_t n = (size_t)w->n;
+    const double s = y[n], share = 1.0 / s - 1.0;
+    for (size_t i = 0; i < n; ++i) {
+        const double *row = support + i * n;
+        double force = 0.0;
+        for (size_t j = 0; j < n; ++j) force += row[j] * y[j];
+        w->r[i] += share * force;
+        w->r_omega[i] -= force / (s * s);
+        if (with_jacobian)
+            for (size_t j = 0; j < n; ++j) w->J[i * n + j] += share * row[j];
+    }
+}
+
 /* Residual with Jacobian (or neither J nor derivative) at y for the parameter in use. */
 static bd_status evaluate(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *options, const double *y,
                           int with_jacobian) {
@@ -166,6 +186,7 @@ static bd_status evaluate(bd_hbm *hbm, bd_newton_work *w, const bd_newton_option
             w->r[i] += (1.0 - y[n]) * options->ramp[i];
             w->r_omega[i] = -options->ramp[i];
         }
+    if (options->ramp && options->support) add_support(w, options->support, y, with_jacobian);
     return status;
 }
 

@@ -13,7 +13,8 @@ typedef struct {
     int least_norm;        /* 1: a rank-deficient system is solved by least norm instead of failing */
     double rank_tolerance; /* reciprocal condition below which the system counts as rank-deficient */
     const double *ramp;    /* NULL: the last unknown is omega.  Else (n): it is a factor on this part of the excitation, */
-    double omega;          /* at this fixed omega */
+    double omega;          /* at this fixed omega, */
+    const double *support; /* and with (n, n) row-major, not NULL: it fades out this linear force beside the excitation */
 } bd_newton_options;
 
 typedef struct {
@@ -43,7 +44,7 @@ typedef struct {
 bd_status bd_newton_create(bd_newton_work *work, int n_unknown, const bd_lapack *lapack);
 void bd_newton_destroy(bd_newton_work *work);
 
-/* y (n + 1) holds unknowns and parameter (frequency, or excitation factor): the prediction on entry, the corrected point
+/* y (n + 1) holds unknowns and parameter (frequency, or factor): the prediction on entry, the corrected point
  * on return.  The corrected point lies in the plane through the prediction that is normal to `normal` (n + 1) in scaled
  * unknowns z = y/scale.
  * row_scale (n) multiplies the residual.  On BD_OK tangent (n + 1, unit length in z, normal . tangent > 0) is the

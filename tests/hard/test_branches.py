@@ -95,7 +95,7 @@ def test_search_on_a_curve_of_one_branch_adds_none():
 class Ellipse:
     """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``."""
 
-    n_mean, n_unknowns, watched, n_harmonics = 0, 1, (), 1
+    n_mean, n_unknowns, watched, n_harmonics, lets_go = 0, 1, (), 1, False
     response_rows = (np.zeros(0), np.ones(1))
 
     @staticmethod
@@ -155,6 +155,48 @@ def test_a_gap_between_known_solutions_is_filled():
     ]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
     log = []
-    fill(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), None, pieces, log)
+    fill(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), None, pieces, log, lambda omega: None)
     assert len(log) == 1
-    assert uncovered(pieces, 1.0, 3.5) is None
+    assert not uncovered(pieces, 1.0, 3.5)
+
+
+@pytest.mark.parametrize(("gap", "status"), [(0.9e-3, "complete"), (1.1e-3, "incomplete")])
+def test_what_was_not_followed_is_data(gap, status, tmp_path):
+    """A path that ended in a tangle, a gap beyond it, a path that broke off: each is left out, with its place."""
+    path = followed(two_oscillators(5), 1.0, 3.5, STUCK)
+    some = path.points[0]
+    gap *= 2.5  # of the interval
+
+    def part(a, b, **how):
+        points = tuple(replace(some, y=np.append(some.y[:-1], omega)) for omega in (a, b))
+        return replace(path, points=points, reason="told", **how)
+
+    pieces = [
+        Piece(part(1.0, 2.0, status="tangle", tangle=(1.7, 1.9)), True),
+        Piece(part(2.0 + gap, 3.0, status="stalled"), True, 1, True),
+        Piece(part(3.5, 2.9, status="walked off"), False, 2),
+    ]
+    found, reason, left = ending(pieces, 1.0, 3.5)
+    assert found == status
+    hertz = 1.0 / (2.0 * np.pi)
+    expected = [
+        (1.7, 1.9, "tangle: told"),
+        (2.0, 2.0 + gap, "no solution found"),
+        (2.9, 2.9, "walked off: told"),
+        (3.0, 3.0, "stalled: told"),
+    ]
+    assert [entry.why for entry in left] == [why for *_, why in expected]
+    np.testing.assert_allclose([entry[:2] for entry in left], [[a * hertz, b * hertz] for a, b, _ in expected], rtol=1e-12)
+    assert ending([Piece(path, True)], 1.0, 3.5) == ("complete", path.reason, ())
+
+    whole = study().track(200.0, (250.0, 450.0))
+    assert whole.left_out == ()
+    assert "left out" not in str(whole)
+    curve = replace(whole, left_out=left)
+    assert str(curve).count("left out: ") == 4
+    assert f"left out: {2.9 * hertz:.6g} Hz: walked off: told" in str(curve)
+    curve.save(tmp_path / "curve.h5")
+    assert bd.load_curve(tmp_path / "curve.h5").left_out == left
+    labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
+    assert "not followed" in labels
+    assert "not followed" not in [text.get_text() for text in whole.plot().get_legend().get_texts()]

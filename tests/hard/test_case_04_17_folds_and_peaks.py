@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from bdamper.branches import linear_resonances
 from bdamper.continuation import ContinuationOptions, follow
+from bdamper.system import OK
 from tests.oscillators import oscillator
 
 
@@ -30,10 +32,23 @@ def test_case_04_fold_beside_lift_off_is_passed_on_both_branches():
     folds = [p.y[-1] for p in path.points if p.kind == "fold"]
     # published values of two independent programs
     np.testing.assert_allclose(sorted(folds), [1.962464, 2.441122], atol=2e-6)
-    # contact is kept up to right beside the upper fold: the first point that opens is near it
+    # lift-off is beside the upper fold, and is passed between the last closed point and the first that opens
     first = next(i for i, p in enumerate(path.points) if p.shares[2] > 0.0)
-    assert path.points[first - 1].y[-1] <= 2.441123
-    assert abs(path.points[first].y[-1] - 2.4411) < 0.05
+    closed, opened = path.points[first - 1], path.points[first]
+    system = two_oscillators(13)
+
+    def least_load(omega):
+        """Of the cycle, from the motion alone: the contact has no say in where it opens."""
+        c = system.correct_at(closed.y[:-1], omega, closed.scale, 1e-12, 30)
+        assert c.status == OK
+        v = system.contact(c.y[:-1])[0][0, 2]
+        theta = np.linspace(0.0, 2.0 * np.pi, 4001)
+        l = np.arange(1, 14)
+        return 0.35 + 6.0 * (v[0] + np.cos(np.outer(theta, l)) @ v[1::2] + np.sin(np.outer(theta, l)) @ v[2::2]).min()
+
+    lift_off = brentq(least_load, closed.y[-1], opened.y[-1], xtol=1e-9)
+    assert all(p.y[-1] < lift_off for p in path.points[:first])
+    np.testing.assert_allclose(max(folds) - lift_off, 0.026725, atol=2e-6)
     senses = {np.sign(p.tangent[-1]) for p in path.points if p.kind == "regular"}
     assert senses == {1.0, -1.0}
 
