@@ -164,11 +164,12 @@ def leap(
                 return
 
 
-def finished(pieces: Sequence[Piece]) -> bool:
-    """Whether nothing is left to be followed: one branch leads through, or the user stopped it."""
-    return any(
-        piece.path.status == "interrupted" or (piece.path.status == "complete" and not piece.inside) for piece in pieces
-    )
+def finished(pieces: Sequence[Piece], low: float, high: float) -> bool:
+    """Whether nothing is left to be followed: branches lead through from end to end, or the user stopped it."""
+    if any(piece.path.status == "interrupted" for piece in pieces):
+        return True
+    through = any(piece.path.status == "complete" and not piece.inside for piece in pieces)
+    return through and not uncovered(pieces, low, high)
 
 
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
@@ -202,6 +203,8 @@ def fill(
     the first point of a curve.  A gap in which nothing is found is left; so are the others once ``searches`` of them were
     looked into.
     """
+    if finished(pieces, *limits):
+        return
     hopeless: set[tuple[float, float]] = set()
     for _ in range(options.searches):
         gaps = [gap for gap in uncovered(pieces, *limits) if gap not in hopeless]
@@ -276,7 +279,7 @@ def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut
         if path.points and path.status not in ("complete", "turned back", "closed"):
             ends = path.tangle or (path.points[-1].y[-1],) * 2
             out.append(LeftOut(float(ends[0]) / TWO_PI, float(ends[1]) / TWO_PI, f"{path.status}: {path.reason}"))
-    return tuple(sorted(out))
+    return tuple(sorted(set(out)))
 
 
 # ---- other branches ----

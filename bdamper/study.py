@@ -7,7 +7,7 @@ finds the first point of a curve is, in this order,
 2. the stuck linear response on top of it, then plain Newton,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
-5. another homotopy: free bodies are held by springs and dampers, which fade;
+5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 
 what was tried is kept in the result.
 """
@@ -864,21 +864,18 @@ class Study:
         meter: CostMeter,
         log: list[str],
     ) -> NDArray | None:
-        """Free bodies held by springs and dampers, which fade along the curve and around its folds.
+        """Free bodies (all, if none is free) held by springs and dampers, which fade along the curve and around its folds.
 
         Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
         solutions, and some of them past ranges of excitation in which the body walks off.
         """
         system = self.system(preload)
-        free = [basis.omega2 == 0.0 for basis in system.bases]
-        if not any(f.any() for f in free):
-            return None
         meter.watch(system)
         first = 1e-2
         one = replace(options, locate=False, max_points=LET_GO, patience=LET_GO)
         mean = state.q[: system.n_mean]
         stuck = system.linear_response(omega, self._stuck_springs(state))
-        held = [np.where(free[1], 0.0, q) for q in (system.linear_response(omega, None), stuck)]
+        held = [np.where(system.held_coordinates[1], 0.0, q) for q in (system.linear_response(omega, None), stuck)]
         for drag, spring, raising in SUPPORTS:
             supported = system.letting_go(omega, drag, spring, raising)
             guesses = [system.pack(mean, first * stuck)] if raising else [system.pack(mean, q) for q in held]
@@ -894,9 +891,9 @@ class Study:
             meter.iterations += path.iterations
             meter.failed_steps += path.failed_steps
             if path.status == "complete":
-                log.append(f"free bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
+                log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
                 return np.append(path.points[-1].y[:-1], omega)
-        log.append("free bodies held and let go: no solution")
+        log.append("bodies held and let go: no solution")
         return None
 
     # ---- curves ----
@@ -982,10 +979,9 @@ class Study:
                 for at_high in (from_high, not from_high):
                     follow_on(high if at_high else low, (not at_high,), pieces, log)
                     leap(system, (low, high), options, meter, on_point, pieces, log)
-                    if finished(pieces):
+                    if finished(pieces, low, high):
                         break
-                if not finished(pieces):  # neither end leads through: set off from within
-                    fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
+                fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
                 if search_branches:
                     ratios = (0.7, 1.4) if search_branches is True else tuple(float(r) for r in search_branches)
                     starts = self._other_starts(preload, (low, high), ratios, options, meter)

@@ -228,20 +228,25 @@ class HarmonicSystem:
         out.watched = []
         return out
 
+    @property
+    def held_coordinates(self) -> list[NDArray]:
+        """For each harmonic (n_modes,) bool: those of free bodies, or all if no body is free."""
+        free = [basis.omega2 == 0.0 for basis in self.bases]
+        return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
+
     def letting_go(self, omega: float, drag: float, spring: float, raising: bool = False) -> HarmonicSystem:
         """The same equations at fixed omega with free bodies held by a support that fades as the parameter s goes to 1.
 
-        Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own, in units
-        of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is then s; with ``raising`` it is
-        also the factor on the excitation.
+        Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own (of all,
+        if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is
+        then s; with ``raising`` it is also the factor on the excitation.
         """
         out = self.excitation_ramp(omega)
         if not raising:
             out._parameter["ramp"] = np.zeros(self.n_unknowns)
         support = np.zeros((self.n_unknowns, self.n_unknowns))
-        for l, basis in enumerate(self.bases):
+        for l, free in enumerate(self.held_coordinates):
             c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
-            free = np.flatnonzero(basis.omega2 == 0.0)
             if l == 0:
                 support[c[free], c[free]] = spring * omega**2
             else:

@@ -158,7 +158,32 @@ static void test_ramp(void) {
     finish(&o);
 }
 
+/* A spring of stiffness 3 on both amplitudes, times 1/s - 1, and a drag that couples them. */
+static void test_support(void) {
+    oscillator o;
+    make(&o, 3.0, 1.0);
+    const double ramp[3] = {0.0, 0.0, 0.0}, support[9] = {5.0, 0.0, 0.0, 0.0, 3.0, 0.7, 0.0, -0.7, 3.0};
+    bd_newton_options options = usual;
+    options.ramp = ramp;
+    options.support = support;
+    options.omega = 0.5;
+    double y[4] = {0.2, 0.0, 0.0, 0.5}, tangent[4], near[4] = {0.0, 0.0, 0.0, 0.5001};
+    bd_newton_report report;
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, y, at_frequency, ones, ones, tangent, &report) == BD_OK);
+    /* small motion sticks: linear with stiffness 2 + 3 and damping 0.01 + 0.7 */
+    CHECK_NEAR(hypot(y[1], y[2]), 1.0 / hypot(5.0 - 0.25, 0.71), 1e-12);
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, near, at_frequency, ones, ones, NULL, &report) == BD_OK);
+    for (int i = 1; i < 3; ++i) CHECK_NEAR((near[i] - y[i]) / 1e-4, tangent[i] / tangent[3], 1e-3);
+    /* nothing is left of it at 1 */
+    double end[4] = {0.0, 0.5, 1.5, 1.0}, plain[4] = {0.0, 0.5, 1.5, 0.5};
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &options, end, at_frequency, ones, ones, NULL, &report) == BD_OK);
+    CHECK(bd_newton_correct(&o.hbm, &o.work, &usual, plain, at_frequency, ones, ones, NULL, &report) == BD_OK);
+    for (int i = 0; i < 3; ++i) CHECK_NEAR(end[i], plain[i], 1e-11);
+    finish(&o);
+}
+
 int main(void) {
+    test_support();
     test_converges();
     test_scaling_does_not_matter();
     test_singular();

@@ -176,7 +176,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
         Piece(part(2.0 + gap, 3.0, status="stalled"), True, 1, True),
         Piece(part(3.5, 2.9, status="walked off"), False, 2),
     ]
-    found, reason, left = ending(pieces, 1.0, 3.5)
+    found, _, left = ending(pieces, 1.0, 3.5)
     assert found == status
     hertz = 1.0 / (2.0 * np.pi)
     expected = [

@@ -169,6 +169,25 @@ def test_ramp_is_a_factor_on_part_of_the_excitation():
         np.testing.assert_allclose(J @ tangent[:-1], ramp * tangent[-1], rtol=0, atol=1e-9)
 
 
+def test_support_fades_out():
+    rng = np.random.default_rng(8)
+    arrays = random_arrays(rng, (2, 3), 4)
+    n = 8
+    system = _core.System(**arrays)
+    ramp, support, omega = rng.normal(size=n), rng.normal(size=(n, n)), 0.7
+    support = support @ support.T  # it pulls back
+    for s in (0.1, 0.6, 1.0):
+        out, y, tangent = solve(
+            system, np.append(0.1 * rng.normal(size=n), s), ramp=ramp, omega=omega, support=support
+        )
+        assert out[0] == CONVERGED
+        r, J, _ = evaluate_system(system, y[:-1], omega)
+        assert np.abs(r + (1.0 - s) * ramp + (1.0 / s - 1.0) * support @ y[:-1]).max() < 1e-10
+        by_factor = -ramp - support @ y[:-1] / s**2
+        rest = (J + (1.0 / s - 1.0) * support) @ tangent[:-1] + by_factor * tangent[-1]
+        np.testing.assert_allclose(rest, 0.0, rtol=0, atol=1e-9)
+
+
 def test_condition_does_not_depend_on_units():
     """The same equations with residuals in other units."""
     rng = np.random.default_rng(6)

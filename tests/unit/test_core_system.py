@@ -205,6 +205,8 @@ def test_wrong_arrays_of_correct_are_named(place, name):
     arguments[place] = np.ones(8 if name == "row_scale" else 9)
     with pytest.raises(ValueError, match=r"^ramp: expected shape"):
         system.correct(*arguments, 1e-9, 10, ramp=np.zeros(2))
+    with pytest.raises(ValueError, match=r"^support: expected shape \(8, 8\)"):
+        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(8), support=np.zeros((8, 2)))
 
 
 def test_a_point_that_is_not_finite_is_a_status():
