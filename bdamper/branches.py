@@ -211,7 +211,7 @@ def fill(
         if not gaps:
             return
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        found = _within(system, a, b, options, meter, pieces, find_start)
+        found = _within(system, limits, a, b, options, meter, pieces, find_start)
         if found is None:
             hopeless.add((a, b))
             continue
@@ -223,6 +223,7 @@ def fill(
 
 def _within(
     system: HarmonicSystem,
+    limits: tuple[float, float],
     a: float,
     b: float,
     options: ContinuationOptions,
@@ -234,12 +235,13 @@ def _within(
     points = [p for piece in pieces for p in piece.path.points]
     frequencies = [a + part * (b - a) for part in (0.5, 0.2, 0.8, 0.05, 0.95)]
     for omega in frequencies:
-        for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:4]:
-            c = system.correct_at(point.y[:-1], omega, point.scale, options.tolerance, 60, True)
+        for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
+            c = system.correct_at(point.y[:-1], omega, point.scale, options.tolerance, 30, True)
             meter.iterations += c.iterations
             if c.status == OK:
                 return c.y
-    for omega in frequencies[:3]:
+    wide = b - a > 0.1 * (limits[1] - limits[0])
+    for omega in frequencies if wide else frequencies[:3]:
         start = find_start(omega)
         if start is not None:
             return start

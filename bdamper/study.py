@@ -86,7 +86,7 @@ if TYPE_CHECKING:
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
-LET_GO = 1200
+LET_GO = 2000
 """Points of a path on which free bodies are let go."""
 SUPPORTS = (
     (10.0, 0.1, False),
@@ -101,6 +101,7 @@ SUPPORTS = (
     (0.1, 1.0, True),
 )
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
+WALKS = "leave their seats"
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
 
@@ -876,6 +877,7 @@ class Study:
         mean = state.q[: system.n_mean]
         stuck = system.linear_response(omega, self._stuck_springs(state))
         held = [np.where(system.held_coordinates[1], 0.0, q) for q in (system.linear_response(omega, None), stuck)]
+        walked = 0
         for drag, spring, raising in SUPPORTS:
             supported = system.letting_go(omega, drag, spring, raising)
             guesses = [system.pack(mean, first * stuck)] if raising else [system.pack(mean, q) for q in held]
@@ -893,7 +895,8 @@ class Study:
             if path.status == "complete":
                 log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
                 return np.append(path.points[-1].y[:-1], omega)
-        log.append("bodies held and let go: no solution")
+            walked += path.status == "walked off"
+        log.append("bodies held and let go: no solution" + (f", {WALKS} ({walked} supports)" if walked else ""))
         return None
 
     # ---- curves ----
@@ -925,7 +928,7 @@ class Study:
             Show a progress bar.
         search_branches : bool or sequence of float
             Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
-            the preload, 0.7 and 1.4 by default.
+            the preload, 0.9 and 1.2 by default.
         stability : bool
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         effects : {"all", "auto"}
@@ -983,7 +986,7 @@ class Study:
                         break
                 fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
                 if search_branches:
-                    ratios = (0.7, 1.4) if search_branches is True else tuple(float(r) for r in search_branches)
+                    ratios = (0.9, 1.2) if search_branches is True else tuple(float(r) for r in search_branches)
                     starts = self._other_starts(preload, (low, high), ratios, options, meter)
                     for start in new_solutions(system, pieces, starts, options):
                         log.append(f"{start[-1] / (2 * np.pi):.6g} Hz: a solution apart from the branches so far")
@@ -991,9 +994,12 @@ class Study:
         except KeyboardInterrupt:
             pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         status, reason, left_out = ending(pieces, low, high)
-        if status in ("incomplete", "no start") and 0.0 < preload < 2.0 * self.excitation.amplitude:
-            ratio = preload / self.excitation.amplitude
-            reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about, raise the preload"
+        if status in ("incomplete", "no start"):
+            if any(WALKS in line for line in log):
+                reason += f"; bodies that were held and let go {WALKS}: hold them by constraint planes or raise the preload"
+            if 0.0 < preload < 2.0 * self.excitation.amplitude:
+                ratio = preload / self.excitation.amplitude
+                reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about, raise the preload"
         curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 

@@ -406,7 +406,8 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14, ramp=None, omega=0.0, support=None)\n-> (status, iterations, residual, first_step, last_step, condition, "
+     "rank_tolerance=1e-14, ramp=None, omega=0.0, support=None)\n-> (status, iterations, residual, first_step, last_step, "
+     "condition, "
      "rank, (stick, slip, open), orientation)\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
      "with ramp (n_unknown), a factor on that part of the excitation at the given omega, which also fades out the linear "

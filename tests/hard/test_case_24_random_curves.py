@@ -3,14 +3,16 @@
 Every curve ends with a status, no exception escapes, every point of every curve has a residual below tolerance by the
 NumPy oracle, at least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
 
-With preloads drawn whatever the excitation the same holds from twice the excitation on.  Below that the damper is thrown
-about, many curves are not complete, and the reason says so.
+With preloads drawn whatever the excitation the same share of the curves is complete, dampers that are thrown about included.
+The others are those where a damper leaves its seat: time integration finds no periodic motion there either.
 """
 
 import numpy as np
 import pytest
 
 from bdamper.continuation import ContinuationOptions
+from bdamper.system import CostMeter
+from bdamper.timedomain import Ring
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
 BATCH = 25
@@ -57,14 +59,47 @@ def test_case_24_at_least_98_percent_complete(outcomes):
 
 @pytest.mark.slow
 def test_case_24_preloads_whatever_the_excitation():
-    outcomes = {True: [], False: []}
-    for seed in range(100):
+    complete, thrown = [], 0
+    for seed in range(200):
         study, preload, _ = random_study(seed, wide=True)
-        thrown = 0.0 < preload < 2.0 * study.excitation.amplitude
+        if not preload:
+            continue  # kinds without a preload: as above
+        thrown += preload < 2.0 * study.excitation.amplitude
         status, reason = check(seed, wide=True)
-        outcomes[thrown].append(status == "complete")
+        complete.append(status == "complete")
         if status != "complete":
             assert "Hz" in reason, (seed, reason)
-            assert not thrown or "thrown about, raise the preload" in reason, (seed, reason)
-    assert min(len(outcomes[True]), len(outcomes[False])) >= 10
-    assert np.mean(outcomes[False]) >= 0.98
+            assert "hold them by constraint planes" in reason, (seed, reason)
+            assert "thrown about, raise the preload" in reason, (seed, reason)
+    assert thrown >= 25
+    assert np.mean(complete) >= 0.98
+
+
+@pytest.mark.slow
+def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
+    """Seed 60 at 315 Hz: marched from the static state, the damper leaves its seat and does not settle."""
+    study, preload, _ = random_study(60, wide=True)
+    omega = 2.0 * np.pi * 315.0
+    system, state = study.system(preload), study.static(preload)
+    start, log = study.find_start(preload, omega, ContinuationOptions(), CostMeter(0.0))
+    assert start is None
+    assert any("leave their seats" in line for line in log)
+
+    ring = Ring(system, study.model.n_blades, study.engine_order)
+    steps = ring.steps_for(omega, 0.3)
+    rest = system.pack(state.q[: system.n_mean], np.zeros(len(system.bases[1].omega2)))
+    q, v = ring.state(rest, omega, 0.0)
+    w = ring.initial_slider(rest, omega, steps)
+    mean = next(part for l, part, *_ in ring.blocks if l == 0)
+    seat = np.eye(2 * ring.n_coordinates)[mean][np.asarray(system.bases[0].omega2) == 0.0]
+    static = np.linalg.norm(seat @ q)
+    away = []
+    for _ in range(6):
+        q, v, w, _ = ring.march(q, v, w, omega, steps, 9)
+        q, v, w, x = ring.march(q, v, w, omega, steps, 1, seat)
+        away.append(x.mean(axis=0))
+    distance = np.linalg.norm(away, axis=1)
+    # out of all proportion to the displacement by the preload, farther than the free blade vibrates, and going on
+    assert distance.max() > 1000.0 * static
+    assert np.median(distance[3:]) > np.linalg.norm(system.linear_response(omega, None))
+    assert np.linalg.norm(np.diff(away, axis=0), axis=1).max() > 0.1 * distance.max()  # not settled
