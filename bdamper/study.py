@@ -999,7 +999,7 @@ class Study:
                 reason += f"; bodies that were held and let go {WALKS}: hold them by constraint planes or raise the preload"
             if 0.0 < preload < 2.0 * self.excitation.amplitude:
                 ratio = preload / self.excitation.amplitude
-                reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about, raise the preload"
+                reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about"
         curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 

@@ -3,8 +3,8 @@
 Every curve ends with a status, no exception escapes, every point of every curve has a residual below tolerance by the
 NumPy oracle, at least 98 % of the curves are complete and the others say why.  BDAMPER_HARD=10000 runs the full number.
 
-With preloads drawn whatever the excitation the same share of the curves is complete, dampers that are thrown about included.
-The others are those where a damper leaves its seat: time integration finds no periodic motion there either.
+With preloads drawn whatever the excitation the same share of the curves is complete, dampers that are thrown about
+included.  The others are those where a damper leaves its seat: time integration finds no periodic motion there either.
 """
 
 import numpy as np
@@ -69,8 +69,8 @@ def test_case_24_preloads_whatever_the_excitation():
         complete.append(status == "complete")
         if status != "complete":
             assert "Hz" in reason, (seed, reason)
-            assert "hold them by constraint planes" in reason, (seed, reason)
-            assert "thrown about, raise the preload" in reason, (seed, reason)
+            assert "raise the preload" in reason, (seed, reason)
+            assert "the damper is thrown about" in reason, (seed, reason)
     assert thrown >= 25
     assert np.mean(complete) >= 0.98
 
