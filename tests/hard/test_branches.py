@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper import _core
 from bdamper import study as study_module
 from bdamper.branches import Piece, ending, fill, follow_both, new_solutions, uncovered
 from bdamper.continuation import ContinuationOptions, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
+from tests.hard.random_studies import oracle_residual, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model
 
@@ -200,3 +202,42 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
     assert "not followed" in labels
     assert "not followed" not in [text.get_text() for text in whole.plot().get_legend().get_texts()]
+
+
+def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies():
+    s = study(harmonics=2)
+    system, omega = s.system(200.0), 2.0 * np.pi * 300.0
+    drag, spring, part = 0.7, 0.2, 0.25
+    held = system.letting_go(omega, drag, spring)
+    free = [np.array([c.body == "damper" and c.name in bd.RIGID_NAMES for c in basis.coordinates]) for basis in s.bases]
+    share = 1.0 / part - 1.0
+    arrays = dict(system.arrays)
+    arrays["damping"] = arrays["damping"] + share * drag * omega * np.concatenate([0.0 * free[0], *free[1:]])
+    arrays["stiffness"] = arrays["stiffness"] + share * spring * omega**2 * np.concatenate(
+        [free[0], *(0.0 * f for f in free[1:])]
+    )
+    other = _core.System(**arrays)
+    n = system.n_unknowns
+    y = np.append(1e-5 * np.random.default_rng(0).normal(size=n), part)
+    r, J = np.empty(n), np.empty((n, n))
+    assert other.evaluate(y[:-1], omega, r, J) == OK
+    got, by_part = held.derivatives(y)
+    np.testing.assert_allclose(got, J, rtol=0, atol=1e-12 * np.abs(J).max())
+    # with respect to the parameter: differences of the residual
+    support = held.derivatives(np.append(y[:-1], 0.5))[0] - system.evaluate(y[:-1], omega)[1]
+    h = 1e-6
+    slope = (1.0 / (part + h) - 1.0 / (part - h)) / (2.0 * h) * support @ y[:-1]
+    np.testing.assert_allclose(by_part, slope, rtol=0, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize(("seed", "wide"), [(1889, False), (127, True)])
+def test_bodies_held_and_let_go_where_nothing_else_starts(seed, wide, monkeypatch):
+    """Shrouds that just touch, and a damper thrown about by 16 times its preload."""
+    s, preload, interval = random_study(seed, wide)
+    curve = s.track(preload, interval)
+    assert curve.complete
+    assert any("bodies held" in line and "let go: no" not in line for line in curve.start_log)
+    for i in range(0, len(curve), max(1, len(curve) // 10)):
+        assert oracle_residual(s, preload, curve.unknowns[i], 2 * np.pi * curve.frequency[i]) < 1e-7
+    monkeypatch.setattr(study_module, "SUPPORTS", ())
+    assert not s.track(preload, interval).complete
