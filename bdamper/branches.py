@@ -200,18 +200,19 @@ def fill(
     """Looks for solutions in what is left without and follows them both ways.
 
     At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that finds
-    the first point of a curve.  A gap in which nothing is found is left; so are the others once ``searches`` of them were
-    looked into.
+    the first point of a curve.  A gap in which nothing is found is left; so are all once the chain was called ``searches``
+    times.
     """
     if finished(pieces, *limits):
         return
     hopeless: set[tuple[float, float]] = set()
+    tries = iter(range(options.searches))
     for _ in range(options.searches):
         gaps = [gap for gap in uncovered(pieces, *limits) if gap not in hopeless]
         if not gaps:
             return
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        found = _within(system, limits, a, b, options, meter, pieces, find_start)
+        found = _within(system, limits, a, b, options, meter, pieces, find_start, tries)
         if found is None:
             hopeless.add((a, b))
             continue
@@ -230,6 +231,7 @@ def _within(
     meter: CostMeter,
     pieces: Sequence[Piece],
     find_start: Callable[[float], NDArray | None],
+    tries: Iterator[int],
 ) -> NDArray | None:
     """A solution in a gap."""
     points = [p for piece in pieces for p in piece.path.points]
@@ -241,7 +243,7 @@ def _within(
             if c.status == OK:
                 return c.y
     wide = b - a > 0.1 * (limits[1] - limits[0])
-    for omega in frequencies if wide else frequencies[:3]:
+    for omega, _ in zip(frequencies if wide else frequencies[:3], tries):
         start = find_start(omega)
         if start is not None:
             return start

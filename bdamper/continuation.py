@@ -46,7 +46,7 @@ class ContinuationOptions:
     patience : int
         Points without getting any further in frequency after which a path is left as a tangle of folds.
     searches : int
-        Gaps of a curve that are looked into for further solutions.
+        Frequencies in gaps of a curve at which solutions are looked for, by all that can find a start.
     max_iterations : int
         Newton iterations in a step.
     locate : bool
@@ -69,7 +69,7 @@ class ContinuationOptions:
     max_turn: float = 0.45
     max_points: int = 5000
     patience: int = 400
-    searches: int = 60
+    searches: int = 30
     max_iterations: int = 8
     locate: bool = True
     locate_folds: bool = True
