@@ -996,10 +996,10 @@ class Study:
         status, reason, left_out = ending(pieces, low, high)
         if status in ("incomplete", "no start"):
             if any(WALKS in line for line in log):
-                reason += f"; bodies that were held and let go {WALKS}: hold them by constraint planes or raise the preload"
+                reason += f"; bodies that were held and let go {WALKS}, constraint planes would hold them"
             if 0.0 < preload < 2.0 * self.excitation.amplitude:
                 ratio = preload / self.excitation.amplitude
-                reason += f"; at a preload of {ratio:.2g} times the excitation the damper is thrown about"
+                reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
         curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 

@@ -60,7 +60,7 @@ def test_case_24_at_least_98_percent_complete(outcomes):
 @pytest.mark.slow
 def test_case_24_preloads_whatever_the_excitation():
     complete, thrown = [], 0
-    for seed in range(200):
+    for seed in range(300):
         study, preload, _ = random_study(seed, wide=True)
         if not preload:
             continue  # kinds without a preload: as above
@@ -69,9 +69,8 @@ def test_case_24_preloads_whatever_the_excitation():
         complete.append(status == "complete")
         if status != "complete":
             assert "Hz" in reason, (seed, reason)
-            assert "raise the preload" in reason, (seed, reason)
-            assert "the damper is thrown about" in reason, (seed, reason)
-    assert thrown >= 25
+            assert "dampers are thrown about: raise it" in reason, (seed, reason)
+    assert thrown >= 30
     assert np.mean(complete) >= 0.98
 
 
