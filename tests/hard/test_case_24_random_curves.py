@@ -60,17 +60,15 @@ def test_case_24_at_least_98_percent_complete(outcomes):
 @pytest.mark.slow
 def test_case_24_preloads_whatever_the_excitation():
     complete, thrown = [], 0
-    for seed in range(300):
+    for seed in range(200):
         study, preload, _ = random_study(seed, wide=True)
-        if not preload:
-            continue  # kinds without a preload: as above
-        thrown += preload < 2.0 * study.excitation.amplitude
+        thrown += 0.0 < preload < 2.0 * study.excitation.amplitude
         status, reason = check(seed, wide=True)
         complete.append(status == "complete")
         if status != "complete":
             assert "Hz" in reason, (seed, reason)
             assert "dampers are thrown about: raise it" in reason, (seed, reason)
-    assert thrown >= 30
+    assert thrown >= 20
     assert np.mean(complete) >= 0.98
 
 
