@@ -19,7 +19,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.leastenvelope import LeastEnvelope
 from bdamper.optimalcurve import Limit, OptimalCurve, OptimumPoint, load_optimal_curve
 from bdamper.peaks import Family, Peak, PeakOptions, PeakSensitivity, sensitivities
-from bdamper.peakscan import linear_peak, peaks_at, resonance_interval
+from bdamper.peakscan import linear_peak, peaks_at, resonance_interval, scan
 from bdamper.peakset import PeakSet
 from bdamper.system import CostMeter, HarmonicSystem
 from bdamper.vary import FACTORS, vary
@@ -153,6 +153,9 @@ def highest_peak(
 ) -> Peak:
     """The highest peak at one preload.
 
+    A corner of the curve at which the damper walks is no peak, for it has no condition that could be followed; where it
+    is higher, ``scan`` of the peak says so.
+
     Raises
     ------
     BdamperError
@@ -161,7 +164,10 @@ def highest_peak(
     preload = study._check_preload(preload)
     frequency = frequency or resonance_interval(study, mode)
     meter = CostMeter(time.perf_counter())
-    peaks, ending = peaks_at(study, preload, frequency, options=options, meter=meter)
+    found = scan(study, preload, frequency, options=options, meter=meter)
+    peaks, ending, walk = found.peaks, found.ending, found.walk
+    if walk is not None and (not peaks or walk[1] > peaks[0].amplitude):
+        ending += f"; higher where the damper walks, {walk[1]:.6g} m at {walk[0]:.6g} Hz"
     if not peaks:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "

@@ -49,11 +49,14 @@ class Scan:
         "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
     points : (n, n_unknowns + 1) float
         Of the curve, in order.
+    walk : (frequency, amplitude), Hz, m, optional
+        The highest point at which the damper walks, a corner of the curve and no maximum; of a scan from both ends.
     """
 
     peaks: tuple[Peak, ...]
     ending: str
     points: NDArray
+    walk: tuple[float, float] | None = None
 
     @property
     def some(self) -> NDArray:
@@ -172,7 +175,11 @@ def scan(
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    return Scan(peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points)
+    walk = max((i for i, kind in enumerate(curve.point_kind) if kind == "walk"), key=curve.amplitude.item, default=None)
+    return Scan(
+        peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points,
+        None if walk is None else (float(curve.frequency[walk]), float(curve.amplitude[walk])),
+    )  # fmt: skip
 
 
 def scan_from(

@@ -11,7 +11,9 @@
 Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two
 of these agree within a third of the tolerance, the longer one is taken.
 
-A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.
+A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.  Where the
+damper walks, the mean position is free to move at one vibration and one frequency.  Such a highest point is a corner of the
+curve and no maximum; it is compared in the middle of the walk, with the mean position held along it.
 
 Contact forces are evaluated by exact events: samples would cost as much at lower accuracy.  (Coupled friction has no
 closed form; it is sampled, 32 times for each harmonic at least.)  Contact points, modes and contact stiffness say what is
@@ -51,6 +53,8 @@ ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
 STAGES = (1, 2, 4, 7)
 """Series of harmonics for a first curve."""
+WALKING = 1e-6
+"""Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
 WAY = (3, 7)
 """Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
 
@@ -60,6 +64,7 @@ def richest_study(study: Study) -> Study:
     lacking = missing_harmonics(study, MOST_HARMONICS)
     top = max(lacking[0] - 1 if lacking else MOST_HARMONICS, study.harmonic_numbers[-1])
     rich = finer_evaluation(study, top)
+    _ = rich.self_locking  # of the bodies at rest: all series of harmonics share it
     return rich.with_effects(replace(Effects.of(rich), harmonics=top))
 
 
@@ -126,6 +131,8 @@ class _Top:
     width: float
     at_end: bool
     missed: float = 0.0
+    walk: NDArray | None = None
+    """Direction of the mean position in which nothing holds it, if the point is in the middle of a walk."""
 
     def difference(self, other: _Top) -> float:
         """The larger of the relative differences of amplitude and frequency."""
@@ -233,7 +240,12 @@ class _Choice:
             return []
         a = curve.amplitude
         out = []
+        walks = _walks(curve)
+        if curve.peak.index in walks:
+            out.append(self.walk(harmonics, curve, *walks[curve.peak.index]))
         for i in range(len(curve)):
+            if i in walks:
+                continue
             inside = 0 < i < len(curve) - 1 and curve.branch[i - 1] == curve.branch[i] == curve.branch[i + 1]
             if i != curve.peak.index and not (inside and a[i - 1] < a[i] >= a[i + 1] and a[i] > RIVAL * a.max()):
                 continue
@@ -247,6 +259,14 @@ class _Choice:
                 width = float(np.clip(width, 1e-7 * y[-1], 0.2 * y[-1]))
             out.append(_Top(harmonics, y, float(a[i]), f, width, not inside))
         return sorted(out, key=lambda t: -t.amplitude)
+
+    def walk(self, harmonics: int, curve: Curve, first: int, last: int) -> _Top:
+        """The middle of a walk."""
+        a, b = curve.unknowns[first], curve.unknowns[last]
+        f = float(curve.frequency[first])
+        y = np.append(0.5 * (a + b), 2.0 * np.pi * f)
+        way = (b - a)[: self.variant(harmonics)[1].n_mean]
+        return _Top(harmonics, y, float(curve.amplitude[first]), f, 0.01 * y[-1], False, walk=way)
 
     # ---- what other series would give ----
 
@@ -302,7 +322,10 @@ class _Choice:
         new, b = self.variant(harmonics)
         y = embed_between(old, new, a, b, self.preload, top.y)
         try:
-            found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y)
+            if top.walk is not None:
+                found = self._on_walk(b, top, y, top.walk)
+            else:
+                found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y)
         except FloatingPointError:
             return None
         if found is None or abs(found.amplitude / top.amplitude - 1.0) > ANOTHER:
@@ -315,6 +338,19 @@ class _Choice:
             self.meter.iterations += c.iterations
             if c.status == OK:
                 return replace(top, y=c.y, amplitude=float(abs(b.response(c.y[:-1])[1])))
+        return None
+
+    def _on_walk(self, b: HarmonicSystem, top: _Top, y: NDArray, way: NDArray) -> _Top | None:
+        scale = peak_scale(b, y, top.width)
+        plane = np.zeros(len(y))
+        plane[: b.n_mean] = way / scale[: b.n_mean]
+        plane /= np.linalg.norm(plane)
+        for search in (False, True):
+            c = b.correct(y, plane, scale, 1e-6, 40 if search else 15, search)
+            self.meter.iterations += c.iterations
+            if c.status == OK and np.linalg.norm(c.tangent[b.n_mean :]) < WALKING:
+                amplitude, frequency = float(abs(b.response(c.y[:-1])[1])), float(c.y[-1] / (2.0 * np.pi))
+                return replace(top, y=c.y, amplitude=amplitude, frequency=frequency, walk=way)
         return None
 
     def _at_phase(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
@@ -333,3 +369,18 @@ class _Choice:
             return None
         self.meter.iterations += peak.iterations
         return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
+
+
+def _walks(curve: Curve) -> dict[int, tuple[int, int]]:
+    """For every point of a walk the first and the last of its points."""
+    kind = curve.point_kind
+    out: dict[int, tuple[int, int]] = {}
+    i = 0
+    while i < len(kind):
+        last = i
+        while last + 1 < len(kind) and kind[i] == kind[last + 1] == "walk" and curve.branch[i] == curve.branch[last + 1]:
+            last += 1
+        if last > i:
+            out.update(dict.fromkeys(range(i, last + 1), (i, last)))
+        i = last + 1
+    return out

@@ -12,7 +12,7 @@ from bdamper.errors import SettingError
 from bdamper.estimates import estimates_from_json
 from bdamper.estimation import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
 from bdamper.peaks import PeakOptions
-from bdamper.tolerance import richest_study
+from bdamper.tolerance import _Choice, richest_study
 from tests import accuracy_cases, models
 
 
@@ -245,6 +245,42 @@ def test_curve_to_a_tolerance(number):
     assert tried is not None
     assert tried.error <= tried.tolerance, tried
     assert tried.curves <= 2  # that of one harmonic and, if this is not enough, the one that is returned
+
+
+def test_top_where_the_damper_walks_is_carried_along_the_walk():
+    """Nothing holds the mean position there: the phase of the response does not tell where on the curve one is."""
+    case = accuracy_cases.draw(500)
+    one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
+    preload, interval = accuracy_cases.scene(one, case)
+    choice = _Choice(richest_study(one), preload, interval, 0.03, None, {})
+    top = choice.tops(2)[0]
+    assert top.walk is not None
+    curve = choice.curve(4)
+    assert "walk" in curve.point_kind[curve.peak.index - 1 : curve.peak.index + 2]
+    carried = choice.carried(top, 4)
+    assert carried.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-6)
+    assert carried.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)
+    assert carried.difference(top) > 0.01
+    back = choice.carried(choice.lifted(top), 2)
+    assert back.difference(top) < 1e-6
+    assert choice.carried(replace(top, walk=None), 4) is None
+
+
+def test_peak_says_that_a_corner_where_the_damper_walks_is_higher():
+    case = accuracy_cases.draw(153)
+    one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
+    place = accuracy_cases.scene(one, case)
+    for study in (one, varied(one, {"harmonics": 3})):  # the first has no maximum at all
+        top = study.track(*place).peak
+        note = f"higher where the damper walks, {top.amplitude:.6g} m at {top.frequency:.6g} Hz"
+        if study is one:
+            with pytest.raises(bd.BdamperError, match=note):
+                study.peak(*place)
+        else:
+            peak = study.peak(*place)
+            assert peak.amplitude < top.amplitude
+            assert note in peak.scan
+            assert "there may be a higher one" in str(peak)
 
 
 def test_top_at_an_end_of_the_interval_is_compared_at_its_frequency(study, place):
