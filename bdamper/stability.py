@@ -23,9 +23,9 @@ harmonics have bases of their own: there no such state of one sector exists.  Th
 with the memory of the sliders in it (:mod:`bdamper.disturbances`), and those that grow are counted, oscillating or not:
 within the nodal diameters of the wave, and within others where they are given, up to one order above the harmonics of the
 motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many
-harmonics describe.  Under coupled friction the sign of
-``det J`` at fixed frequency is all that is known: it is negative if an odd number of such disturbances grows without
-oscillating.
+harmonics describe.  That count costs many times the curve.  The sign of ``det J`` at fixed frequency costs next to nothing:
+it is negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that
+is known under coupled friction.
 
 **Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
 disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
@@ -297,6 +297,7 @@ def stability_of_points(
     unknowns: NDArray,
     omega: NDArray,
     others: Mapping[int, Mapping[int, HarmonicBasis]] | None = None,
+    oscillating: bool = True,
 ) -> Stability:
     """Stability of several solutions of one system.
 
@@ -307,6 +308,9 @@ def stability_of_points(
     omega : (n,) float, rad/s
     others : mapping of d to mapping of l to HarmonicBasis, optional
         Modes of further disturbances of a travelling wave, those of nodal diameters ``d + l EO``.
+    oscillating : bool
+        Whether disturbances of a travelling wave that oscillate while they grow are counted; otherwise the sign of
+        ``det J`` is taken.  Multipliers cover them in any case.
     """
     started = time.perf_counter()
     n = len(omega)
@@ -326,7 +330,8 @@ def stability_of_points(
             "all disturbances, multipliers of motion and sliders" + ("" if exact_events else " by shooting"),
             time.perf_counter() - started,
         )
-    if np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any() or _one_shape(system):
+    without_events = np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any()
+    if not oscillating or without_events or _one_shape(system):
         stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
         note = "sign of det J: disturbances of the wave itself that grow without oscillating"
         return Stability(stable, largest, "determinant", note, time.perf_counter() - started)

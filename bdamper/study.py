@@ -1003,7 +1003,7 @@ class Study:
         curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
         return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
 
-    def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = ()) -> Curve:
+    def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = (), oscillating: bool = False) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
 
         Parameters
@@ -1013,10 +1013,14 @@ class Study:
         nodal_diameters : sequence of int
             Further disturbances of a travelling wave: by how many nodal diameters they differ from it.  The model must have
             the modes of these nodal diameters; those of their harmonics are used where it has them.
+        oscillating : bool
+            Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes many
+            times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are.
         """
         self._check_curve(curve)
         others = {int(d): self._bases_beside(int(d)) for d in nodal_diameters}
-        result = stability_of_points(self.system(curve.preload), curve.unknowns, 2.0 * np.pi * curve.frequency, others)
+        omega = 2.0 * np.pi * curve.frequency
+        result = stability_of_points(self.system(curve.preload), curve.unknowns, omega, others, oscillating or bool(others))
         note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
         return replace(curve, stable=result.stable, stability_note=note)
 

@@ -185,18 +185,23 @@ def test_curves_carry_stability(tmp_path):
     assert again.stability_note == curve.stability_note
 
 
-def test_cyclic_structures_by_exponents():
+def test_cyclic_structures_by_the_determinant_and_by_exponents():
     study = bd.Study(
         bd.reference_model("bladed_disk", 9),
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )
-    curve = study.track(1000.0, (320.0, 380.0), stability=True)
+    by_sign = study.track(1000.0, (320.0, 380.0), stability=True)
+    assert "det J" in by_sign.stability_note
+    curve = study.with_stability(by_sign, oscillating=True)
     assert "oscillating or not" in curve.stability_note
     assert " s for the curve" in curve.stability_note
     folds = [fold.index for fold in curve.folds]
     assert len(folds) == 2
+    # the sign of the determinant changes at the folds alone
+    assert not by_sign.stable[folds[0] + 1 : folds[1]].any()
+    assert by_sign.stable[: folds[0]].all() and by_sign.stable[folds[1] + 1 :].all()
     # between the folds no point is stable; off resonance, where everything sticks, all are
     assert not curve.stable[folds[0] + 1 : folds[1]].any()
     assert curve.stable[curve.shares[:, 0] > 1.0 - 1e-9].all()
