@@ -317,8 +317,8 @@ class Search:
             return
         rich = self.variant(self.everything)[1]
         near = np.flatnonzero(a >= NEAR * max(peaks[0].amplitude, self.best.peak.amplitude))
-        unknown = False
-        for i in np.unique(near[np.linspace(0, len(near) - 1, MOST_ASKED).astype(int)]):
+        unknown = not len(near)  # the peak is far higher than the curve that led to it
+        for i in near[np.unique(np.linspace(0, len(near) - 1, MOST_ASKED).astype(int))] if len(near) else near:
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
             y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
             e = self.estimate(y, on)
