@@ -58,6 +58,7 @@ def test_case_24_at_least_98_percent_complete(outcomes):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not FULL, reason="takes many minutes: make hard")
 def test_case_24_preloads_whatever_the_excitation():
     complete, thrown = [], 0
     for seed in range(200):
