@@ -58,10 +58,10 @@ def test_case_24_at_least_98_percent_complete(outcomes):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not FULL, reason="takes many minutes: make hard")
 def test_case_24_preloads_whatever_the_excitation():
+    """200 seeds at full size, with 60, 69 and 126, which are not complete and take minutes."""
     complete, thrown = [], 0
-    for seed in range(200):
+    for seed in range(200 if FULL else 60):
         study, preload, _ = random_study(seed, wide=True)
         thrown += 0.0 < preload < 2.0 * study.excitation.amplitude
         status, reason = check(seed, wide=True)
@@ -69,7 +69,7 @@ def test_case_24_preloads_whatever_the_excitation():
         if status != "complete":
             assert "Hz" in reason, (seed, reason)
             assert "dampers are thrown about: raise it" in reason, (seed, reason)
-    assert thrown >= 20
+    assert thrown >= len(complete) // 10
     assert np.mean(complete) >= 0.98
 
 
