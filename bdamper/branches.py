@@ -328,24 +328,6 @@ def _known(system: HarmonicSystem, pieces: Sequence[Piece], y: NDArray, options:
 # ---- what the points show ----
 
 
-def linear_resonances(
-    system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
-) -> list[tuple[float, float, NDArray]]:
-    """Resonances of the structure without contact and with every closed point stuck.
-
-    Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
-    """
-    out = []
-    basis = system.bases[1]
-    for k in springs:
-        frequencies, vectors = system.linear_modes(k)
-        for omega, vector in zip(frequencies, vectors.T):
-            if low < omega < high:
-                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), 1e-9 * float(omega))
-                out.append((float(omega), width, vector.conj() * basis.mass))
-    return out
-
-
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:
     body = model.bodies.get(coordinate.body)  # residual modes belong to none
     if body is not None and body.mass is not None and coordinate.name in ("TX", "TY", "TZ"):

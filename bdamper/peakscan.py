@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
-from bdamper.branches import Piece, follow_both, linear_resonances
+from bdamper.branches import Piece, follow_both
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
+from bdamper.linear import linear_maximum, linear_resonances
 from bdamper.optimalcurve import Limit
 from bdamper.peaksearch import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
 from bdamper.system import OK, CostMeter, HarmonicSystem
@@ -109,29 +109,10 @@ def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *,
     """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none."""
     system = study.system(preload)
     springs = study._stuck_springs(study.static(preload)) if stuck else None
-    poles, vectors = system.linear_modes(springs)
-    basis = system.bases[1]
-    loss = 0.5 * (np.abs(vectors) ** 2).T @ basis.damping
-    matrix = system.linear_matrix(0.0, springs)
-    c, s = system.slices(1)
-    force = system.force[c] - 1j * system.force[s]
-
-    def negative(w: float) -> float:
-        Z = matrix + np.diag(1j * w * basis.damping - w**2 * basis.mass)
-        return -abs(np.linalg.solve(Z, force) @ system.response_rows[1])
-
-    best = Limit(np.nan, np.nan)
     low, high = (2.0 * np.pi * f for f in frequency)
-    for w, width in zip(poles, loss):
-        if not low < w < high:
-            continue
-        half = 3.0 * max(float(width), 1e-9 * float(w))
-        found = minimize_scalar(
-            negative, bounds=(w - half, w + half), method="bounded", options={"xatol": 1e-9 * w, "maxiter": 200}
-        )
-        if not best.amplitude >= -found.fun:
-            best = Limit(float(found.x / (2.0 * np.pi)), float(-found.fun))
-    return best
+    tops = [linear_maximum(system, springs, w, width) for w, width, _ in linear_resonances(system, (springs,), low, high)]
+    omega, amplitude = max(tops, key=lambda top: top[1], default=(np.nan, np.nan))
+    return Limit(omega / (2.0 * np.pi), amplitude)
 
 
 def peaks_at(

@@ -1,15 +1,6 @@
 """A study: one model under one set of settings, asked for responses.
 
-Everything is made once and kept: the bases of the harmonics, contact stiffness, static preload analyses.  The chain that
-finds the first point of a curve is, in this order,
-
-1. the static state under the preload (:mod:`bdamper.preload`),
-2. the stuck linear response on top of it, then plain Newton,
-3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
-4. homotopy: continuation in the level of the excitation from the static state on, around folds,
-5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
-
-what was tried is kept in the result.
+Everything is made once and kept: the bases of the harmonics, contact stiffness, static preload analyses.
 """
 
 from __future__ import annotations
@@ -34,18 +25,18 @@ from bdamper.branches import (
     follow_both,
     follow_one,
     leap,
-    linear_resonances,
     new_solutions,
     notes,
     why_no_solution,
 )
 from bdamper.checks import check_model
-from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
+from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import Effects, check_harmonics, harmonic_numbers, whole_harmonics
 from bdamper.errors import BdamperError, SettingError
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
+from bdamper.linear import linear_curve, linear_resonances
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.reduced_contact import without_separation
@@ -53,6 +44,7 @@ from bdamper.residual import ResidualModes
 from bdamper.response import Curve
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.stability import stability_of_points
+from bdamper.start import WALKS, first_point
 from bdamper.stiffness import (
     METHODS,
     Contact,
@@ -68,8 +60,6 @@ from bdamper.system import (
     LAW_COUPLED,
     LAW_NORMAL,
     LAW_SEPARABLE,
-    OK,
-    STATUS_TEXT,
     Cost,
     CostMeter,
     HarmonicSystem,
@@ -86,22 +76,6 @@ if TYPE_CHECKING:
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
-LET_GO = 2000
-"""Points of a path on which free bodies are let go."""
-SUPPORTS = (
-    (10.0, 0.1, False),
-    (1.0, 0.1, False),
-    (10.0, 1.0, True),
-    (10.0, 0.01, True),
-    (1.0, 1.0, False),
-    (1.0, 0.01, True),
-    (0.1, 1.0, False),
-    (0.1, 10.0, True),
-    (1.0, 10.0, True),
-    (0.1, 1.0, True),
-)
-"""By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
-WALKS = "leave their seats"
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
 
 
@@ -794,7 +768,7 @@ class Study:
     def find_start(
         self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
     ) -> tuple[NDArray | None, list[str]]:
-        """A solution at one frequency, by the chain of this module's docstring.
+        """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
 
         Returns
         -------
@@ -803,101 +777,11 @@ class Study:
         state = self.static(preload)
         if not state.converged:
             return None, [f"static state: {state.note}"]
-        log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
         system = self.system(preload)
         meter.watch(system)
-        linear = system.linear_response(omega, self._stuck_springs(state))
-        stuck = system.pack(state.q[: system.n_mean], linear)
-        scale = np.ones(system.n_unknowns + 1)
-        scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), float(np.linalg.norm(linear)), 1e-300)
-        scale[system.n_mean : -1] = max(float(np.linalg.norm(linear)), 1e-300)
-        scale[-1] = omega
-        free = system.pack(state.q[: system.n_mean], system.linear_response(omega, None))
-        for name, guess, search, iterations in (
-            ("Newton from the stuck response", stuck, False, 20),
-            ("Newton with line search from the stuck response", stuck, True, 60),
-            ("Newton with line search from the free response", free, True, 60),
-        ):
-            c = system.correct_at(guess, omega, scale, options.tolerance, iterations, search)
-            meter.iterations += c.iterations
-            log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
-            if c.status == OK:
-                return c.y, log
-        start, log = self._raise_excitation(preload, omega, state, options, meter, log)
-        if start is None:
-            start = self._let_go(preload, omega, state, options, meter, log)
-        why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, c.y) if start is None else ""
-        return start, [*log, why] if why else log
-
-    def _raise_excitation(
-        self,
-        preload: float,
-        omega: float,
-        state: PreloadState,
-        options: ContinuationOptions,
-        meter: CostMeter,
-        log: list[str],
-    ) -> tuple[NDArray | None, list[str]]:
-        """Excitation raised from almost nothing to its full level, along the curve and around its folds."""
-        system = self.system(preload)
-        meter.watch(system)
-        ramp = system.excitation_ramp(omega)
-        first = 1e-3
-        linear = first * system.linear_response(omega, self._stuck_springs(state))
-        start = np.append(system.pack(state.q[: system.n_mean], linear), first)
-        path = follow(ramp, start, (0.5 * first, 1.0), options=replace(options, locate=False, max_points=2000))
-        meter.iterations += path.iterations
-        meter.failed_steps += path.failed_steps
-        if path.status != "complete":
-            reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
-            why = path.reason if path.status == "walked off" else path.status
-            log.append(f"excitation raised from the static state: stopped at {reached} ({why})")
-            return None, log
-        log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
-        return np.append(path.points[-1].y[:-1], omega), log
-
-    def _let_go(
-        self,
-        preload: float,
-        omega: float,
-        state: PreloadState,
-        options: ContinuationOptions,
-        meter: CostMeter,
-        log: list[str],
-    ) -> NDArray | None:
-        """Free bodies (all, if none is free) held by springs and dampers, which fade along the curve and around its folds.
-
-        Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
-        solutions, and some of them past ranges of excitation in which the body walks off.
-        """
-        system = self.system(preload)
-        meter.watch(system)
-        first = 1e-2
-        one = replace(options, locate=False, max_points=LET_GO, patience=LET_GO)
-        mean = state.q[: system.n_mean]
-        stuck = system.linear_response(omega, self._stuck_springs(state))
-        held = [np.where(system.held_coordinates[1], 0.0, q) for q in (system.linear_response(omega, None), stuck)]
-        walked = 0
-        for drag, spring, raising in SUPPORTS:
-            supported = system.letting_go(omega, drag, spring, raising)
-            guesses = [system.pack(mean, first * stuck)] if raising else [system.pack(mean, q) for q in held]
-            for u in guesses:
-                scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-                c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
-                meter.iterations += c.iterations
-                if c.status == OK:
-                    break
-            else:
-                continue
-            path = follow(supported, c.y, (0.5 * first, 1.0), options=one)
-            meter.iterations += path.iterations
-            meter.failed_steps += path.failed_steps
-            if path.status == "complete":
-                log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
-                return np.append(path.points[-1].y[:-1], omega)
-            walked += path.status == "walked off"
-        log.append("bodies held and let go: no solution" + (f", {WALKS} ({walked} supports)" if walked else ""))
-        return None
+        found, log, last = first_point(system, state, self._stuck_springs(state), omega, options, meter)
+        why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, last) if found is None else ""
+        return found, [*log, why] if why else log
 
     # ---- curves ----
 
@@ -1331,57 +1215,8 @@ class Study:
 
     def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
         low, high = _check_interval(frequency)
-        meter = CostMeter(time.perf_counter())
-        system = self.system(preload)
-        poles, vectors = system.linear_modes(springs)
-        omega = np.linspace(low, high, 201)
-        losses = 0.5 * system.bases[1].damping @ np.abs(vectors) ** 2
-        for w, loss in zip(poles, losses):
-            if low < w < high:
-                # equal steps of phase around each resonance
-                half = max(loss, 1e-9 * w)
-                omega = np.concatenate([omega, w + half * np.tan(np.linspace(-1.56, 1.56, 161))])
-                omega = np.append(omega, self._linear_peak(system, springs, w, half))
-        omega = np.unique(omega[(omega >= low) & (omega <= high)])
-        q = np.array([system.linear_response(w, springs) for w in omega])
-        u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
-        n = len(omega)
-        shares = np.tile([1.0, 0.0, 0.0] if springs is not None else [0.0, 0.0, 1.0], (n, 1))
-        c, s = system.slices(1)
-        force = system.force[c] - 1j * system.force[s]
-        error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
-        at_peak = np.zeros(n, bool)
-        at_peak[int(np.argmax(np.abs(q @ self._response_rows[1])))] = True
-        return Curve(
-            kind=kind,
-            frequency=omega / (2.0 * np.pi),
-            harmonics=system.response(u),
-            unknowns=u,
-            residual=np.array(error) / max(float(np.abs(force).max()), 1e-300),
-            shares=shares,
-            backward=np.zeros(n, bool),
-            rank_deficiency=np.zeros(n, int),
-            branch=np.zeros(n, int),
-            point_kind=tuple("maximum" if top else "regular" for top in at_peak),
-            preload=preload,
-            status="complete",
-            reason="linear",
-            cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
-            settings=self._settings(None),
-            model_hash=self.model.hash,
-        )
-
-    def _linear_peak(self, system: HarmonicSystem, springs: NDArray | None, omega: float, half: float) -> float:
-        from scipy.optimize import minimize_scalar
-
-        def negative(w: float) -> float:
-            return -abs(system.linear_response(w, springs) @ self._response_rows[1])
-
-        return float(
-            minimize_scalar(
-                negative, bounds=(omega - 3 * half, omega + 3 * half), method="bounded", options={"xatol": 1e-9 * omega}
-            ).x
-        )
+        system, settings = self.system(preload), self._settings(None)
+        return linear_curve(system, kind, (low, high), springs, preload, settings, self.model.hash)
 
     def _settings(self, options: ContinuationOptions | None) -> dict[str, Any]:
         given = self.contact_stiffness

@@ -239,5 +239,5 @@ def test_bodies_held_and_let_go_where_nothing_else_starts(seed, wide, monkeypatc
     assert any("bodies held" in line and "let go: no" not in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
-    monkeypatch.setattr(study_module, "SUPPORTS", ())
+    monkeypatch.setattr("bdamper.start.SUPPORTS", ())
     assert not s.track(preload, interval).complete

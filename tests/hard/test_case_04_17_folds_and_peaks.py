@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bdamper.branches import linear_resonances
 from bdamper.continuation import ContinuationOptions, follow
+from bdamper.linear import linear_resonances
 from bdamper.system import OK
 from tests.oscillators import oscillator
 

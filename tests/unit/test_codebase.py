@@ -31,9 +31,9 @@ PYTHON_LEVELS = [
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "disturbances", "stability", "timedomain"},
+    {"continuation", "branches", "start", "disturbances", "stability", "timedomain"},
     {"estimates"},
-    {"response"},
+    {"response", "linear"},
     {"peaksearch"},
     {"peaksensitivity"},
     {"peakbranch"},

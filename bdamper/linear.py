@@ -1,0 +1,106 @@
+"""Linear limits of a response: no contact at all, or every closed point stuck.
+
+With springs K_c in place of the contact the first harmonic solves Z(omega) q = f, Z = K + K_c + i omega D - omega^2 M.  Its
+poles give the resonances; the response is sampled in equal steps of phase around each, and its maximum is searched for.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from bdamper.response import Curve
+from bdamper.system import Cost, CostMeter, HarmonicSystem
+
+
+def linear_resonances(
+    system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
+) -> list[tuple[float, float, NDArray]]:
+    """Resonances of the structure without contact and with every closed point stuck.
+
+    Frequency and half-width (damping ratio times frequency) in rad/s, and the row that gives the modal coordinate.
+    """
+    out = []
+    basis = system.bases[1]
+    for k in springs:
+        frequencies, vectors = system.linear_modes(k)
+        for omega, vector in zip(frequencies, vectors.T):
+            if low < omega < high:
+                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), 1e-9 * float(omega))
+                out.append((float(omega), width, vector.conj() * basis.mass))
+    return out
+
+
+def linear_maximum(system: HarmonicSystem, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
+    """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width."""
+
+    def negative(w: float) -> float:
+        return -abs(system.linear_response(w, springs) @ system.response_rows[1])
+
+    ends = (omega - 3.0 * width, omega + 3.0 * width)
+    found = minimize_scalar(negative, bounds=ends, method="bounded", options={"xatol": 1e-9 * omega, "maxiter": 200})
+    return float(found.x), -float(found.fun)
+
+
+def linear_curve(
+    system: HarmonicSystem,
+    kind: str,
+    frequency: tuple[float, float],
+    springs: NDArray | None,
+    preload: float,
+    settings: dict[str, Any],
+    model_hash: str,
+) -> Curve:
+    """The linear response over a frequency interval.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    kind : str
+        "free" or "stuck".
+    frequency : (low, high), rad/s
+    springs : (n_points, 3) float, N/m, optional
+        In place of the contact.
+    preload : float, N
+    settings : dict
+    model_hash : str
+    """
+    meter = CostMeter(time.perf_counter())
+    low, high = frequency
+    omega = np.linspace(low, high, 201)
+    for w, width, _ in linear_resonances(system, (springs,), low, high):
+        # equal steps of phase around each resonance
+        omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161))])
+        omega = np.append(omega, linear_maximum(system, springs, w, width)[0])
+    omega = np.unique(omega[(omega >= low) & (omega <= high)])
+    q = np.array([system.linear_response(w, springs) for w in omega])
+    u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
+    n = len(omega)
+    c, s = system.slices(1)
+    force = system.force[c] - 1j * system.force[s]
+    error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
+    at_peak = int(np.argmax(np.abs(q @ system.response_rows[1])))
+    return Curve(
+        kind=kind,
+        frequency=omega / (2.0 * np.pi),
+        harmonics=system.response(u),
+        unknowns=u,
+        residual=np.array(error) / max(float(np.abs(force).max()), 1e-300),
+        shares=np.tile([1.0, 0.0, 0.0] if springs is not None else [0.0, 0.0, 1.0], (n, 1)),
+        backward=np.zeros(n, bool),
+        rank_deficiency=np.zeros(n, int),
+        branch=np.zeros(n, int),
+        point_kind=tuple("maximum" if i == at_peak else "regular" for i in range(n)),
+        preload=preload,
+        status="complete",
+        reason="linear",
+        cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
+        settings=settings,
+        model_hash=model_hash,
+    )

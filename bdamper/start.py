@@ -1,0 +1,157 @@
+"""The first point of a curve: a solution at one frequency, from nothing but the static state.
+
+The chain is, in this order,
+
+1. the static state under the preload (:mod:`bdamper.preload`),
+2. the stuck linear response on top of it, then plain Newton,
+3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
+4. homotopy: continuation in the level of the excitation from the static state on, around folds,
+5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
+
+what was tried is kept in the result.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation import ContinuationOptions, Path, follow
+from bdamper.preload import PreloadState
+from bdamper.system import OK, STATUS_TEXT, CostMeter, HarmonicSystem
+
+RAMP_POINTS = 2000
+"""Points of a path on which the excitation is raised, or bodies are let go."""
+SUPPORTS = (
+    (10.0, 0.1, False),
+    (1.0, 0.1, False),
+    (10.0, 1.0, True),
+    (10.0, 0.01, True),
+    (1.0, 1.0, False),
+    (1.0, 0.01, True),
+    (0.1, 1.0, False),
+    (0.1, 10.0, True),
+    (1.0, 10.0, True),
+    (0.1, 1.0, True),
+)
+"""By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
+WALKS = "leave their seats"
+
+
+def first_point(
+    system: HarmonicSystem,
+    state: PreloadState,
+    springs: NDArray,
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+) -> tuple[NDArray | None, list[str], NDArray]:
+    """A solution at one frequency.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    state : PreloadState
+        The static state, converged.
+    springs : (n_points, 3) float
+        Linear springs of the points that stick.
+    omega : float, rad/s
+    options : ContinuationOptions
+    meter : CostMeter
+
+    Returns
+    -------
+    (n_unknowns + 1,) float or None, what was tried, and where the last Newton iteration ended
+    """
+    log = [f"static state: converged in {state.iterations} iterations, residual {state.residual:.1e}"]
+    mean = state.q[: system.n_mean]
+    stuck, free = system.linear_response(omega, springs), system.linear_response(omega, None)
+    vibration = max(float(np.linalg.norm(stuck)), 1e-300)
+    scale = np.full(system.n_unknowns + 1, vibration)
+    scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), vibration)
+    scale[-1] = omega
+    for name, guess, search, iterations in (
+        ("Newton from the stuck response", stuck, False, 20),
+        ("Newton with line search from the stuck response", stuck, True, 60),
+        ("Newton with line search from the free response", free, True, 60),
+    ):
+        c = system.correct_at(system.pack(mean, guess), omega, scale, options.tolerance, iterations, search)
+        meter.iterations += c.iterations
+        log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
+        if c.status == OK:
+            return c.y, log, c.y
+    found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
+    if found is None:
+        found = _let_go(system, mean, (free, stuck), omega, options, meter, log)
+    return found, log, c.y
+
+
+def _raise_excitation(
+    system: HarmonicSystem,
+    mean: NDArray,
+    stuck: NDArray,
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+) -> NDArray | None:
+    """Excitation raised from almost nothing to its full level, along the curve and around its folds."""
+    first = 1e-3
+    path = _homotopy(system.excitation_ramp(omega), np.append(system.pack(mean, first * stuck), first), options, meter)
+    if path.status == "complete":
+        log.append(f"excitation raised from the static state: full after {len(path.points)} steps")
+        return np.append(path.points[-1].y[:-1], omega)
+    reached = f"{100 * path.points[-1].y[-1]:.3g} %" if path.points else "no excitation"
+    why = path.reason if path.status == "walked off" else path.status
+    log.append(f"excitation raised from the static state: stopped at {reached} ({why})")
+    return None
+
+
+def _let_go(
+    system: HarmonicSystem,
+    mean: NDArray,
+    linear: tuple[NDArray, NDArray],
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+) -> NDArray | None:
+    """Free bodies (all, if none is free) held by springs and dampers, which fade along the curve and around its folds.
+
+    Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
+    solutions, and some of them past ranges of excitation in which the body walks off.
+    """
+    first = 1e-2
+    held = [np.where(system.held_coordinates[1], 0.0, q) for q in linear]
+    walked = 0
+    for drag, spring, raising in SUPPORTS:
+        supported = system.letting_go(omega, drag, spring, raising)
+        guesses = [system.pack(mean, first * linear[1])] if raising else [system.pack(mean, q) for q in held]
+        for u in guesses:
+            scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
+            c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                break
+        else:
+            continue
+        path = _homotopy(supported, c.y, replace(options, patience=RAMP_POINTS), meter)
+        if path.status == "complete":
+            log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
+            return np.append(path.points[-1].y[:-1], omega)
+        walked += path.status == "walked off"
+    log.append("bodies held and let go: no solution" + (f", {WALKS} ({walked} supports)" if walked else ""))
+    return None
+
+
+def _homotopy(
+    system: HarmonicSystem, start: NDArray, options: ContinuationOptions, meter: CostMeter
+) -> Path:
+    """Along the last unknown, from where the start has it to 1."""
+    one = replace(options, locate=False, max_points=RAMP_POINTS)
+    path = follow(system, start, (0.5 * float(start[-1]), 1.0), options=one)
+    meter.iterations += path.iterations
+    meter.failed_steps += path.failed_steps
+    return path
