@@ -7,6 +7,7 @@ from bdamper.coupling import RIGID_NAMES
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.estimates import ErrorEstimates, SourceError
+from bdamper.excitation import Excitation, Response
 from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.laws import LawComparison
@@ -22,7 +23,7 @@ from bdamper.residual import ResidualModes
 from bdamper.response import Curve, Fold, load_curve
 from bdamper.seating import ContactMap, WedgeFriction, load_contact_map
 from bdamper.stiffness import PerArea
-from bdamper.study import Excitation, Response, Study
+from bdamper.study import Study
 from bdamper.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
 from bdamper.system import Cost, Sampled
 from bdamper.timedomain import Verification

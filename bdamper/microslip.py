@@ -22,8 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.errors import ModelError, SettingError
+from bdamper.excitation import direction_vector
 from bdamper.preload import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
-from bdamper.study import Study, _direction
+from bdamper.study import Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -125,7 +126,7 @@ def microslip(
         raise ModelError(f"microslip: expected a seat under {preload:g} N, found: {seat.note}")
     basis = study._static_basis
     along = study.coupling.location_modes(location, 0).real
-    d = _direction(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
+    d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
     f, x0 = study._load

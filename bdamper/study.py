@@ -34,11 +34,13 @@ from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import Effects, check_harmonics, harmonic_numbers, whole_harmonics
 from bdamper.errors import BdamperError, SettingError
+from bdamper.excitation import Excitation, Response, direction_vector
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
 from bdamper.linear import linear_curve, linear_resonances
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.progress import progress_bar
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve
@@ -76,61 +78,6 @@ if TYPE_CHECKING:
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
-DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
-
-
-def _direction(value: str | Sequence[float], what: str) -> NDArray:
-    if isinstance(value, str):
-        if value not in DIRECTIONS:
-            raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'")
-        return np.array(DIRECTIONS[value])
-    vector = np.asarray(value, float)
-    if vector.shape != (3,) or not np.isfinite(vector).all() or not np.any(vector):
-        raise SettingError(f"{what}: expected three finite numbers, not all zero, found {value!r}")
-    return vector / np.linalg.norm(vector)
-
-
-@dataclass(frozen=True)
-class Excitation:
-    """A travelling-wave force of engine-order type on every blade.
-
-    Parameters
-    ----------
-    location : str
-    direction : {"tangential", "radial", "axial"} or three floats
-    amplitude : float, N
-    phase : float, rad
-        Of the force on the reference blade, ``amplitude cos(omega t + phase)``.
-    """
-
-    location: str
-    direction: str | tuple[float, float, float] = "tangential"
-    amplitude: float = 1.0
-    phase: float = 0.0
-
-    def __post_init__(self) -> None:
-        _direction(self.direction, "excitation direction")
-        if not np.isfinite(self.amplitude) or self.amplitude < 0.0 or not np.isfinite(self.phase):
-            raise SettingError(
-                f"excitation: expected a finite amplitude >= 0 and phase, found {self.amplitude}, {self.phase}"
-            )
-
-
-@dataclass(frozen=True)
-class Response:
-    """Where and along which direction the response is read.
-
-    Parameters
-    ----------
-    location : str
-    direction : {"tangential", "radial", "axial"} or three floats
-    """
-
-    location: str
-    direction: str | tuple[float, float, float] = "tangential"
-
-    def __post_init__(self) -> None:
-        _direction(self.direction, "response direction")
 
 
 @dataclass(frozen=True, eq=False)
@@ -543,11 +490,11 @@ class Study:
         """(n_modes,) complex modal excitation at harmonic 1."""
         modes = self._location_modes(self.excitation.location, 1)
         force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
-        return (_direction(self.excitation.direction, "excitation direction") @ modes).conj() * force
+        return (direction_vector(self.excitation.direction, "excitation direction") @ modes).conj() * force
 
     @cached_property
     def _response_rows(self) -> list[NDArray]:
-        direction = _direction(self._response.direction, "response direction")
+        direction = direction_vector(self._response.direction, "response direction")
         rows = [
             direction @ self._location_modes(self._response.location, l) if l in self._active else np.zeros(0)
             for l in range(self.harmonic_numbers[-1] + 1)
@@ -861,7 +808,7 @@ class Study:
             return start
 
         try:
-            with _progress_bar(progress, low, high) as on_point:
+            with progress_bar(progress, low, high) as on_point:
                 follow_on = partial(self._follow_from, system, preload, (low, high), options, meter, on_point)
                 for at_high in (from_high, not from_high):
                     follow_on(high if at_high else low, (not at_high,), pieces, log)
@@ -1301,29 +1248,3 @@ def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
     if not (np.isfinite(high) and 0.0 < low < high):
         raise SettingError(f"frequency: expected 0 < low < high in Hz, found ({low}, {high})")
     return 2.0 * np.pi * low, 2.0 * np.pi * high
-
-
-class _progress_bar:
-    """Progress over the frequency interval, or nothing."""
-
-    def __init__(self, show: bool, low: float, high: float) -> None:
-        self.show, self.low, self.high = show, low, high
-
-    def __enter__(self) -> Any:
-        if not self.show:
-            return None
-        from tqdm.auto import tqdm
-
-        self.bar = tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]")
-
-        def update(point: PathPoint) -> None:
-            now = 100.0 * (point.y[-1] - self.low) / (self.high - self.low)
-            self.bar.n = max(0.0, min(100.0, now))
-            self.bar.refresh()
-
-        return update
-
-    def __exit__(self, *_: object) -> Literal[False]:
-        if self.show:
-            self.bar.close()
-        return False

@@ -31,7 +31,7 @@ def study(**settings):
 def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
     seen = []
 
-    class Stop(study_module._progress_bar):
+    class Stop(study_module.progress_bar):
         def __enter__(self):
             def update(point):
                 seen.append(point)
@@ -41,7 +41,7 @@ def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
             return update
 
     whole = study().track(200.0, (250.0, 450.0))
-    monkeypatch.setattr(study_module, "_progress_bar", Stop)
+    monkeypatch.setattr(study_module, "progress_bar", Stop)
     curve = study().track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert curve.reason == "by the user"

@@ -26,12 +26,13 @@ C_LEVELS = [
 # every Python module may import from lower levels and its own
 PYTHON_LEVELS = [
     {"errors", "model", "_core", "resultfile"},
+    {"excitation"},
     {"checks", "wedge", "fe", "reduction", "aggregation"},
     {"io"},
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "start", "disturbances", "stability", "timedomain"},
+    {"continuation", "branches", "start", "progress", "disturbances", "stability", "timedomain"},
     {"estimates"},
     {"response", "linear"},
     {"peaksearch"},
