@@ -22,7 +22,7 @@ from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, sector_mesh
-from bdamper.fe.parts import friction_face, locations, provenance, surface_mesh
+from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
 from bdamper.model import Body, Model
 from bdamper.reduction.bodies import constrained_body
 from bdamper.reduction.cyclic import CyclicSector
@@ -32,11 +32,7 @@ from bdamper.reduction.patches import Patches
 def blade_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
     """The sector of one blade, held at the bore and at its cut faces: an acyclic structure."""
     body = discretise(sector_mesh(g, density), material)
-    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
-    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * g.pitch - 1e-9)
-    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
-    nothing = np.empty(0, int)
-    return body, CyclicSector(body, nothing, nothing, clamped, 1, 0)
+    return body, clamped_segment(body, g, 1)
 
 
 def blade_to_ground(

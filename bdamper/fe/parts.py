@@ -12,11 +12,22 @@ from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation
 from bdamper.fe.contact_points import surface_facets
+from bdamper.fe.geometry import Geometry
 from bdamper.model import Interface, Location, SurfaceMesh
+from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
 
 PICTURE_MODES = 10
 """Modes whose shapes on the surface are kept for pictures."""
+
+
+def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
+    """A disk segment of so many pitches, held at the bore and at its two cut faces: an acyclic structure."""
+    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
+    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
+    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
+    nothing = np.empty(0, int)
+    return CyclicSector(body, nothing, nothing, clamped, 1, 0)
 
 
 def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = None) -> SurfaceMesh:

@@ -29,7 +29,7 @@ from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, rig_mesh
-from bdamper.fe.parts import friction_face, locations, provenance, surface_mesh
+from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
 from bdamper.model import Body, Interface, Model
 from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
@@ -40,11 +40,7 @@ from bdamper.reduction.patches import Patches
 def rig_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
     """The test blade between its dummies, held at the bore and at the cut faces of the segment."""
     body = discretise(rig_mesh(g, density), material)
-    angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
-    cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 1.5 * g.pitch - 1e-9)
-    clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
-    nothing = np.empty(0, int)
-    return body, CyclicSector(body, nothing, nothing, clamped, 1, 0)
+    return body, clamped_segment(body, g, 3)
 
 
 def rig(
