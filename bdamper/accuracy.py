@@ -30,6 +30,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
 from bdamper.optimal import resonance_interval
+from bdamper.response import uninterrupted
 from bdamper.resultfile import reading
 from bdamper.system import OK, Sampled
 
@@ -292,7 +293,7 @@ def by_tracking_with(options: ContinuationOptions) -> Solver:
 def _top_of_curve(
     study: Study, preload: float, interval: tuple[float, float], options: ContinuationOptions | None
 ) -> Answer:
-    curve = study.track(preload, interval, options=options)
+    curve = uninterrupted(study.track(preload, interval, options=options))
     return (curve.peak.amplitude, curve.peak.frequency) if curve.complete else (np.nan, np.nan)
 
 

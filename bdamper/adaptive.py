@@ -35,6 +35,7 @@ from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
 from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.response import uninterrupted
 from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -236,7 +237,7 @@ class Search:
     def tracked(self, on: On, options: ContinuationOptions | None = None) -> tuple[Curve, list[Peak]]:
         """A curve and its peaks that come near the highest, the highest first."""
         study, system = self.variant(on)
-        curve = study.track(self.preload, self.frequency, options=options)
+        curve = uninterrupted(study.track(self.preload, self.frequency, options=options))
         self.meter.add(curve.cost)
         peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
         top = f"{peaks[0].amplitude:.4g} m at {peaks[0].frequency:.5g} Hz" if peaks else "none"

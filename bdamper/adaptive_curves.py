@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from bdamper.adaptive import MARGIN, On, Search, check_tolerance
 from bdamper.continuation import ContinuationOptions
 from bdamper.indicator import Estimate
-from bdamper.response import Curve
+from bdamper.response import Curve, uninterrupted
 from bdamper.system import Cost
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ def adaptive_curve(
     search = Search(study, float(preload), frequency, tolerance)
     search.least = base = search.rigid_if_enough()
     everything = search.everything
-    curve = search.variant(base)[0].track(preload, frequency, options=options)
+    curve = uninterrupted(search.variant(base)[0].track(preload, frequency, options=options))
     if not curve.complete or base == everything:
-        whole = curve if base == everything else study.track(preload, frequency, options=options)
+        whole = curve if base == everything else uninterrupted(study.track(preload, frequency, options=options))
         return _noted(whole, tolerance, base, [(*frequency, everything)], 0.0, curve, begin)
     at, estimates = sampled_estimates(search, curve, base)
     pieces: list[Curve] = []
@@ -75,7 +75,7 @@ def adaptive_curve(
     rest = 0.0
     for low, high, on in _windows(curve, at, estimates, search):
         for wanted in dict.fromkeys((on, everything)):
-            piece = search.variant(wanted)[0].track(preload, (low, high), options=options)
+            piece = uninterrupted(search.variant(wanted)[0].track(preload, (low, high), options=options))
             _, left = sampled_estimates(search, piece, wanted)
             error = max((e.size for e in left), default=0.0)
             if wanted == everything or (piece.complete and error <= tolerance):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
+from bdamper.continuation import ContinuationOptions, Interrupted, Path, PathPoint, follow
 from bdamper.coupling import Coordinate
 from bdamper.model import Model
 from bdamper.system import OK, CostMeter, HarmonicSystem
@@ -86,14 +86,14 @@ def follow_one(
 
     A path that arrives at the start of an earlier one replaces it: it is the same branch, followed further.
     """
-    path = _follow(system, start, limits, up, options, meter, on_point)
+    path = _follow(system, start, limits, up, options, meter, on_point, pieces)
     if path.status == "complete" and path.points:
         last = path.points[-1]
-        for piece in list(pieces):
+        for piece in pieces[:-1]:
             first = piece.path.points[0] if piece.path.points else None
             if first is not None and not piece.inside and np.linalg.norm((first.y - last.y) / last.scale) < 1e-6:
                 pieces.remove(piece)
-    pieces.append(Piece(path, up, _next_branch(pieces)))
+        pieces[-1] = Piece(path, up, _next_branch(pieces[:-1]))
 
 
 def follow_both(
@@ -108,9 +108,8 @@ def follow_both(
     """Adds the branch through a solution within the interval, followed both ways."""
     branch = _next_branch(pieces)
     for up in (True, False):
-        path = _follow(system, start, limits, up, options, meter, on_point)
-        pieces.append(Piece(path, up, branch, True))
-        if path.status in ("closed", "interrupted"):
+        path = _follow(system, start, limits, up, options, meter, on_point, pieces, branch, True)
+        if path.status == "closed":
             return
 
 
@@ -122,10 +121,21 @@ def _follow(
     options: ContinuationOptions,
     meter: CostMeter,
     on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+    branch: int | None = None,
+    inside: bool = False,
 ) -> Path:
-    path = follow(system, start, limits, up=up, options=options, on_point=on_point)
+    """Adds one path, also if Ctrl-C ends it."""
+    stop = None
+    try:
+        path = follow(system, start, limits, up=up, options=options, on_point=on_point)
+    except Interrupted as interrupted:
+        stop, path = interrupted, interrupted.path
     meter.iterations += path.iterations
     meter.failed_steps += path.failed_steps
+    pieces.append(Piece(path, up, _next_branch(pieces) if branch is None else branch, inside))
+    if stop is not None:
+        raise stop
     return path
 
 
@@ -156,8 +166,7 @@ def leap(
         else:
             return
         log.append(f"{omega / TWO_PI:.6g} Hz: set off again beyond a tangle of folds")
-        path = _follow(system, c.y, limits, last.up, options, meter, on_point)
-        pieces.append(Piece(path, last.up, _next_branch(pieces)))
+        path = _follow(system, c.y, limits, last.up, options, meter, on_point, pieces)
         if path.status == "tangle" and (path.points[-1].y[-1] - front.y[-1]) * sense <= 0.0:
             reach = max(sense * p.y[-1] for p in path.points)
             if reach <= sense * front.y[-1] + 1e-3 * (limits[1] - limits[0]):
@@ -165,9 +174,7 @@ def leap(
 
 
 def finished(pieces: Sequence[Piece], low: float, high: float) -> bool:
-    """Whether nothing is left to be followed: branches lead through from end to end, or the user stopped it."""
-    if any(piece.path.status == "interrupted" for piece in pieces):
-        return True
+    """Whether nothing is left to be followed: branches lead through from end to end."""
     through = any(piece.path.status == "complete" and not piece.inside for piece in pieces)
     return through and not uncovered(pieces, low, high)
 
@@ -218,8 +225,6 @@ def fill(
             continue
         log.append(f"{found[-1] / TWO_PI:.6g} Hz: set off from a solution within a gap")
         follow_both(system, found, limits, options, meter, on_point, pieces)
-        if pieces[-1].path.status == "interrupted":
-            return
 
 
 def _within(

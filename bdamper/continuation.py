@@ -529,6 +529,14 @@ class _Follower:
         return "too many points", f"{options.max_points} points before the end of the interval"
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C while a path was followed, which is kept."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__("by the user")
+        self.path = path
+
+
 def follow(
     system: HarmonicSystem,
     start: NDArray,
@@ -555,12 +563,20 @@ def follow(
     Returns
     -------
     Path
-        Every point of it is converged; ``status`` and ``reason`` say how it ended.  Ctrl-C ends it as "interrupted" with
-        what is there.
+        Every point of it is converged; ``status`` and ``reason`` say how it ended.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, with the path so far.
     """
     follower = _Follower(system, limits, options or ContinuationOptions(), on_point)
+
+    def path(status: str, reason: str) -> Path:
+        return Path(tuple(follower.points), status, reason, follower.iterations, follower.failed, follower.tangle)
+
     try:
-        status, reason = follower.run(start, up)
-    except KeyboardInterrupt:
-        status, reason = "interrupted", "by the user"
-    return Path(tuple(follower.points), status, reason, follower.iterations, follower.failed, follower.tangle)
+        ending = follower.run(start, up)
+    except KeyboardInterrupt as stop:
+        raise Interrupted(path("interrupted", "by the user")) from stop
+    return path(*ending)

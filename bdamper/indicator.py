@@ -32,6 +32,7 @@ from scipy.linalg import get_lapack_funcs
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, SettingError
 from bdamper.peaks import Peak, PeakOptions, coarse_options, find_peak, same_peak
+from bdamper.response import uninterrupted
 from bdamper.resultfile import reading
 from bdamper.system import OK, HarmonicSystem
 
@@ -402,7 +403,7 @@ def advise(
     rich = against or fullest(study)
     system = study.system(preload)
     if peak is None:
-        curve = study.track(preload, frequency, options=coarse_options())
+        curve = uninterrupted(study.track(preload, frequency, options=coarse_options()))
         peaks = highest_peaks(system, curve)
         if not peaks:
             raise BdamperError(f"no peak between {frequency[0]:g} and {frequency[1]:g} Hz at {preload:g} N: {curve.reason}")

@@ -19,6 +19,7 @@ from bdamper.errors import SettingError
 from bdamper.linear import linear_maximum, linear_resonances
 from bdamper.optimalcurve import Limit
 from bdamper.peaksearch import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
+from bdamper.response import uninterrupted
 from bdamper.system import OK, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -149,7 +150,7 @@ def scan(
     meter: CostMeter | None = None,
 ) -> Scan:
     """The same from the ends of the interval, with points of the curve; arguments as for :func:`peaks_at`."""
-    curve = study.track(preload, frequency, options=continuation or coarse_options())
+    curve = uninterrupted(study.track(preload, frequency, options=continuation or coarse_options()))
     system = study.system(preload)
     if meter is not None:
         meter.add(curve.cost)

@@ -212,6 +212,27 @@ class Curve:
 _ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency", "branch")
 
 
+class InterruptedCurve(KeyboardInterrupt):
+    """Ctrl-C while a curve was followed for something else; the curve so far is kept."""
+
+    def __init__(self, curve: Curve) -> None:
+        super().__init__(curve.reason)
+        self.curve = curve
+
+
+def uninterrupted(curve: Curve) -> Curve:
+    """The curve; what is made of it must not go on as if it were whole.
+
+    Raises
+    ------
+    InterruptedCurve
+        If Ctrl-C has ended it.
+    """
+    if curve.status == "interrupted":
+        raise InterruptedCurve(curve)
+    return curve
+
+
 def load_curve(path: str | FilePath) -> Curve:
     """Read a curve that :meth:`Curve.save` wrote.
 

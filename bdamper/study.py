@@ -43,7 +43,7 @@ from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, stat
 from bdamper.progress import progress_bar
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
-from bdamper.response import Curve
+from bdamper.response import Curve, InterruptedCurve, uninterrupted
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.stability import stability_of_points
 from bdamper.start import WALKS, first_point
@@ -709,7 +709,7 @@ class Study:
                 settings["residual_traction"] = "static"
                 if self.evaluation == "exact":
                     settings["evaluation"] = Sampled(max(128, 8 * self.harmonic_numbers[-1] + 8))
-            curves.append(replace(self, **settings).track(preload, frequency, options=options))
+            curves.append(uninterrupted(replace(self, **settings).track(preload, frequency, options=options)))
         return LawComparison(tuple(laws), tuple(curves))
 
     def find_start(
@@ -784,14 +784,20 @@ class Study:
                 raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
             judged = self.with_effects(replace(Effects.of(self), stability=True)) if stability else self
             within = 0.01 if tolerance is None else tolerance
-            return adaptive_curve(judged, preload, frequency, tolerance=within, options=options)
+            try:
+                return adaptive_curve(judged, preload, frequency, tolerance=within, options=options)
+            except InterruptedCurve as stop:
+                return stop.curve
         if tolerance is not None:
             from bdamper.tolerance import track_to_tolerance
 
-            return track_to_tolerance(
-                self, preload, frequency, tolerance, options=options, from_high=from_high, progress=progress,
-                search_branches=search_branches, stability=stability,
-            )  # fmt: skip
+            try:
+                return track_to_tolerance(
+                    self, preload, frequency, tolerance, options=options, from_high=from_high, progress=progress,
+                    search_branches=search_branches, stability=stability,
+                )  # fmt: skip
+            except InterruptedCurve as stop:
+                return stop.curve
         options = options or ContinuationOptions()
         low, high = _check_interval(frequency)
         preload = self._check_preload(preload)
@@ -823,7 +829,8 @@ class Study:
                         log.append(f"{start[-1] / (2 * np.pi):.6g} Hz: a solution apart from the branches so far")
                         follow_both(system, start, (low, high), options, meter, on_point, pieces)
         except KeyboardInterrupt:
-            pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
+            if not any(piece.path.status == "interrupted" for piece in pieces):
+                pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         status, reason, left_out = ending(pieces, low, high)
         if status in ("incomplete", "no start"):
             if any(WALKS in line for line in log):
@@ -832,7 +839,9 @@ class Study:
                 ratio = preload / self.excitation.amplitude
                 reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
         curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
-        return self.with_stability(curve) if (stability or self.stability) and len(curve) else curve
+        if len(curve) and status != "interrupted" and (stability or self.stability):
+            return self.with_stability(curve)
+        return curve
 
     def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = (), oscillating: bool = False) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.

@@ -38,7 +38,7 @@ from bdamper.estimates import percent
 from bdamper.estimation import finer_evaluation, missing_harmonics
 from bdamper.indicator import embed_between, estimate_change
 from bdamper.peaks import peak_scale
-from bdamper.response import Curve
+from bdamper.response import Curve, uninterrupted
 from bdamper.system import OK, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -228,7 +228,7 @@ class _Choice:
         """Tracked once."""
         if harmonics not in self.curves:
             study, _ = self.variant(harmonics)
-            curve = study.track(self.preload, self.frequency, options=self.options, **self.track)
+            curve = uninterrupted(study.track(self.preload, self.frequency, options=self.options, **self.track))
             self.meter.add(curve.cost)
             self.curves[harmonics] = curve
         return self.curves[harmonics]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core
+from bdamper import _core, continuation
 from bdamper import study as study_module
 from bdamper.branches import Piece, ending, fill, follow_both, new_solutions, uncovered
 from bdamper.continuation import ContinuationOptions, follow
@@ -50,6 +50,73 @@ def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
     np.testing.assert_array_equal(curve.unknowns, whole.unknowns[: len(curve)])
     curve.save(tmp_path / "curve.h5")
     assert bd.load_curve(tmp_path / "curve.h5").status == "interrupted"
+
+
+class Clock:
+    """Ctrl-C at the n-th point that any path accepts."""
+
+    def __init__(self, monkeypatch, at):
+        self.left = at
+        inner = continuation._Follower.record
+
+        def accept(follower, *args, **keywords):
+            self.left -= 1
+            if self.left == 0:
+                raise KeyboardInterrupt
+            return inner(follower, *args, **keywords)
+
+        monkeypatch.setattr(continuation._Follower, "record", accept)
+
+
+@pytest.mark.parametrize("at", [1, 30])
+@pytest.mark.parametrize(
+    "work",
+    [
+        lambda s: s.peak(200.0, (250.0, 450.0)),
+        lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0)),
+        lambda s: s.advise(200.0, (250.0, 450.0)),
+        lambda s: s.compare_laws(200.0, (250.0, 450.0)),
+        lambda s: bd.accuracy_cost(s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}, reference={"harmonics": 3}, repeats=1),
+        lambda s: bd.sweep(s, {"preload": [200.0, 300.0]}, frequency=(250.0, 450.0)),
+    ],
+    ids=["peak", "optimal curve", "advice", "laws", "accuracy", "sweep"],
+)
+def test_ctrl_c_ends_what_is_made_of_curves(monkeypatch, work, at):
+    s = study()
+    Clock(monkeypatch, at)
+    with pytest.raises(KeyboardInterrupt):
+        work(s)
+
+
+@pytest.mark.parametrize("settings", [{"effects": "auto"}, {"tolerance": 0.01}])
+def test_ctrl_c_while_settings_of_a_curve_are_chosen(monkeypatch, settings):
+    s = study(harmonics=3)
+    Clock(monkeypatch, 20)
+    curve = s.track(200.0, (250.0, 450.0), **settings)
+    assert curve.status == "interrupted"
+    assert 0 < len(curve) < 20
+    assert (curve.residual < 1e-9).all()
+
+
+def test_interrupted_sweep_does_its_points_when_it_is_resumed(monkeypatch, tmp_path):
+    over, frequency, file = {"preload": [200.0, 300.0, 400.0]}, (250.0, 450.0), tmp_path / "sweep.jsonl"
+    whole = bd.sweep(study(), over, frequency=frequency)
+    with monkeypatch.context() as patch:
+        Clock(patch, 100)
+        with pytest.raises(KeyboardInterrupt):
+            bd.sweep(study(), over, frequency=frequency, results=file)
+    resumed = bd.sweep(study(), over, frequency=frequency, results=file)
+    assert resumed.complete
+    assert [v["amplitude"] for v in resumed.values] == [v["amplitude"] for v in whole.values]
+
+
+def test_ctrl_c_in_the_chain_of_a_start_is_not_a_stage_that_failed(monkeypatch):
+    """Raising the excitation is interrupted: no other stage may be tried after it."""
+    s, preload, interval = random_study(1889)
+    Clock(monkeypatch, 1)
+    curve = s.track(preload, interval)
+    assert curve.status == "interrupted"
+    assert not any("bodies held" in line for line in curve.start_log)
 
 
 def test_interrupted_before_the_first_point(monkeypatch):
