@@ -4,7 +4,9 @@ For each source the converged peak is embedded in a richer study and the change 
 Newton step there (:func:`bdamper.indicator.estimate_change`); where that step cannot be trusted (a large change, or a
 second residual that contradicts it) Newton goes on to the end in the richer study; if that leads nowhere, the peak is found
 anew, with one harmonic if harmonics are not in question.  A curve that is highest at an end of its interval is compared at
-this frequency.
+this frequency, to which more harmonics are carried a few at a time; where that changes by more than 30 % or leads nowhere,
+another resonance may have come into the interval, and the highest points of two curves with one harmonic are compared (not
+if harmonics are in question).
 
 ``harmonics``
     As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
@@ -40,7 +42,7 @@ from bdamper.estimates import ErrorEstimates, SourceError
 from bdamper.indicator import embed_between, estimate_change
 from bdamper.peaks import Peak, find_peak, peak_scale
 from bdamper.response import Curve
-from bdamper.system import OK, Sampled
+from bdamper.system import OK, HarmonicSystem, Sampled
 
 if TYPE_CHECKING:
     from bdamper.model import Model
@@ -51,6 +53,8 @@ TRUSTED = 0.01
 """Relative change up to which one Newton step is enough if nothing contradicts it."""
 POINTS_FACTOR = 1.0
 """Error of n contact points over the change to n/2 of them."""
+ANOTHER = 0.3
+"""Relative change at an end of the interval beyond which the highest point of a richer curve may be elsewhere."""
 MODES_FACTOR = 1.0 / 3.0
 """Error of n modes over the change to n/2 of them."""
 
@@ -105,18 +109,19 @@ def estimate_errors(
     if unknown:
         raise SettingError(f"sources: expected some of {SOURCES}, found {unknown}")
     begin = time.perf_counter()
-    at_end = False
+    end_of: tuple[float, float] | None = None
     if isinstance(result, Curve):
         study._check_curve(result)
         top = result.peak
-        at_end = result.point_kind[top.index] == "end"
+        if result.point_kind[top.index] == "end":
+            end_of = float(result.frequency.min()), float(result.frequency.max())
         preload = result.preload
         y = np.append(result.unknowns[top.index], 2.0 * np.pi * top.frequency)
         peak = find_peak(study.system(preload), y)
         amplitude, frequency = top.amplitude, top.frequency
         near = abs(peak.amplitude / amplitude - 1.0) < 0.05 and abs(peak.frequency / frequency - 1.0) < 0.02
         many = isinstance(study.evaluation, Sampled)  # samples make many small peaks
-        if not (peak.converged and near) or at_end or many:
+        if not (peak.converged and near) or end_of or many:
             peak = replace(peak, y=y, frequency=frequency, amplitude=amplitude, residual=float(result.residual[top.index]),
                            status="converged")  # fmt: skip
     else:
@@ -132,13 +137,18 @@ def estimate_errors(
             )
         peak, amplitude, frequency = result, result.amplitude, result.frequency
     location = peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0
-    items = [_of_source(study, source, preload, peak, at_end, location) for source in sources]
+    items = [_of_source(study, source, preload, peak, end_of, location) for source in sources]
     found = tuple(item for item in items if item is not None)
     return ErrorEstimates(preload, frequency, amplitude, found, time.perf_counter() - begin)
 
 
 def _of_source(
-    study: Study, source: str, preload: float, peak: Peak, at_end: bool, location: tuple[float, float]
+    study: Study,
+    source: str,
+    preload: float,
+    peak: Peak,
+    end_of: tuple[float, float] | None,
+    location: tuple[float, float],
 ) -> SourceError | None:
     begin = time.perf_counter()
 
@@ -156,8 +166,10 @@ def _of_source(
         richer = richer_study(study, source)
         if richer is None:
             return None
-        change = change_at_frequency if at_end else change_of_peak
-        amplitude, frequency, uncertainty, how = change(study, richer.study, preload, peak)
+        if end_of:
+            amplitude, frequency, uncertainty, how = change_at_end(study, richer.study, preload, peak, end_of)
+        else:
+            amplitude, frequency, uncertainty, how = change_of_peak(study, richer.study, preload, peak)
     except BdamperError as error:
         return result(np.nan, np.nan, np.inf, str(error))
     f = richer.factor
@@ -200,29 +212,72 @@ def change_of_peak(
     around = (0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency)
     try:
         if richer.harmonic_numbers != study.harmonic_numbers or study.harmonic_numbers == (1,):
-            before, after, how = peak, richer.peak(preload, around), "found anew"
+            before, how = (peak.amplitude, peak.frequency), "found anew"
+            after = _highest(richer, preload, around)
         else:
-            single = [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in (study, richer)]
-            before, after = (s.peak(preload, around) for s in single)
+            before, after = (_highest(s, preload, around) for s in _with_one_harmonic(study, richer))
             how = "peaks with one harmonic compared"
     except BdamperError as error:
         return np.nan, np.nan, np.inf, f"no peak found: {error}"
-    return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0, 0.0, how
+    return after[0] / before[0] - 1.0, after[1] / before[1] - 1.0, 0.0, how
 
 
-def change_at_frequency(
-    study: Study, richer: Study, preload: float, peak: Peak
+def change_at_end(
+    study: Study, richer: Study, preload: float, peak: Peak, interval: tuple[float, float]
 ) -> tuple[float, float, float, str]:
-    """The same at the frequency of the peak: where a curve is highest at an end of its interval."""
-    a, b = study.system(preload), richer.system(preload)
-    y = embed_between(study, richer, a, b, preload, peak.y)
-    scale = peak_scale(b, y, y[-1])
+    """The same where a curve is highest at an end of its interval (Hz)."""
+    same = richer.harmonic_numbers == study.harmonic_numbers
+    way = [richer]
+    if not same:
+        top, own = richer.harmonic_numbers[-1], study.harmonic_numbers[-1]
+        way = [with_stand_ins(study, n) for n in range(own + 2, top, 2)] + way
+    y: NDArray | None = peak.y
+    before, a = study, study.system(preload)
+    for after in way:
+        if y is None or not after.static(preload).converged:
+            continue
+        b = after.system(preload)
+        y = _at_frequency(b, embed_between(before, after, a, b, preload, y))
+        before, a = after, b
+    if y is not None:
+        change = float(abs(a.response(y[:-1])[1])) / peak.amplitude - 1.0
+        if abs(change) <= ANOTHER or not same:
+            return change, 0.0, 0.0, "solved at the end of the interval"
+    if not same:
+        return np.nan, np.nan, np.inf, "no solution found at the end of the interval"
+    tops = []
+    for s in _with_one_harmonic(study, richer):
+        curve = s.track(preload, interval)
+        if not curve.complete:
+            return np.nan, np.nan, np.inf, f"no whole curve with one harmonic: {curve.reason}"
+        tops.append((curve.peak.amplitude, curve.peak.frequency))
+    return tops[1][0] / tops[0][0] - 1.0, tops[1][1] / tops[0][1] - 1.0, 0.0, "curves with one harmonic compared"
+
+
+def _at_frequency(system: HarmonicSystem, y: NDArray) -> NDArray | None:
+    """A solution near a point, at its frequency."""
+    scale = peak_scale(system, y, y[-1])
     for search in (False, True):
-        c = b.correct_at(y[:-1], float(y[-1]), scale, 1e-9, 60 if search else 20, search)
+        c = system.correct_at(y[:-1], float(y[-1]), scale, 1e-9, 60 if search else 20, search)
         if c.status == OK:
-            amplitude = float(abs(b.response(c.y[:-1])[1]))
-            return amplitude / peak.amplitude - 1.0, 0.0, 0.0, "solved at the end of the interval"
-    return np.nan, np.nan, np.inf, "no solution found at the end of the interval"
+            return c.y
+    return None
+
+
+def _with_one_harmonic(*studies: Study) -> list[Study]:
+    return [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in studies]
+
+
+def _highest(study: Study, preload: float, around: tuple[float, float]) -> tuple[float, float]:
+    """Amplitude and frequency of the highest peak, or of the highest point of the curve where that is no maximum."""
+    try:
+        peak = study.peak(preload, around)
+        return peak.amplitude, peak.frequency
+    except BdamperError:
+        curve = study.track(preload, around)
+        if not curve.complete or curve.point_kind[curve.peak.index] == "end":
+            raise
+        return curve.peak.amplitude, curve.peak.frequency
 
 
 def _stuck_resonance(study: Study, preload: float, frequency: float) -> float:

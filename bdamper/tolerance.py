@@ -8,6 +8,10 @@
    is known before a curve with it is there.
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
+What is spent on a decision is bound by what it could save: carrying a point to all harmonics may take as much work
+(:class:`bdamper.system.Cost`) as 1.2 curves with the shortest series that is still in question.  Where this runs out, the
+longest series reached must do, with what it differs from the one before as the error that may be left.
+
 Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two
 of these agree within a third of the tolerance, the longer one is taken.
 
@@ -55,7 +59,11 @@ STAGES = (1, 2, 4, 7)
 """Series of harmonics for a first curve."""
 WALKING = 1e-6
 """Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
-WAY = (3, 7)
+WORTH = 1.2
+"""Work that carrying a point to all harmonics may take, in curves with the shortest series that is still in question."""
+SAME = 1e-3
+"""Relative difference of amplitude and frequency below which two points of one series are the same."""
+WAY = (3, 7, 9)
 """Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
 
 
@@ -133,6 +141,8 @@ class _Top:
     missed: float = 0.0
     walk: NDArray | None = None
     """Direction of the mean position in which nothing holds it, if the point is in the middle of a walk."""
+    guessed: bool = False
+    """Whether it stands in for one with all harmonics, which would have taken too much work."""
 
     def difference(self, other: _Top) -> float:
         """The larger of the relative differences of amplitude and frequency."""
@@ -154,6 +164,14 @@ class _Choice:
     variants: dict[int, tuple[Study, HarmonicSystem]] = field(default_factory=dict)
     meter: CostMeter = field(default_factory=lambda: CostMeter(time.perf_counter()))
 
+    least: int = 1
+    """The shortest series that points carried to more harmonics leave in question."""
+    begin: float = 0.0
+    limit: float = np.inf
+    """Work of the meter at which carrying points begins and at which it ends."""
+    lost: list[_Top] = field(default_factory=list)
+    """Points that have not led to one with all harmonics."""
+
     def __post_init__(self) -> None:
         self.most = len(self.study.harmonic_numbers)
 
@@ -162,13 +180,24 @@ class _Choice:
         before: _Top | None = None
         target: _Top | None = None
         for first in (*(n for n in STAGES if n < self.most), self.most):
+            if first < self.least and self.curves:
+                continue
             tops = self.tops(first)
             if not tops:
                 why = self.curves[first].reason or "no solutions"
                 self.reasons.append(f"no highest point with harmonics 1 to {first}: {why}")
                 continue
             target = self.target(tops)
-            if target is not None:
+            if target is not None and target.guessed:
+                rest = target.difference(tops[0]) + target.missed
+                if rest <= self.tolerance:
+                    text = f"harmonics 1 to {target.harmonics} differ by {percent(rest)}, what more may change included"
+                    self.reasons.append(f"{text}; 1 to {self.most} would take too much work")
+                    return first, rest
+                shorter = self.shortest(target, first)
+                if shorter < self.most:
+                    return self.settled(shorter, target)
+            elif target is not None:
                 return self.settled(first, target)
             if first == self.most:
                 break
@@ -193,12 +222,13 @@ class _Choice:
         for _ in range(3):
             tops = self.tops(harmonics)
             if tops:
-                target = self.exact(target, tops[0])
+                target = target if target.guessed else self.exact(target, tops[0])
                 rest = target.difference(tops[0])
                 if rest + target.missed <= self.tolerance:
                     return harmonics, rest
                 if harmonics != first and tops[0].amplitude > target.amplitude:
                     other = self.target(tops[:1])
+                    self.limit = np.inf
                     if other is None:
                         break
                     if other.amplitude > target.amplitude:
@@ -223,6 +253,10 @@ class _Choice:
             self.meter.watch(system)
             self.variants[harmonics] = study, system
         return self.variants[harmonics]
+
+    def limited(self, harmonics: int) -> HarmonicSystem:
+        """The equations with so many harmonics, for what is left of the work that carrying a point may take."""
+        return self.variant(harmonics)[1].limited(self.limit - self.meter.work)
 
     def curve(self, harmonics: int) -> Curve:
         """Tracked once."""
@@ -272,25 +306,61 @@ class _Choice:
 
     def target(self, tops: list[_Top]) -> _Top | None:
         """What the highest of some points becomes with all harmonics; None if it cannot be followed."""
+        self.begin = self.meter.work
+        self.limit = self.begin + WORTH * self.expected(tops[0].harmonics, tops[0].harmonics)
         best = self.lifted(tops[0])
-        if best is None:
-            return None
+        if best is None or best.guessed:
+            return best
         for top in tops[1:]:
             if top.amplitude > best.amplitude * (1.0 - self.tolerance):
                 rival = self.lifted(top)
-                if rival is not None and rival.amplitude > best.amplitude:
+                if rival is not None and not rival.guessed and rival.amplitude > best.amplitude:
                     best = rival
         return best
 
+    def expected(self, tracked: int, harmonics: int) -> float:
+        """Work of a curve from that of one which is there: as many iterations at another size."""
+        a, b = (float(self.variant(n)[1].work[:3].sum()) for n in (tracked, harmonics))
+        return self.curves[tracked].cost.work * b / a
+
     def lifted(self, top: _Top) -> _Top | None:
         """A point as it is with all harmonics."""
+        first = top
+        least, last = first.harmonics, np.inf
         for harmonics in WAY:
-            if top.harmonics < harmonics < self.most:
-                top = self.carried(top, harmonics) or top
-        return self.carried(top, self.most)
+            if not top.harmonics < harmonics < self.most:
+                continue
+            if harmonics == WAY[-1]:
+                found = self.carried(top, self.most, quick=True)
+                if found is not None:
+                    return found
+            found = self.carried(top, harmonics)
+            if found is None:
+                continue
+            for shorter in (first, top):
+                if shorter.difference(found) > self.tolerance + found.missed:
+                    least = max(least, shorter.harmonics + 1)
+            last = top.difference(found) + found.missed
+            top = found
+            self.limit = max(self.limit, self.begin + WORTH * self.expected(first.harmonics, least))
+        again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
+        for start in (top, first) if first.harmonics >= STAGES[-1] else () if again else (top,):
+            found = self.carried(start, self.most)
+            if found is not None:
+                return found
+        if not self.limited(self.most).spent:
+            self.lost.append(top)
+        self.least = max(self.least, least)
+        return self.stand_in(top, last)
+
+    def stand_in(self, top: _Top, last: float) -> _Top | None:
+        """The longest series reached, where the work ran out or no longer curve is left to ask; None if it does not settle."""
+        asked = self.limited(self.most).spent or max(self.curves) >= STAGES[-1]
+        return replace(top, missed=last, guessed=True) if asked and last <= self.tolerance else None
 
     def shortest(self, target: _Top, tried: int) -> int:
         """The shortest series, other than those with curves, that has the point to the tolerance."""
+        self.limit = np.inf
         for harmonics in range(2, self.most):
             if harmonics in self.curves:
                 continue
@@ -301,7 +371,7 @@ class _Choice:
             away = target.difference(found)
             if away + found.missed <= self.tolerance:
                 self.reasons.append(
-                    f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {self.most}"
+                    f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {target.harmonics}"
                 )
                 return harmonics
         return self.most
@@ -311,21 +381,26 @@ class _Choice:
         away = top.difference(other)
         if not away - top.missed <= self.tolerance < away + top.missed:
             return top
-        found = self._solved(self.variant(top.harmonics)[1], top, top.y, [top.y])
+        found = self._solved(self.limited(top.harmonics), top, top.y, [top.y])
         return top if found is None else found
 
-    def carried(self, top: _Top, harmonics: int) -> _Top | None:
-        """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost."""
+    def carried(self, top: _Top, harmonics: int, quick: bool = False) -> _Top | None:
+        """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost.
+
+        With ``quick`` by one step or not at all.
+        """
         if harmonics == top.harmonics:
             return top
         old, a = self.variant(top.harmonics)
-        new, b = self.variant(harmonics)
+        new, b = self.variant(harmonics)[0], self.limited(harmonics)
         y = embed_between(old, new, a, b, self.preload, top.y)
+        if quick and (top.at_end or top.walk is not None):
+            return None
         try:
             if top.walk is not None:
                 found = self._on_walk(b, top, y, top.walk)
             else:
-                found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y)
+                found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y, quick)
         except FloatingPointError:
             return None
         if found is None or abs(found.amplitude / top.amplitude - 1.0) > ANOTHER:
@@ -353,7 +428,7 @@ class _Choice:
                 return replace(top, y=c.y, amplitude=amplitude, frequency=frequency, walk=way)
         return None
 
-    def _at_phase(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
+    def _at_phase(self, b: HarmonicSystem, top: _Top, y: NDArray, quick: bool) -> _Top | None:
         e = estimate_change(b, y)
         change = max(abs(e.amplitude), abs(e.frequency))
         if change + 2.0 * e.defect <= SHARE * self.tolerance:
@@ -361,7 +436,7 @@ class _Choice:
                 top, y=e.y, amplitude=top.amplitude * (1.0 + e.amplitude), frequency=top.frequency * (1.0 + e.frequency),
                 missed=top.missed + e.defect,
             )  # fmt: skip
-        return self._solved(b, top, y, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [])
+        return None if quick else self._solved(b, top, y, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [])
 
     def _solved(self, b: HarmonicSystem, top: _Top, y: NDArray, guesses: list[NDArray]) -> _Top | None:
         peak = carried_over(b, guesses, y, top.width, quick=True)

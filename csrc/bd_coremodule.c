@@ -391,8 +391,8 @@ static PyObject *System_get_cost(SystemObject *self, void *closure) {
     Py_BEGIN_ALLOW_THREADS lock_without_gil(self);
     c = self->hbm.cost;
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS return Py_BuildValue("dddlll", c.contact, c.assembly, c.algebra, c.n_evaluation, c.n_jacobian,
-                                              c.n_factorisation);
+    Py_END_ALLOW_THREADS return Py_BuildValue("dddllll", c.contact, c.assembly, c.algebra, c.n_evaluation, c.n_jacobian,
+                                              c.n_factorisation, c.n_least_norm);
 }
 
 static PyObject *System_get_n_unknown(SystemObject *self, void *closure) {

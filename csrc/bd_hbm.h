@@ -27,7 +27,7 @@ typedef struct {
 
 typedef struct {
     double contact, assembly, algebra; /* seconds */
-    long n_evaluation, n_jacobian, n_factorisation;
+    long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
 } bd_cost;
 
 /* Unknowns: for harmonic 0 the n_mode[0] coordinates, then for each harmonic its cosines followed by its sines. */

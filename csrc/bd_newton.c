@@ -156,7 +156,7 @@ static bd_status solve(bd_hbm *hbm, bd_newton_work *w, const bd_newton_options *
     memset(w->pivot, 0, sizeof(int) * n1);
     double cut = options->rank_tolerance * 10.0;
     w->lapack.dgelsy(&m, &m, &one, w->LU, &m, b, &m, w->pivot, &cut, &report->rank, w->work, &w->lwork, &info);
-    ++hbm->cost.n_factorisation;
+    ++hbm->cost.n_least_norm;
     return info == 0 ? BD_OK : BD_SINGULAR;
 }
 

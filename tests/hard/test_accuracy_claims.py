@@ -1,49 +1,80 @@
 """Estimated errors and settings chosen by tolerance on many drawn cases.
 
-Two draws each; the numbers of cases follow BDAMPER_HARD (at most 200 and 50 of each draw), only a sample by default.
+Two draws each, of which the second was used for nothing else; the numbers of cases follow BDAMPER_HARD (at most 200 of each
+draw for estimates, 50 of the first and 100 of the second for tolerances), only a sample by default.  With
+BDAMPER_HARD_RESULTS, the name of a folder, results are kept there, so that a run that was cut off goes on where it was; times
+are in them too, but nothing here depends on them.
 """
 
+import json
 import os
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.accuracy_cases import compare, try_tolerance
+from tests.effect_cases import found as found_in
 
 FULL = int(os.environ.get("BDAMPER_HARD", "0"))
+RESULTS = os.environ.get("BDAMPER_HARD_RESULTS", "")
+
+
+def effectivity(number):
+    """What the estimate of a case is worth; None where there is nothing to compare."""
+    c = compare(number)
+    if c is None:
+        return None
+    return {
+        "effectivity": c.effectivity, "folded": c.folded, "source": c.source, "text": c.text, "estimated": c.estimated,
+        "true": c.true,
+    }  # fmt: skip
+
+
+def tolerance(number):
+    """How well a tolerance is met and at what cost; None where there is no peak."""
+    t = try_tolerance(number)
+    if t is None:
+        return None
+    return {
+        "error": t.error, "tolerance": t.tolerance, "ratio": t.ratio, "time_ratio": t.time_ratio, "by_chance": t.by_chance,
+        "chosen": t.chosen, "series": t.series, "curves": t.curves, "seconds": t.cheapest_seconds,
+    }  # fmt: skip
 
 
 def cases(of, first, wanted):
     """The first cases from a number on that have something to compare."""
+    path = Path(RESULTS or ".") / f"{of.__name__}-{first}.jsonl"
+    known = {row["number"]: row for row in found_in(str(path))} if RESULTS else {}
     out = []
     for number in range(first, first + 4 * wanted):
-        found = of(number)
-        if found is not None:
-            out.append(found)
+        if number not in known:
+            known[number] = {"number": number, **(of(number) or {})}
+            if RESULTS:
+                with path.open("a") as file:
+                    file.write(json.dumps(known[number]) + "\n")
+        if len(known[number]) > 1:
+            out.append(known[number])
         if len(out) == wanted:
             break
+    assert len(out) == wanted
     return out
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 1000])
+@pytest.mark.parametrize("first", [0, 2000])
 def test_effectivity_of_estimates(first):
-    wanted = min(FULL, 200) or 8
-    found = cases(compare, first, wanted)
-    assert len(found) == wanted
-    e = np.array([c.effectivity for c in found])
+    found = cases(effectivity, first, min(FULL, 200) or 4)
+    e = np.array([c["effectivity"] for c in found])
     good = (e > 0.3) & (e < 3.0)
-    assert good.mean() >= 0.95 if FULL else good.sum() >= len(e) - 1, [c for c, g in zip(found, good) if not g]
-    assert all(c.effectivity >= 0.1 for c in found if c.folded)
+    assert good.mean() >= 0.95 if FULL else good.all(), [c for c, g in zip(found, good) if not g]
+    assert all(c["effectivity"] >= 0.1 for c in found if c["folded"])
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("first", [0, 500])
-def test_tolerance_is_met_at_little_cost(first):
-    wanted = min(FULL, 50) or 5
-    found = cases(try_tolerance, first, wanted)
-    assert len(found) == wanted
-    met = np.array([t.error <= t.tolerance for t in found])
-    cheap = np.array([t.ratio <= 3.0 for t in found])
-    for good in (met, cheap):
-        assert good.mean() >= 0.95 if FULL else good.sum() >= len(good) - 1, [t for t, g in zip(found, good) if not g]
+@pytest.mark.parametrize(("first", "most"), [(0, 50), (1000, 100)])
+def test_tolerance_is_met_at_little_cost(first, most):
+    """Cost is work, which is counted (:class:`bdamper.system.Cost`), not measured."""
+    found = cases(tolerance, first, min(FULL, most) or 3)
+    for good in ([c["error"] <= c["tolerance"] for c in found], [c["ratio"] <= 3.0 for c in found]):
+        assert np.mean(good) >= 0.95 if FULL else all(good), [c for c, g in zip(found, good) if not g]

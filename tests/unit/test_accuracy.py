@@ -241,7 +241,7 @@ def test_effectivity_on_a_sample(number):
 
 @pytest.mark.parametrize("number", [0, 6, 11, 29, 50])
 def test_curve_to_a_tolerance(number):
-    tried = accuracy_cases.try_tolerance(number, repeats=1)
+    tried = accuracy_cases.try_tolerance(number)
     assert tried is not None
     assert tried.error <= tried.tolerance, tried
     assert tried.curves <= 2  # that of one harmonic and, if this is not enough, the one that is returned
