@@ -9,7 +9,7 @@
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
 What is spent on a decision is bound by what it could save: carrying a point to all harmonics may take as much work
-(:class:`bdamper.system.Cost`) as 1.2 curves with the shortest series that is still in question.  Where this runs out, the
+(:class:`bdamper.system.Cost`) as 1.4 curves with the shortest series that is still in question.  Where this runs out, the
 longest series reached must do, with what it differs from the one before as the error that may be left.
 
 Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two
@@ -59,7 +59,7 @@ STAGES = (1, 2, 4, 7)
 """Series of harmonics for a first curve."""
 WALKING = 1e-6
 """Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
-WORTH = 1.2
+WORTH = 1.4
 """Work that carrying a point to all harmonics may take, in curves with the shortest series that is still in question."""
 SAME = 1e-3
 """Relative difference of amplitude and frequency below which two points of one series are the same."""
