@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -193,7 +193,7 @@ class HarmonicSystem:
 
     @property
     def work(self) -> NDArray:
-        """(4,) million operations of an evaluation, a Jacobian, a factorisation, a solution by least norm; see :class:`Cost`."""
+        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm (:class:`Cost`)."""
         n, points = self.n_unknowns, self.n_points
         contact = 28e3 * (2 * self.n_harmonics + 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
         return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
@@ -289,10 +289,20 @@ class HarmonicSystem:
 
     def with_force(self, force: NDArray) -> HarmonicSystem:
         """The same equations under another modal force."""
+        out = self._with(force=np.ascontiguousarray(force, float))
+        out.force = out.arrays["force"]
+        return out
+
+    def with_sliders(self, slider: NDArray) -> HarmonicSystem:
+        """The same equations with other sliders (n_points, 2), m, where points never slip (:meth:`slider_interval`)."""
+        out = self._with(w=np.ascontiguousarray(slider, float))
+        out.points = replace(self.points, slider=out.arrays["w"])
+        return out
+
+    def _with(self, **arrays: NDArray) -> HarmonicSystem:
         out = copy(self)
-        out.force = np.ascontiguousarray(force, float)
-        out.arrays = {**self.arrays, "force": out.force}
-        out.core = _core.System(**out.arrays, evaluation=self.evaluation_code[0], n_time=self.evaluation_code[1])
+        out.arrays = {**self.arrays, **arrays}
+        out.core = _core.System(**out.arrays, **self._evaluation)
         return out
 
     def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
@@ -573,8 +583,8 @@ class Cost:
     work : float
         Million operations: what the evaluations and Jacobians cost by their sizes, the same on every machine.  With n
         unknowns, p contact points and H harmonics an evaluation counts 28,000 p (2 H + 1), or p (120,000 + 1,200 samples),
-        a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are fitted
-        to processor times of tracking curves, with what Python and the rest of the core spend in between.
+        a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are
+        fitted to processor times of tracking curves, with what Python and the rest of the core spend in between.
     """
 
     seconds: float = 0.0
@@ -637,7 +647,8 @@ class CostMeter:
         for system, before in self.systems:
             total += np.array(system.core.cost) - np.array(before)
         for p in self.parts:
-            total += np.array([p.contact, p.assembly, p.algebra, p.evaluations, p.jacobians, p.factorisations, p.least_norm])
+            counts = p.evaluations, p.jacobians, p.factorisations, p.least_norm
+            total += np.array([p.contact, p.assembly, p.algebra, *counts])
         c, a, g = (float(t) for t in total[:3])
         e, j, f, least = (int(t) for t in total[3:])
         iterations = self.iterations + sum(p.iterations for p in self.parts)

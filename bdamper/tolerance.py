@@ -354,7 +354,7 @@ class _Choice:
         return self.stand_in(top, last)
 
     def stand_in(self, top: _Top, last: float) -> _Top | None:
-        """The longest series reached, where the work ran out or no longer curve is left to ask; None if it does not settle."""
+        """The longest series reached, where the work ran out or no longer curve is left to ask; None if it still moves."""
         asked = self.limited(self.most).spent or max(self.curves) >= STAGES[-1]
         return replace(top, missed=last, guessed=True) if asked and last <= self.tolerance else None
 

@@ -145,7 +145,9 @@ def try_tolerance(number: int) -> Tried | None:
     if place is None:
         return None
     most = richest_study(study)
+    begin = time.process_time()
     truth = most.track(*place, options=LONGEST)
+    truth_seconds = time.process_time() - begin
     if not (truth.complete and "maximum" in truth.point_kind):
         return None
 
@@ -156,10 +158,12 @@ def try_tolerance(number: int) -> Tried | None:
         return max(abs(top.amplitude / true.amplitude - 1.0), abs(top.frequency / true.frequency - 1.0))
 
     def within(series: int) -> tuple[bool, bd.Curve, float]:
+        if series == len(most.harmonic_numbers):
+            return True, truth, truth_seconds
+        rung = replace(study, harmonics=series)
+        rung.system(place[0])
         begin = time.process_time()
-        curve = truth
-        if series < len(most.harmonic_numbers):
-            curve = replace(study, harmonics=series).track(*place)
+        curve = rung.track(*place)
         return curve.complete and error(curve) <= tolerance, curve, time.process_time() - begin
 
     begin = time.process_time()
@@ -173,6 +177,6 @@ def try_tolerance(number: int) -> Tried | None:
     by_chance = ratio > 3.0 and not within(series + 1)[0]
     chosen = curve.settings["chosen"]
     return Tried(
-        case, tolerance, error(curve), curve.cost.work, found.cost.work, seconds, cheapest, len(chosen["harmonics"]), series,
-        by_chance, chosen["curves"],
+        case, tolerance, error(curve), curve.cost.work, found.cost.work, seconds, cheapest, len(chosen["harmonics"]),
+        series, by_chance, chosen["curves"],
     )  # fmt: skip

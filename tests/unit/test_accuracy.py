@@ -12,7 +12,8 @@ from bdamper.errors import SettingError
 from bdamper.estimates import estimates_from_json
 from bdamper.estimation import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
 from bdamper.peaks import PeakOptions
-from bdamper.tolerance import _Choice, richest_study
+from bdamper.system import OK, CostMeter
+from bdamper.tolerance import WORTH, _Choice, richest_study
 from tests import accuracy_cases, models
 
 
@@ -64,8 +65,16 @@ def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, plac
     curve = study.track(place[0], (350.0, 354.5))  # the response still rises
     estimated = curve.errors(study, sources=["harmonics"])["harmonics"]
     true = richer_study(study, "harmonics").study.track(place[0], (350.0, 354.5)).peak
-    assert estimated.frequency == 0.0
+    assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
+
+
+@pytest.mark.parametrize("number", [1023, 1047, 1070, 1253])
+def test_resonance_that_comes_into_the_interval_is_found(number):
+    """More modes or points bring another resonance in, or leave a top that is no maximum."""
+    compared = accuracy_cases.compare(number)
+    assert 0.9 < compared.effectivity < 1.1, compared
+    assert np.abs(compared.true).max() > 0.05
 
 
 def test_solver_error_is_that_of_a_loose_peak(study, place, peak):
@@ -91,6 +100,46 @@ def test_peak_carries_its_cost(peak):
     assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
     assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
     assert "contact" in str(peak)
+
+
+def test_work_is_counted_by_sizes(study, place):
+    curve = study.track(*place)
+    assert curve.cost.work == study.track(*place).cost.work > 0.0
+    system = study.system(place[0])
+    n, points = system.n_unknowns, system.n_points
+    kinds = 28e3 * 5 * points, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3  # two harmonics
+    np.testing.assert_allclose(system.work, np.array(kinds) / 1e6, rtol=1e-12)
+    counts = curve.cost.evaluations, curve.cost.jacobians, curve.cost.factorisations, curve.cost.least_norm
+    assert curve.cost.work == pytest.approx(float(np.dot(kinds, counts)) / 1e6, rel=1e-12)
+    sampled = replace(study, evaluation=bd.Sampled(64)).system(place[0])
+    assert sampled.work[0] == pytest.approx(points * (120e3 + 64 * 1.2e3) / 1e6)
+    both = CostMeter(0.0)
+    both.add(curve.cost)
+    both.watch(system)
+    before = system.work_done
+    system.evaluate(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0])
+    assert both.work - curve.cost.work == pytest.approx(system.work_done - before)
+    assert system.work_done - before == pytest.approx(system.work[0] + system.work[1])
+
+
+def test_corrections_end_at_a_limit_of_work(study, place, peak):
+    system = study.system(place[0])
+    scale = np.append(np.full(system.n_unknowns, np.abs(peak.y[:-1]).max()), peak.y[-1])
+    guess = peak.y[:-1] * 0.2
+    free = system.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert free.status == OK and free.iterations > 5
+    each = float(system.work[:3].sum())
+    enough = system.limited(100 * each)
+    assert not enough.spent
+    np.testing.assert_array_equal(enough.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True).y, free.y)
+    few = system.limited(4 * each)
+    before = system.work_done
+    c = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert c.status != OK and few.spent
+    assert system.work_done - before < 8 * each
+    again = few.correct_at(guess, peak.y[-1], scale, 1e-10, 40, True)
+    assert again.status != OK and again.iterations == 0
+    np.testing.assert_array_equal(again.y[:-1], guess)
 
 
 def test_what_is_refused(study, place, peak):
@@ -245,6 +294,32 @@ def test_curve_to_a_tolerance(number):
     assert tried is not None
     assert tried.error <= tried.tolerance, tried
     assert tried.curves <= 2  # that of one harmonic and, if this is not enough, the one that is returned
+
+
+def test_little_is_spent_on_a_decision_that_could_save_little():
+    """The peak is expensive to carry to thirteen harmonics, and the curve with one is good enough."""
+    case = accuracy_cases.draw(505)
+    one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
+    place = accuracy_cases.scene(one, case)
+    curve = one.track(*place, tolerance=0.03)
+    assert curve.settings["chosen"]["harmonics"] == [1]
+    assert curve.cost.work < (1.1 + WORTH) * one.track(*place).cost.work
+
+
+def test_peak_expected_stands_in_where_all_harmonics_would_take_too_much(monkeypatch):
+    case = accuracy_cases.draw(22)
+    one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
+    place = accuracy_cases.scene(one, case)
+    curve = one.track(*place, tolerance=0.03)
+    chosen = curve.settings["chosen"]
+    assert chosen["harmonics"] == [1, 2, 3] and chosen["curves"] == 2
+    assert any("expected with 1 to 9" in line for line in chosen["reasons"])
+    true = richest_study(one).track(*place).peak
+    error = max(abs(curve.peak.amplitude / true.amplitude - 1.0), abs(curve.peak.frequency / true.frequency - 1.0))
+    assert error <= 0.03
+    monkeypatch.setattr("bdamper.tolerance.WORTH", 10.0)
+    without = one.track(*place, tolerance=0.03)
+    assert any("expected with 1 to 13" in line for line in without.settings["chosen"]["reasons"])
 
 
 def test_top_where_the_damper_walks_is_carried_along_the_walk():
