@@ -110,6 +110,7 @@ def test_least_norm_leaves_a_neutral_position_alone():
         out, y, tangent = solve(system, [mean, -2.0, 0.3, 2.0])
         assert out[0] == CONVERGED
         assert out[6] == 3  # one direction short
+        assert system.cost[6] > 0  # solved by least norm, and counted so
         assert y[0] == pytest.approx(mean, abs=1e-12)
         assert tangent[0] == pytest.approx(0.0, abs=1e-12)
     out, _, _ = solve(system, [0.3, -2.0, 0.3, 2.0], least_norm=False)

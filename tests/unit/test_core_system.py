@@ -292,8 +292,8 @@ def test_cost_is_counted():
     system = _core.System(**GOOD)
     evaluate_system(system, np.zeros(8), 1.0)
     system.evaluate(np.zeros(8), 1.0, np.zeros(8))
-    contact, assembly, algebra, evaluations, jacobians, factorisations = system.cost
-    assert (evaluations, jacobians, factorisations) == (2, 1, 0)
+    contact, assembly, algebra, evaluations, jacobians, factorisations, least_norm = system.cost
+    assert (evaluations, jacobians, factorisations, least_norm) == (2, 1, 0, 0)
     assert contact > 0.0
     assert assembly > 0.0
     assert algebra == 0.0
