@@ -7,7 +7,7 @@ followed both ways, a closed one apart from the others.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,13 @@ from bdamper.model import Model
 from bdamper.system import OK, CostMeter, HarmonicSystem
 
 TWO_PI = 2.0 * np.pi
+BEYOND = 0.03
+"""Part of the interval at each end, outside of it, in which folds are looked for."""
+LOOK = 60
+"""Points that are spent on it."""
+ENTRIES = 4
+"""Times a curve may enter the interval."""
+ARRIVED = ("complete", "turned back")
 GAP = 1e-3
 """Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
 
@@ -171,6 +178,43 @@ def leap(
             reach = max(sense * p.y[-1] for p in path.points)
             if reach <= sense * front.y[-1] + 1e-3 * (limits[1] - limits[0]):
                 return
+
+
+def beyond_ends(
+    system: HarmonicSystem,
+    limits: tuple[float, float],
+    options: ContinuationOptions,
+    meter: CostMeter,
+    on_point: Callable[[PathPoint], None] | None,
+    pieces: list[Piece],
+    log: list[str],
+) -> None:
+    """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there."""
+    margin = BEYOND * (limits[1] - limits[0])
+    look = replace(options, locate=False, max_points=LOOK, patience=LOOK, tolerance=1e-6, step=0.5, max_step=1.0)
+    seen: list[PathPoint] = []
+    while len(seen) < 2 * ENTRIES:
+        paths = [piece.path.points for piece in pieces if piece.path.status in ARRIVED]
+        ends = (p for points in paths for p in (points[0], points[-1]))
+        end = next((p for p in ends if p.y[-1] in limits and not any(_same(p.y, q) for q in seen)), None)
+        if end is None:
+            return
+        seen.append(end)
+        up = end.y[-1] == limits[1]
+        outside = (limits[1], limits[1] + margin) if up else (max(limits[0] - margin, 0.5 * limits[0]), limits[0])
+        path = follow(system, end.y, outside, up=up, options=look)
+        meter.iterations += path.iterations
+        meter.failed_steps += path.failed_steps
+        back = path.points[-1] if path.points else end
+        if path.status != "turned back" or any(_same(back.y, q) for q in seen):
+            continue
+        seen.append(back)
+        log.append(f"{back.y[-1] / TWO_PI:.6g} Hz: the branch turns outside the interval and comes back")
+        _follow(system, back.y, limits, not up, options, meter, on_point, pieces)
+
+
+def _same(y: NDArray, point: PathPoint) -> bool:
+    return y[-1] == point.y[-1] and bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)
 
 
 def finished(pieces: Sequence[Piece], low: float, high: float) -> bool:

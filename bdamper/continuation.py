@@ -408,14 +408,19 @@ class _Follower:
         self.points.extend(located)
         return missed
 
-    def finish_at(self, y: NDArray, omega: float, scale: NDArray, fraction: float, last: NDArray) -> bool:
-        guess = last + fraction * (y - last)
+    def finish_at(self, last: PathPoint, beyond: NDArray, omega: float) -> bool:
+        """Records the end of the path where a step leaves the interval, and the events on the way there."""
+        guess = last.y + (omega - last.y[-1]) / (beyond[-1] - last.y[-1]) * (beyond - last.y)
+        scale = last.scale
         c = self.system.correct_at(guess[:-1], omega, scale, self.options.tolerance, 2 * self.options.max_iterations)
         self.iterations += c.iterations
-        if c.status == OK and norm2((c.y - guess) / scale) < 1.0:
-            self.record(c, scale, "end")
-            return True
-        return False
+        if c.status != OK or norm2((c.y - guess) / scale) >= 1.0:
+            return False
+        chord = (c.y - last.y) / scale
+        c = replace(c, tangent=np.copysign(1.0, c.tangent @ chord) * c.tangent)  # along the path, not along frequency
+        self.events_between(last, c, norm2(chord))
+        self.record(c, scale, "end")
+        return True
 
     # ---- the run ----
 
@@ -495,8 +500,7 @@ class _Follower:
             omega = new.y[-1]
             if not self.low <= omega <= self.high:
                 bound = self.high if omega > self.high else self.low
-                fraction = (bound - y[-1]) / (omega - y[-1])
-                if self.finish_at(new.y, bound, scale, fraction, y):
+                if self.finish_at(here, new.y, bound):
                     if (bound == self.high) == up:
                         return "complete", f"reached {bound / (2 * np.pi):.6g} Hz"
                     return "turned back", f"came back to {bound / (2 * np.pi):.6g} Hz, where it started"

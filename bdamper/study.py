@@ -19,6 +19,7 @@ from bdamper.aggregation import unite_contact_points, united_gap, united_stiffne
 from bdamper.branches import (
     LeftOut,
     Piece,
+    beyond_ends,
     ending,
     fill,
     finished,
@@ -819,6 +820,7 @@ class Study:
                 for at_high in (from_high, not from_high):
                     follow_on(high if at_high else low, (not at_high,), pieces, log)
                     leap(system, (low, high), options, meter, on_point, pieces, log)
+                    beyond_ends(system, (low, high), options, meter, on_point, pieces, log)
                     if finished(pieces, low, high):
                         break
                 fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
@@ -994,8 +996,8 @@ class Study:
     ) -> Curve:
         points = [p for piece in pieces for p in piece.path.points]
         y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-        backward = [p.tangent[-1] < 0.0 for piece in pieces for p in piece.path.points]
-        backward = np.array(backward, bool) ^ np.repeat([not p.up for p in pieces], [len(p.path.points) for p in pieces])
+        onward = [1.0 if piece.up else -1.0 for piece in pieces for _ in piece.path.points]
+        backward = np.array([p.kind != "walk" and s * p.tangent[-1] < 0.0 for s, p in zip(onward, points)], bool)
         branch = np.repeat([piece.branch for piece in pieces], [len(p.path.points) for p in pieces])
         return Curve(
             kind="tracking",

@@ -13,7 +13,7 @@ from bdamper.continuation import ContinuationOptions, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
-from tests.models import acyclic_model
+from tests.models import acyclic_model, wedge_model
 
 
 def study(**settings):
@@ -76,7 +76,9 @@ class Clock:
         lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0)),
         lambda s: s.advise(200.0, (250.0, 450.0)),
         lambda s: s.compare_laws(200.0, (250.0, 450.0)),
-        lambda s: bd.accuracy_cost(s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}, reference={"harmonics": 3}, repeats=1),
+        lambda s: bd.accuracy_cost(
+            s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}, reference={"harmonics": 3}, repeats=1
+        ),
         lambda s: bd.sweep(s, {"preload": [200.0, 300.0]}, frequency=(250.0, 450.0)),
     ],
     ids=["peak", "optimal curve", "advice", "laws", "accuracy", "sweep"],
@@ -308,3 +310,64 @@ def test_bodies_held_and_let_go_where_nothing_else_starts(seed, wide, monkeypatc
     assert (error <= 1e-9 + rounding).all()
     monkeypatch.setattr("bdamper.start.SUPPORTS", ())
     assert not s.track(preload, interval).complete
+
+
+def reference_study(**settings):
+    settings = {"engine_order": 5, "friction_coefficient": 0.3, **settings}
+    return bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), **settings)
+
+
+@pytest.mark.parametrize(("preload", "interval"), [(25e3, (320.0, 400.0)), (5.0, (340.0, 420.0))])
+def test_no_point_runs_backward_where_there_is_no_fold(preload, interval):
+    """From the upper end too, the last point and walks at one frequency included."""
+    for from_high in (False, True):
+        curve = reference_study().track(preload, interval, from_high=from_high)
+        assert curve.complete
+        assert not curve.folds
+        assert not curve.backward.any()
+
+
+def test_points_run_backward_between_two_folds_from_either_end():
+    s = reference_study()
+    for from_high in (False, True):
+        curve = s.track(3000.0, (282.6, 424.0), from_high=from_high)
+        at = sorted(i for i, kind in enumerate(curve.point_kind) if kind == "fold")
+        assert len(at) == 2
+        expected = np.zeros(len(curve), bool)
+        expected[at[0] + 1 : at[1]] = True
+        regular = np.ones(len(curve), bool)
+        regular[at] = False  # at a fold itself the sense is that of rounding
+        np.testing.assert_array_equal(curve.backward[regular], expected[regular])
+
+
+def test_maximum_in_the_step_that_leaves_the_interval():
+    """The last step goes from 438 to 450 Hz, the maximum lies at 439.4 Hz."""
+    s = bd.Study(
+        wedge_model(4699, 13, 4, n_points=4, n_blade_modes=2),
+        bd.Excitation("tip", "tangential", 2.752413022050164),
+        engine_order=4,
+        friction_coefficient=0.44639773708578157,
+        contact_stiffness="model",
+        damping_ratio=0.0017428106690244361,
+    )
+    preload, interval = 11.009652088200657, (200.0, 450.0)
+    curve = s.track(preload, interval)
+    assert "maximum" in curve.point_kind
+    fine = s.track(preload, interval, options=ContinuationOptions(step=0.01, max_step=0.02))
+    assert curve.peak.frequency == pytest.approx(fine.peak.frequency, rel=1e-9)
+    assert s.peak(preload, interval).amplitude == pytest.approx(fine.peak.amplitude, rel=1e-9)
+
+
+@pytest.mark.parametrize("bound", [353.47, 354.0, 354.3])
+@pytest.mark.parametrize("from_high", [False, True])
+def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from_high):
+    """At 3 kN the reference model folds at 354.34 Hz; the peak at 353.23 Hz lies behind the fold."""
+    s = reference_study()
+    whole = s.track(3000.0, (282.6, 424.0))
+    assert whole.folds[0].frequency == pytest.approx(354.340, abs=1e-3)
+    curve = s.track(3000.0, (282.6, bound), from_high=from_high)
+    assert curve.complete
+    assert curve.frequency.max() <= bound * (1.0 + 1e-12)
+    assert curve.peak.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
+    if not from_high:
+        assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
