@@ -259,7 +259,7 @@ def time_integration() -> str:
         f"stable, central differences in NumPy; twice as many change the amplitude by {abs(step_error):.1e}). Errors of "
         f"harmonic balance are those against 20 harmonics, errors in time those against {25 * len(marched)} periods. Both "
         f"limits differ by {abs(settled / limit - 1.0):.1e}: points that never slip in the steady state keep the friction "
-        f"force that the transient has left there.  With the sliders of these points ({rests.sum()} of {rests.size} a "
+        f"force that the transient has left there. With the sliders of these points ({rests.sum()} of {rests.size} a "
         f"sector) as the march has left them, harmonic balance gives {min(given) / limit - 1.0:+.1e} to "
         f"{max(given) / limit - 1.0:+.1e}, depending on the sector whose sliders are taken.\n\n" + "\n".join(lines)
     )
