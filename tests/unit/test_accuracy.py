@@ -296,14 +296,22 @@ def test_curve_to_a_tolerance(number):
     assert tried.curves <= 2  # that of one harmonic and, if this is not enough, the one that is returned
 
 
-def test_little_is_spent_on_a_decision_that_could_save_little():
+def test_little_is_spent_on_a_decision_that_could_save_little(monkeypatch):
     """The peak is expensive to carry to thirteen harmonics, and the curve with one is good enough."""
     case = accuracy_cases.draw(505)
     one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
     place = accuracy_cases.scene(one, case)
-    curve = one.track(*place, tolerance=0.03)
-    assert curve.settings["chosen"]["harmonics"] == [1]
-    assert curve.cost.work < (1.1 + WORTH) * one.track(*place).cost.work
+    least = one.track(*place).cost.work
+    spent = {}
+    for worth in (0.3, WORTH, 10.0):
+        monkeypatch.setattr("bdamper.tolerance.WORTH", worth)
+        curve = one.track(*place, tolerance=0.03)
+        assert curve.settings["chosen"]["harmonics"] == [1]
+        spent[worth] = curve.cost.work / least
+        assert spent[worth] < 1.1 + worth
+        limited = any("too much work" in line for line in curve.settings["chosen"]["reasons"])
+        assert limited == (worth == 0.3)
+    assert spent[10.0] > 1.5
 
 
 def test_peak_expected_stands_in_where_all_harmonics_would_take_too_much(monkeypatch):
