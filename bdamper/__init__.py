@@ -2,13 +2,13 @@
 
 from bdamper.accuracy import AccuracyCost, Setting, accuracy_cost, load_accuracy
 from bdamper.adaptive import AdaptivePeak
+from bdamper.advice import Advice, load_advice
 from bdamper.continuation import ContinuationOptions
 from bdamper.coupling import RIGID_NAMES
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, ModelError, SettingError
 from bdamper.estimates import ErrorEstimates, SourceError
 from bdamper.excitation import Excitation, Response
-from bdamper.indicator import Advice, load_advice
 from bdamper.io import load_model, save_model
 from bdamper.laws import LawComparison
 from bdamper.microslip import Microslip, microslip

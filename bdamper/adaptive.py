@@ -22,7 +22,7 @@ no maximum at all, or does not reach through the interval.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -33,9 +33,10 @@ from numpy.typing import NDArray
 from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
-from bdamper.indicator import Estimate, amplitude_and_phase, embed_between, estimate_change, highest_peaks
+from bdamper.indicator import Estimate, amplitude_and_phase, as_located, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
 from bdamper.response import uninterrupted
+from bdamper.rivals import near_top, place_of_peak, place_on_curve, summits
 from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -50,14 +51,24 @@ RELIED_ON = 0.3
 """Relative size of an estimate up to which its Newton step is used."""
 ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
-NEAR = 0.7
-"""Share of the highest amplitude from which on points of a curve are near its top."""
+ASKED = (0.7, 0.9)
+"""Shares of the highest amplitude from which on points of a curve are asked for their full response."""
 MOST_ASKED = 7
-"""Points of a curve near its top that are asked for their full response."""
+"""As many of the points above each share."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
+AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=200)
+"""How a curve is followed to both sides of a peak."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
 """How a curve is followed with everything on: roughly, and with the usual steps if it does not get through."""
+
+
+RESPONSES = {
+    "stuck": "all contacts stick: the response is linear",
+    "one seen": "no other response was seen; this does not exclude a detached one",
+    "several": "several responses coexist, and the highest peak may be another one:",
+}
+"""What an adaptive peak says of other responses."""
 
 
 class On(NamedTuple):
@@ -93,9 +104,33 @@ class Remaining:
     frequency: float
 
 
+class Coexisting(NamedTuple):
+    """Where a search has met more than one response.
+
+    Parameters
+    ----------
+    low, high : float, Hz
+    kind : {"folds", "walk", "left out", "not followed"}
+        A curve turns back there; the mean position may take many values; a part of a curve was left out; the rest of a
+        curve was not followed.
+    text : str
+    """
+
+    low: float
+    high: float
+    kind: str
+    text: str
+
+    def __str__(self) -> str:
+        where = f"{self.low:.6g} Hz" if self.high == self.low else f"{self.low:.6g} to {self.high:.6g} Hz"
+        return f"{where}: {self.text}"
+
+
 @dataclass(frozen=True)
 class AdaptivePeak:
-    """The highest peak of a study, found with no more effects than it calls for.
+    """The highest peak of a study that was found, with no more effects than it calls for.
+
+    The errors are those of this peak.  That no other is higher they do not tell: see ``responses``.
 
     Parameters
     ----------
@@ -118,6 +153,12 @@ class AdaptivePeak:
     remaining : tuple of Remaining
         Each effect of the study: on or off, and the estimated change that is left.
     cost : Cost
+    responses : {"stuck", "one seen", "several"}
+        All contact points stick throughout on the curves that were followed, so the response is linear; or they do not, but
+        the curves are single-valued and complete, and no other response was seen, which does not exclude a detached one; or
+        several responses coexist, and a peak that was not met may be higher.
+    coexisting : tuple of Coexisting
+        Where several were met.
     """
 
     preload: float
@@ -135,6 +176,8 @@ class AdaptivePeak:
     log: tuple[str, ...] = ()
     remaining: tuple[Remaining, ...] = ()
     cost: Cost = field(default_factory=Cost, compare=False)
+    responses: str = "one seen"
+    coexisting: tuple[Coexisting, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -158,6 +201,8 @@ class AdaptivePeak:
             rest = f", the rest would change it by {100 * r.amplitude:+.2g} % and {100 * r.frequency:+.2g} %"
             left = "" if r.state == "as in the study" else rest
             lines.append(f"  {r.effect}: {r.setting} ({r.state}{left})")
+        lines.append(f"  {RESPONSES[self.responses]}")
+        lines += [f"    {part}" for part in self.coexisting]
         lines.append(f"  {self.cost}")
         return "\n".join(lines)
 
@@ -193,6 +238,8 @@ class Search:
         self.log: list[str] = []
         self.best: _Found | None = None
         self.walked: Peak | None = None
+        self.stuck = True
+        self.coexisting: list[Coexisting] = []
         self.variants: dict[On, tuple[Study, HarmonicSystem]] = {}
         self.least = On((1,), self.own.damper_modes)
 
@@ -239,14 +286,46 @@ class Search:
         study, system = self.variant(on)
         curve = uninterrupted(study.track(self.preload, self.frequency, options=options))
         self.meter.add(curve.cost)
+        self.notice(curve, on)
         peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
         top = f"{peaks[0].amplitude:.4g} m at {peaks[0].frequency:.5g} Hz" if peaks else "none"
         self.log.append(f"curve with {on}: {curve.status}, {len(curve)} points, peak {top}")
         return curve, peaks
 
+    def notice(self, curve: Curve, on: On) -> None:
+        """Notes where a curve has met more than one response."""
+        what = f"of the curve with {on}"
+        if len(curve):
+            self.stuck &= float(curve.shares[:, 0].min()) == 1.0
+        for branch in np.unique(curve.branch):
+            at = np.flatnonzero(curve.branch == branch)
+            self.notice_path(curve.frequency[at], [curve.point_kind[i] for i in at], what)
+        self.coexisting += [Coexisting(p.low, p.high, "left out", f"{p.why}, {what}") for p in curve.left_out]
+        if not curve.complete:
+            self.coexisting.append(Coexisting(*self.frequency, "not followed", f"{curve.status}: {curve.reason}, {what}"))
+
+    def notice_path(self, frequency: NDArray, kinds: list[str], what: str) -> None:
+        """The same of a path."""
+        for kind, at in (("folds", turns(frequency)), ("walk", [i for i, k in enumerate(kinds) if k == "walk"])):
+            if len(at):
+                f = frequency[at]
+                turned = f"turns of direction {what}: {len(at)}"
+                text = turned if kind == "folds" else f"a mean position that nothing determines {what}"
+                self.coexisting.append(Coexisting(float(f.min()), float(f.max()), kind, text))
+
+    def higher_nearby(self, peak: Peak, on: On) -> Peak:
+        """:func:`higher_nearby`, with a note of what the curve through the peak meets."""
+
+        def note(points: list[PathPoint]) -> None:
+            self.stuck &= all(float(p.shares[0]) == 1.0 for p in points)
+            frequency = np.array([p.y[-1] for p in points]) / (2.0 * np.pi)
+            self.notice_path(frequency, [p.kind for p in points], f"of the curve through the peak with {on}")
+
+        return higher_nearby(self.variant(on)[1], peak, on_path=note)
+
     def estimate(self, y: NDArray, on: On) -> Estimate:
         """What the full study would change in a point."""
-        return estimate_change(self.variant(self.everything)[1], self.moved(y, on, self.everything))
+        return change_or_unknown(self.variant(self.everything)[1], self.moved(y, on, self.everything))
 
     def called_for(self, estimate: Estimate, on: On) -> On:
         """What to have on: what is, and what makes up the estimated change."""
@@ -289,7 +368,7 @@ class Search:
             if found is None:
                 found = self.climbed(peak, on, wanted)
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
-                self.walked = found = higher_nearby(system, found)
+                self.walked = found = self.higher_nearby(found, wanted)
             if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
                 raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}")
             peak, on = found, wanted
@@ -309,28 +388,32 @@ class Search:
 
     def highest(self, curve: Curve, peaks: list[Peak], on: On) -> None:
         """Finds the highest peak of the full study that a curve with less on leads to."""
-        a = curve.amplitude
         self._check_summits(curve, peaks, on)
+
+        def ask(y: NDArray) -> Estimate:
+            return self.estimate(y, on)
+
         for peak in peaks:
-            if self.best is None or peak.amplitude * (1.0 + self.estimate(peak.y, on).size) > self.best.peak.amplitude:
+            if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 self._take(self.lift(peak, on))
         if on == self.everything or self.best is None:
             return
         rich = self.variant(self.everything)[1]
-        near = np.flatnonzero(a >= NEAR * max(peaks[0].amplitude, self.best.peak.amplitude))
-        unknown = not len(near)  # the peak is far higher than the curve that led to it
-        for i in near[np.unique(np.linspace(0, len(near) - 1, MOST_ASKED).astype(int))] if len(near) else near:
+        level = max(peaks[0].amplitude, self.best.peak.amplitude)
+        asked = [i for share in ASKED for i in _spread(near_top(curve, level, share), MOST_ASKED)]
+        unknown = not asked  # the peak is far higher than the curve that led to it
+        for i in sorted(set(asked)):
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
-            y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
-            e = self.estimate(y, on)
-            if not e.size < RELIED_ON:
+            place = place_on_curve(curve, i, ask)
+            if not place.estimate.size < RELIED_ON:
                 unknown = True
-            elif a[i] * (1.0 + e.amplitude) > limit:
-                start = self.moved(y, on, self.everything)
-                found = next(solutions_near(rich, [e.y], start, peaks[0].scale[-1], quick=True), None)
-                if found is None:
+            elif place.expected > limit:
+                start = self.moved(place.y, on, self.everything)
+                found = next(solutions_near(rich, [place.estimate.y], start, peaks[0].scale[-1], quick=True), None)
+                height = 0.0 if found is None else amplitude_and_phase(rich, found[:-1])[2]
+                if found is None or place.expected > (1.0 + SURPRISE) * height:
                     unknown = True
-                elif amplitude_and_phase(rich, found[:-1])[2] > limit:
+                if found is not None and height > limit:
                     peak = find_peak(rich, found, options=LOOSE, walk=False)
                     where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
                     if not peak.converged:
@@ -345,7 +428,7 @@ class Search:
         peak, on = self.best.peak, self.best.on
         if self.walked is not None and same_peak(peak, self.walked, 1e-4):
             return
-        higher = higher_nearby(self.variant(on)[1], peak)
+        higher = self.higher_nearby(peak, on)
         self.walked = higher
         if higher is not peak:
             self._take(self.lift(higher, on), "the full response is higher nearby")
@@ -387,17 +470,11 @@ class Search:
         return curve
 
 
-def summits(curve: Curve) -> list[int]:
-    """Points of a curve from which it falls to both sides along its branch."""
-    a = curve.amplitude
-    out = []
-    for branch in np.unique(curve.branch):
-        at = np.flatnonzero(curve.branch == branch)
-        step = np.diff(a[at])
-        step[np.abs(step) < 1e-6 * a.max()] = 0.0
-        moving = np.flatnonzero(step)
-        out += [int(at[j + 1]) for j, k in zip(moving, moving[1:]) if step[j] > 0.0 > step[k]]
-    return out
+def _spread(indices: NDArray, most: int) -> list[int]:
+    """As many of the indices, spread evenly over them."""
+    if not len(indices):
+        return []
+    return [int(i) for i in indices[np.unique(np.linspace(0, len(indices) - 1, most).astype(int))]]
 
 
 def solutions_near(
@@ -433,14 +510,30 @@ def carried_over(
     return None
 
 
-def higher_nearby(system: HarmonicSystem, peak: Peak, share: float = 0.87) -> Peak:
+def turns(frequency: NDArray) -> list[int]:
+    """Points of a path at which it turns back in frequency."""
+    step = np.diff(frequency)
+    moving = np.flatnonzero(step)
+    return [int(j + 1) for j, k in zip(moving, moving[1:]) if step[j] * step[k] < 0.0]
+
+
+def higher_nearby(
+    system: HarmonicSystem,
+    peak: Peak,
+    share: float = 0.87,
+    on_path: Callable[[list[PathPoint]], None] | None = None,
+) -> Peak:
     """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest."""
     best = peak
     for up in (True, False):
         points, heights = _downhill(system, peak, up, share * best.amplitude)
+        if on_path is not None:
+            on_path(points)
         for i in range(1, len(heights) - 1):
             if heights[i - 1] < heights[i] >= heights[i + 1] and heights[i] > 0.98 * best.amplitude:
                 found = find_peak(system, points[i].y, options=LOOSE, walk=False)
+                if not found.converged and points[i].kind == "maximum":
+                    found = as_located(found, points[i].y, heights[i], points[i].residual)
                 if found.converged and found.amplitude > best.amplitude:
                     best = found
     return best
@@ -462,7 +555,7 @@ def _downhill(
 
     limits = 0.7 * peak.y[-1], 1.4 * peak.y[-1]
     with suppress(_Downhill):
-        follow(system, peak.y, limits, up=up, options=replace(ROUGH, max_points=200), on_point=note)
+        follow(system, peak.y, limits, up=up, options=AROUND, on_point=note)
     return points, heights
 
 
@@ -501,11 +594,13 @@ def adaptive_peak(
             search.meter.read(time.perf_counter()),
         )  # fmt: skip
     peak, e = best.peak, best.estimate
+    coexisting = tuple(dict.fromkeys(search.coexisting))
+    responses = "several" if coexisting else "stuck" if search.stuck else "one seen"
     change = (0.0, 0.0, 0.0) if e is None else (e.amplitude, e.frequency, e.size)
     return AdaptivePeak(
         float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(best.on)[0]), peak.y, *change,
         tolerance, peak.residual, "converged", "", tuple(search.log), remaining(search, best),
-        search.meter.read(time.perf_counter()),
+        search.meter.read(time.perf_counter()), responses, coexisting,
     )  # fmt: skip
 
 

@@ -18,8 +18,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
 from bdamper.accuracy import AccuracyCost
+from bdamper.advice import Advice
 from bdamper.errors import SettingError
-from bdamper.indicator import Advice
 from bdamper.io.import_report import ImportReport
 from bdamper.io.measurement import Measurement
 from bdamper.measured import Fit, Measured, goodness_of_fit

@@ -73,8 +73,8 @@ from bdamper.timedomain import Verification, verify_solution
 
 if TYPE_CHECKING:
     from bdamper.adaptive import AdaptivePeak
+    from bdamper.advice import Advice
     from bdamper.estimates import ErrorEstimates
-    from bdamper.indicator import Advice
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
@@ -1131,8 +1131,8 @@ class Study:
         against: Effects | None = None,
         tolerance: float = 0.01,
     ) -> Advice:
-        """Which of the effects that are off would change the highest peak; see :func:`bdamper.indicator.advise`."""
-        from bdamper.indicator import advise
+        """Which of the effects that are off would change the highest peak; see :func:`bdamper.advice.advise`."""
+        from bdamper.advice import advise
 
         return advise(self, preload, frequency, against=against, tolerance=tolerance)
 

@@ -43,8 +43,8 @@ PYTHON_LEVELS = [
     {"peakscan"},
     {"peakset"},
     {"leastenvelope"},
-    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "adaptive", "adaptive_curves",
-     "accuracy", "results", "estimation", "tolerance"},
+    {"optimal", "study", "vary", "sweep", "uncertainty", "effects", "indicator", "rivals", "advice", "adaptive",
+     "adaptive_curves", "accuracy", "results", "estimation", "tolerance"},
     {"prescribed", "microslip", "motion", "measured", "vtu"},
     {"plotting"},
 ]

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.adaptive import On, Search, adaptive_peak, summits
-from bdamper.indicator import Estimate, embed, estimate_change, fullest, highest_peaks
+from bdamper.adaptive import On, Search, adaptive_peak
+from bdamper.advice import fullest
+from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
+from bdamper.rivals import summits
 from tests import models
 
 INTERVAL = (720.0, 880.0)

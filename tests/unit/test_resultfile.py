@@ -4,7 +4,7 @@ import h5py
 import pytest
 
 import bdamper as bd
-from bdamper.indicator import load_advice
+from bdamper.advice import load_advice
 from bdamper.optimal import load_optimal_curve
 from bdamper.response import load_curve
 from bdamper.sweep import load_sweep
