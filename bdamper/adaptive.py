@@ -294,23 +294,23 @@ class Search:
 
     def notice(self, curve: Curve, on: On) -> None:
         """Notes where a curve has met more than one response."""
-        what = f"of the curve with {on}"
+        what = f"on the curve with {on}"
         if len(curve):
             self.stuck &= float(curve.shares[:, 0].min()) == 1.0
         for branch in np.unique(curve.branch):
             at = np.flatnonzero(curve.branch == branch)
             self.notice_path(curve.frequency[at], [curve.point_kind[i] for i in at], what)
-        self.coexisting += [Coexisting(p.low, p.high, "left out", f"{p.why}, {what}") for p in curve.left_out]
+        self.coexisting += [Coexisting(p.low, p.high, "left out", f"{p.why} {what}") for p in curve.left_out]
         if not curve.complete:
-            self.coexisting.append(Coexisting(*self.frequency, "not followed", f"{curve.status}: {curve.reason}, {what}"))
+            self.coexisting.append(Coexisting(*self.frequency, "not followed", f"{curve.status} ({curve.reason}) {what}"))
 
     def notice_path(self, frequency: NDArray, kinds: list[str], what: str) -> None:
         """The same of a path."""
         for kind, at in (("folds", turns(frequency)), ("walk", [i for i, k in enumerate(kinds) if k == "walk"])):
             if len(at):
                 f = frequency[at]
-                turned = f"turns of direction {what}: {len(at)}"
-                text = turned if kind == "folds" else f"a mean position that nothing determines {what}"
+                turned = f"the frequency turns back {what} ({len(at)})"
+                text = turned if kind == "folds" else f"nothing determines the mean position {what}"
                 self.coexisting.append(Coexisting(float(f.min()), float(f.max()), kind, text))
 
     def higher_nearby(self, peak: Peak, on: On) -> Peak:
@@ -319,7 +319,7 @@ class Search:
         def note(points: list[PathPoint]) -> None:
             self.stuck &= all(float(p.shares[0]) == 1.0 for p in points)
             frequency = np.array([p.y[-1] for p in points]) / (2.0 * np.pi)
-            self.notice_path(frequency, [p.kind for p in points], f"of the curve through the peak with {on}")
+            self.notice_path(frequency, [p.kind for p in points], f"on the curve through the peak with {on}")
 
         return higher_nearby(self.variant(on)[1], peak, on_path=note)
 

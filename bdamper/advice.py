@@ -24,7 +24,7 @@ from bdamper.indicator import Estimate, change_or_unknown, embed_between, highes
 from bdamper.peaks import Peak, coarse_options
 from bdamper.response import uninterrupted
 from bdamper.resultfile import reading
-from bdamper.rivals import place_of_peak, rivals, summits
+from bdamper.rivals import Rival, place_of_peak, rivals, summits
 from bdamper.system import HarmonicSystem
 
 if TYPE_CHECKING:
@@ -274,16 +274,27 @@ def _advice_on(
     top = place_of_peak(peaks[0], ask)
     e = top.estimate
     others = list(rivals(curve, peaks, ask, top, tolerance)) if np.isfinite(e.size) else []
+    defect, reliability, reason = judged(e, others, tolerance)
+    cost = _iteration_time(rich, moved(peaks[0].y)) / own_time
+    return EffectAdvice(name, e.amplitude, e.frequency, defect, reliability, *size, cost, reason)
+
+
+def judged(estimate: Estimate, others: list[Rival], tolerance: float) -> tuple[float, str, str]:
+    """What the estimate of the peak may miss, how far it is to be relied on, and why no further.
+
+    A change is small only if no other place may make it larger.  Its size can be relied on as far as no other place is
+    expected to become the highest.
+    """
     highest = max(others, key=lambda rival: rival.may_miss, default=None)
-    reason, most = "", e
-    if highest is not None and highest.may_miss > e.defect:
-        most = replace(e, defect=highest.may_miss)
+    most, reason = estimate, ""
+    if highest is not None and highest.may_miss > estimate.defect:
+        most = replace(estimate, defect=highest.may_miss)
         reason = f"may be higher at {highest.place.frequency:.5g} Hz"
-    reliability = replace(e, defect=max([e.defect, *(rival.misses for rival in others)])).reliability(tolerance)
+    expected = max([estimate.defect, *(rival.misses for rival in others)])
+    reliability = replace(estimate, defect=expected).reliability(tolerance)
     if reliability == "small" and most.size > tolerance:
         reliability = "must be on"
-    cost = _iteration_time(rich, moved(peaks[0].y)) / own_time
-    return EffectAdvice(name, e.amplitude, e.frequency, most.defect, reliability, *size, cost, reason)
+    return most.defect, reliability, reason
 
 
 def _iteration_time(system: HarmonicSystem, y: NDArray) -> float:

@@ -146,10 +146,7 @@ def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[li
         change = [true.amplitude / peak.amplitude - 1.0, true.frequency / peak.frequency - 1.0] if true else None
         item = given[name]
         rows.append(
-            [
-                name, item.amplitude_change, item.frequency_change, item.defect, item.reliability, change, status,
-                item.reason,
-            ]  # fmt: skip
+            [name, item.amplitude_change, item.frequency_change, item.defect, item.reliability, change, status, item.reason]
         )
     return rows
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from benchmarks.agreement_effects import TOLERANCE, disagrees, run
-from tests.effect_cases import draw, scene, study_of
+from benchmarks.agreement_effects import TOLERANCE, disagrees, run, searched, sparse
+from tests.effect_cases import draw, everything_on, scene, study_of
 
 MODE_1 = {"excitation": bd.Excitation("tip"), "frequency": (250.0, 400.0)}
 MODE_2 = {"excitation": bd.Excitation("tip", "axial"), "frequency": (560.0, 760.0)}
@@ -118,12 +118,34 @@ def test_adaptive_agrees_with_everything_on_and_advice_misses_nothing_large():
     assert not missed
 
 
+def test_advice_sees_that_another_resonance_may_become_the_highest():
+    """Beyond the peak at 374 Hz the response rises to the end of the interval; harmonics give it a maximum there."""
+    case = draw(100251)
+    preload, (low, high) = scene(study_of(case), case)
+    cheap = study_of(case, sparse(case))
+    interval = 0.9 * low, 1.15 * high
+    advice = cheap.advise(preload, interval, against=everything_on(case), tolerance=TOLERANCE)
+    item = advice["harmonics"]
+    assert abs(item.amplitude_change) < TOLERANCE and item.reliability == "must be on" and item.defect > 0.05
+    assert item.reason in str(advice)
+    rich = searched(cheap.with_effects(bd.Effects.of(cheap).missing(everything_on(case))["harmonics"]), preload, interval)
+    assert rich[0].frequency > 1.15 * advice.frequency  # so it is
+    (note,) = advice.notes
+    assert "higher at 458.098 Hz, where the interval ends" in note and note in str(advice)
+    # constraints that do nothing are not flagged for it
+    nothing = replace(bd.Effects.of(cheap), residual_traction="static", constraints=False)
+    free = cheap.with_effects(nothing).advise(preload, interval, against=bd.Effects.of(cheap))
+    assert [e.reliability for e in free.effects] == ["small"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "why"),
     [
         (57, "several maxima of one hill over folds, close in height"),
         (509, "the top of the curve with one harmonic is no peak, that of the full one lies elsewhere"),
+        (100207, "three maxima of one hill, the highest so sharp that the search for its top does not end"),
+        (100275, "one of several folded branches, above what the curve with three harmonics leads to"),
         (100347, "the full response is so much higher that no point of the curve with one harmonic comes near"),
     ],
 )
@@ -134,6 +156,8 @@ def test_a_higher_maximum_of_the_full_response_is_found(number, why):
     found = full.adaptive_peak(preload, interval)
     assert found.amplitude == pytest.approx(truth.amplitude, rel=TOLERANCE), found.log
     assert found.frequency == pytest.approx(truth.frequency, rel=TOLERANCE)
+    assert found.responses == "several" and found.coexisting
+    assert "the highest peak may be another one" in str(found) and str(found.coexisting[0]) in str(found)
 
 
 def test_adaptive_simulation_pays_for_one_harmonic_where_that_is_enough(model):

@@ -1,16 +1,18 @@
 """The dual-weighted indicator, the embedding it rests on, and the results that carry it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.adaptive import On, Search, adaptive_peak
-from bdamper.advice import fullest
+from bdamper.advice import fullest, judged
+from bdamper.branches import LeftOut
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
-from bdamper.rivals import summits
+from bdamper.rivals import Place, Rival, rivals, summits
 from tests import models
 
 INTERVAL = (720.0, 880.0)
@@ -114,6 +116,102 @@ def test_reliability(amplitude, defect, expected):
     assert Estimate(amplitude, 0.0, defect, *np.zeros((3, 1))).reliability(0.01) == expected
 
 
+def synthetic(full, amplitude, branch=None, kind=None, frequency=None):
+    """A curve of the study with given amplitudes."""
+    n = len(amplitude)
+    curve = full.track(1e3, INTERVAL)
+    at = np.arange(n)
+    harmonics = np.zeros((n, 2), complex)
+    harmonics[:, 1] = amplitude
+    return replace(
+        curve,
+        harmonics=harmonics,
+        frequency=np.linspace(*INTERVAL, n) if frequency is None else np.array(frequency, float),
+        unknowns=np.tile(at[:, None] * 1.0, (1, 3)),
+        branch=np.zeros(n, int) if branch is None else np.array(branch),
+        point_kind=("regular",) * n if kind is None else kind,
+        shares=np.tile([1.0, 0.0, 0.0], (n, 1)),
+    )
+
+
+NOTHING = (0.0, 0.0, 0.0)
+
+
+def rivals_of(full, amplitude, changes, maxima):
+    """Rivals on a synthetic curve; estimates by index, those of maxima too."""
+    curve = synthetic(full, amplitude)
+
+    def ask(y):
+        return Estimate(*changes.get(int(y[0]), NOTHING), y, *np.zeros((2, 2)))
+
+    def place(i):
+        y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
+        return Place(y, float(curve.frequency[i]), amplitude[i], ask(y))
+
+    peaks = [find_peak_like(place(i)) for i in maxima]
+    out = rivals(curve, peaks, ask, place(maxima[0]), 0.01)
+    return [(int(r.place.y[0]), round(r.may_miss, 3), round(r.misses, 3)) for r in out]
+
+
+def find_peak_like(place):
+    return SimpleNamespace(y=place.y, frequency=place.frequency, amplitude=place.amplitude)
+
+
+def test_another_maximum_may_overtake_by_the_most_it_can_have(full):
+    two = [0.5, 1.0, 0.5, 0.5, 0.95, 0.5]
+    assert rivals_of(full, two, {}, [1, 4]) == []
+    assert rivals_of(full, two, {4: (0.04, 0.0, 0.0)}, [1, 4]) == []
+    found = rivals_of(full, two, {4: (0.04, 0.0, 0.02)}, [1, 4])
+    # the peak moves from 752 to 848 Hz
+    assert found == [(4, round(848.0 / 752.0 - 1.0, 3), round(848.0 / 752.0 - 1.0, 3))]
+    assert rivals_of(full, two, {1: (-0.03, 0.0, 0.03)}, [1, 4])[0][0] == 4  # the least of the peak counts
+    assert np.isinf(rivals_of(full, two, {4: (np.nan, np.nan, np.inf)}, [1, 4])[0][1])
+    assert rivals_of(full, [0.5, 1.0, 0.5, 0.5, 0.65, 0.5], {4: (np.nan, np.nan, np.inf)}, [1, 4]) == []  # not near the top
+
+
+def test_points_near_the_top_may_overtake_beyond_the_tolerance(full):
+    hill = [0.5, 0.98, 1.0, 0.98, 0.5]
+    assert rivals_of(full, hill, {1: (0.025, 0.0, 0.0)}, [2]) == []
+    found = rivals_of(full, hill, {1: (0.05, 0.0, 0.0)}, [2])
+    assert [f[0] for f in found] == [1] and found[0][1] == found[0][2] > 0.029
+    # an estimate that cannot be relied on tells how much may be missed, not how much is
+    ((where, may, does),) = rivals_of(full, hill, {1: (0.05, 0.0, 0.04)}, [2])
+    assert where == 1 and may > 0.067 and does == 0.0
+    raised = dict.fromkeys(range(5), (0.05, 0.0, 0.0))
+    assert rivals_of(full, hill, raised, [2]) == []  # all by the same: the estimate of the peak says it
+
+
+def test_a_rise_beyond_the_peak_may_become_a_maximum_if_its_order_may_change(full):
+    rising = [0.5, 1.0, 0.8, 0.9, 1.1, 1.2]
+    assert rivals_of(full, rising, {}, [1]) == []
+    assert rivals_of(full, rising, {4: (0.05, 0.0, 0.0), 5: (0.05, 0.0, 0.0)}, [1]) == []
+    assert [f[0] for f in rivals_of(full, rising, {5: (0.0, 0.0, 0.1)}, [1])] == [4]
+    falling = [1.2, 1.1, 0.9, 0.8, 1.0, 0.5]
+    assert [f[0] for f in rivals_of(full, falling, {0: (0.0, 0.0, 0.1)}, [4])] == [1]
+    # a summit that was no maximum, since the mean position walks there
+    summit = [0.5, 1.0, 0.8, 1.2, 1.2, 0.9]
+    assert rivals_of(full, summit, {}, [1]) == []
+    assert 3 in [f[0] for f in rivals_of(full, summit, {3: (0.001, 0.0, 0.0)}, [1])]
+
+
+@pytest.mark.parametrize(
+    ("estimate", "others", "expected"),
+    [
+        ((0.002, 0.0, 0.001), [], (0.001, "small", "")),
+        ((0.002, 0.0, 0.001), [(0.005, 0.005)], (0.005, "small", "may be higher at 740 Hz")),
+        ((0.002, 0.0, 0.001), [(0.02, 0.0), (0.003, 0.0)], (0.02, "must be on", "may be higher at 740 Hz")),
+        ((0.05, 0.0, 0.01), [(0.3, 0.0)], (0.3, "significant", "may be higher at 740 Hz")),
+        ((0.05, 0.0, 0.01), [(0.3, 0.2)], (0.3, "must be on", "may be higher at 740 Hz")),
+        ((0.05, 0.0, 0.01), [(0.3, 0.0), (np.inf, np.inf)], (np.inf, "must be on", "may be higher at 741 Hz")),
+        ((0.05, 0.0, 0.01), [(0.005, 0.005)], (0.01, "significant", "")),
+    ],
+)
+def test_a_change_is_small_only_if_no_other_place_may_make_it_larger(estimate, others, expected):
+    places = [Place(np.zeros(1), 740.0 + i, 1.0, Estimate(*estimate, *np.zeros((3, 1)))) for i in range(len(others))]
+    rivals_found = [Rival(place, *misses) for place, misses in zip(places, others)]
+    assert judged(Estimate(*estimate, *np.zeros((3, 1))), rivals_found, 0.01) == expected
+
+
 def test_advice_prints_plots_and_saves(full, tmp_path):
     cheap = full.with_effects(replace(bd.Effects.of(full), harmonics=1, blade_modes=3))
     advice = cheap.advise(40.0, INTERVAL, against=bd.Effects.of(full))
@@ -198,18 +296,45 @@ def test_an_adaptive_peak_tells_of_every_effect_what_is_left(full):
 
 
 def test_summits_are_where_a_branch_falls_to_both_sides(full):
-    curve = full.track(1e3, INTERVAL)
 
     def at(*amplitudes, branch=None):
-        n = len(amplitudes)
-        harmonics = np.zeros((n, 2), complex)
-        harmonics[:, 1] = amplitudes
-        return summits(replace(curve, harmonics=harmonics, branch=np.zeros(n, int) if branch is None else np.array(branch)))
+        return summits(synthetic(full, amplitudes, branch))
 
     assert at(1.0, 2.0, 1.0) == [1]
     assert at(1.0, 2.0, 2.0, 2.0, 1.0) == [1]  # the mean walks while the vibration stands still
     assert at(3.0, 2.0, 1.0, 2.0) == [] and at(1.0, 2.0, 2.0) == []
     assert at(1.0, 2.0, 1.0, 3.0, 2.0, branch=[0, 0, 1, 1, 1]) == [3]
+
+
+def test_an_adaptive_peak_says_whether_it_has_met_other_responses(full):
+    gentle = replace(full, excitation=bd.Excitation("tip", amplitude=1e-4))
+    stuck = gentle.adaptive_peak(200.0, INTERVAL)
+    assert stuck.responses == "stuck" and stuck.coexisting == () and "the response is linear" in str(stuck)
+    slips = full.adaptive_peak(60.0, INTERVAL)
+    curve = full.track(60.0, INTERVAL)
+    assert curve.shares[:, 1].max() > 0.0 and not len(curve.folds) and not curve.notes
+    assert slips.responses == "one seen" and slips.coexisting == () and "no other response was seen" in str(slips)
+    walks = full.adaptive_peak(40.0, INTERVAL)
+    assert full.track(40.0, INTERVAL).notes
+    assert walks.responses == "several" and {part.kind for part in walks.coexisting} == {"walk"}
+    assert "the highest peak may be another one" in str(walks) and str(walks.coexisting[0]) in str(walks)
+
+
+def test_what_counts_as_several_responses(full):
+    def noticed(**changes):
+        search = Search(full, 40.0, INTERVAL, 0.01)
+        search.notice(replace(synthetic(full, [1.0, 2.0, 3.0, 2.0, 1.0]), **changes), On((1,), 1))
+        return [(c.kind, c.low, c.high) for c in search.coexisting], search.stuck
+
+    assert noticed() == ([], True)
+    assert noticed(shares=np.tile([0.999, 0.001, 0.0], (5, 1))) == ([], False)
+    assert noticed(frequency=np.array([1.0, 3.0, 4.0, 2.0, 5.0])) == ([("folds", 2.0, 4.0)], True)
+    two = {"frequency": np.array([1.0, 3.0, 4.0, 2.0, 5.0]), "branch": np.array([0, 0, 0, 1, 1])}
+    assert noticed(**two) == ([], True)  # the next branch sets off elsewhere
+    walk = {"frequency": np.array([1.0, 2.0, 2.0, 3.0, 4.0]), "point_kind": ("end", "walk", "walk", "regular", "end")}
+    assert noticed(**walk) == ([("walk", 2.0, 2.0)], True)
+    assert noticed(left_out=(LeftOut(1.0, 2.0, "tangle"),)) == ([("left out", 1.0, 2.0)], True)
+    assert noticed(status="incomplete") == ([("not followed", *INTERVAL)], True)
 
 
 def test_no_peak_is_said_to_be_none(full):
