@@ -16,7 +16,8 @@ The settings of the study are the answer that counts; what they would cost is sp
    estimate cannot be relied on, the curve through the peak found is followed to both sides.
 
 A curve is followed with everything on if a peak cannot be carried over, if the first curve has a summit which is no peak,
-no maximum at all, or does not reach through the interval.
+no maximum at all, or does not reach through the interval; another one from above if what was lost was higher than all that
+the one from below has.
 """
 
 from __future__ import annotations
@@ -47,6 +48,8 @@ MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
 SURPRISE = 0.02
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
+FOUND_AGAIN = 0.9
+"""Share of the amplitude of a lost peak below which the curve from below has not come to it."""
 RELIED_ON = 0.3
 """Relative size of an estimate up to which its Newton step is used."""
 ANOTHER = 0.5
@@ -217,7 +220,18 @@ class _Found:
 
 
 class LostError(Exception):
-    """What the full study makes of a peak or of a curve could not be told."""
+    """What the full study makes of a peak or of a curve could not be told.
+
+    Parameters
+    ----------
+    reason : str
+    amplitude : float, m
+        That was lost, 0 if none.
+    """
+
+    def __init__(self, reason: str, amplitude: float = 0.0) -> None:
+        super().__init__(reason)
+        self.amplitude = amplitude
 
 
 class _Downhill(Exception):
@@ -281,15 +295,18 @@ class Search:
         (a, before), (b, after) = self.variant(on), self.variant(to)
         return embed_between(a, b, before, after, self.preload, y)
 
-    def tracked(self, on: On, options: ContinuationOptions | None = None) -> tuple[Curve, list[Peak]]:
+    def tracked(
+        self, on: On, options: ContinuationOptions | None = None, from_high: bool = False
+    ) -> tuple[Curve, list[Peak]]:
         """A curve and its peaks that come near the highest, the highest first."""
         study, system = self.variant(on)
-        curve = uninterrupted(study.track(self.preload, self.frequency, options=options))
+        curve = uninterrupted(study.track(self.preload, self.frequency, from_high=from_high, options=options))
         self.meter.add(curve.cost)
         self.notice(curve, on)
         peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
         top = f"{peaks[0].amplitude:.4g} m at {peaks[0].frequency:.5g} Hz" if peaks else "none"
-        self.log.append(f"curve with {on}: {curve.status}, {len(curve)} points, peak {top}")
+        side = " from above" if from_high else ""
+        self.log.append(f"curve{side} with {on}: {curve.status}, {len(curve)} points, peak {top}")
         return curve, peaks
 
     def notice(self, curve: Curve, on: On) -> None:
@@ -370,7 +387,7 @@ class Search:
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 self.walked = found = self.higher_nearby(found, wanted)
             if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
-                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}")
+                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", peak.amplitude)
             peak, on = found, wanted
 
     def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
@@ -388,7 +405,10 @@ class Search:
 
     def highest(self, curve: Curve, peaks: list[Peak], on: On) -> None:
         """Finds the highest peak of the full study that a curve with less on leads to."""
-        self._check_summits(curve, peaks, on)
+        hidden = self._hidden_summit(curve, peaks)
+        if hidden is not None:
+            where = f"{curve.frequency[hidden]:.5g} Hz"
+            raise LostError(f"{where}: a summit of the curve with {on} that is no peak", float(curve.amplitude[hidden]))
 
         def ask(y: NDArray) -> Estimate:
             return self.estimate(y, on)
@@ -433,10 +453,11 @@ class Search:
         if higher is not peak:
             self._take(self.lift(higher, on), "the full response is higher nearby")
 
-    def _check_summits(self, curve: Curve, peaks: list[Peak], on: On) -> None:
-        for i in summits(curve):
-            if curve.amplitude[i] > (1.0 + self.tolerance) * peaks[0].amplitude:
-                raise LostError(f"{curve.frequency[i]:.5g} Hz: a summit of the curve with {on} that is no peak")
+    def _hidden_summit(self, curve: Curve, peaks: list[Peak]) -> int | None:
+        """The highest summit of a curve, if it is above its peaks and none itself."""
+        top = max(summits(curve), key=lambda i: float(curve.amplitude[i]), default=None)
+        highest = peaks[0].amplitude if peaks else 0.0
+        return None if top is None or curve.amplitude[top] <= (1.0 + self.tolerance) * highest else top
 
     def _take(self, found: _Found, why: str = "") -> None:
         inside = self.frequency[0] < found.peak.frequency < self.frequency[1]
@@ -448,6 +469,7 @@ class Search:
     def run(self) -> Curve:
         """Finds the highest peak; the curve that was followed last."""
         more = self.least._replace(harmonics=self.everything.harmonics[:3])
+        missing = 0.0
         for on in dict.fromkeys((self.least, more)):
             if on == self.everything:
                 break
@@ -461,12 +483,16 @@ class Search:
                 return curve
             except LostError as lost:
                 self.log.append(str(lost))
-        for options in FOLLOWED:
-            curve, peaks = self.tracked(self.everything, options)
-            if curve.complete:
+                missing = max(missing, lost.amplitude)
+        for from_high in (False, True):
+            for options in FOLLOWED:
+                curve, peaks = self.tracked(self.everything, options, from_high)
+                if curve.complete and self._hidden_summit(curve, peaks) is None:
+                    break
+            for peak in peaks:
+                self._take(_Found(peak, self.everything, None))
+            if self.best is not None and self.best.peak.amplitude >= FOUND_AGAIN * missing:
                 break
-        for peak in peaks:
-            self._take(_Found(peak, self.everything, None))
         return curve
 
 
@@ -585,17 +611,17 @@ def adaptive_peak(
     search = Search(study, float(preload), frequency, tolerance)
     curve = search.run()
     best = search.best
+    coexisting = tuple(dict.fromkeys(search.coexisting))
+    responses = "several" if coexisting else "stuck" if search.stuck else "one seen"
     if best is None:
         reason = "the response has no maximum inside the interval" if len(curve) else curve.reason
         nothing = np.zeros(0)
         return AdaptivePeak(
             float(preload), np.nan, np.nan, search.own, nothing, np.nan, np.nan, np.nan, tolerance, np.nan, "no peak",
             f"{reason} ({curve.status}: {curve.reason})", tuple(search.log), (),
-            search.meter.read(time.perf_counter()),
+            search.meter.read(time.perf_counter()), responses, coexisting,
         )  # fmt: skip
     peak, e = best.peak, best.estimate
-    coexisting = tuple(dict.fromkeys(search.coexisting))
-    responses = "several" if coexisting else "stuck" if search.stuck else "one seen"
     change = (0.0, 0.0, 0.0) if e is None else (e.amplitude, e.frequency, e.size)
     return AdaptivePeak(
         float(preload), peak.frequency, peak.amplitude, Effects.of(search.variant(best.on)[0]), peak.y, *change,

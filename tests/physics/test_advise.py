@@ -160,6 +160,18 @@ def test_a_higher_maximum_of_the_full_response_is_found(number, why):
     assert "the highest peak may be another one" in str(found) and str(found.coexisting[0]) in str(found)
 
 
+@pytest.mark.slow
+def test_a_lost_peak_that_the_curve_from_below_does_not_have_is_looked_for_from_above():
+    full = study_of(draw(200023))
+    preload, interval = scene(full, draw(200023))
+    below, above = (full.track(preload, interval, from_high=side).peak for side in (False, True))
+    assert above.amplitude > 1.02 * below.amplitude
+    found = full.adaptive_peak(preload, interval)
+    assert found.amplitude == pytest.approx(above.amplitude, rel=TOLERANCE), found.log
+    assert found.frequency == pytest.approx(above.frequency, rel=TOLERANCE)
+    assert found.responses == "several"
+
+
 def test_adaptive_simulation_pays_for_one_harmonic_where_that_is_enough(model):
     full = study(model, MODE_1, harmonics=5)
     stuck = full.adaptive_peak(50e3, MODE_1["frequency"])

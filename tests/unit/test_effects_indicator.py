@@ -337,6 +337,18 @@ def test_what_counts_as_several_responses(full):
     assert noticed(status="incomplete") == ([("not followed", *INTERVAL)], True)
 
 
+def test_a_summit_above_all_peaks_is_hidden(full):
+    search = Search(full, 40.0, INTERVAL, 0.01)
+    curve = synthetic(full, [0.5, 1.0, 0.5, 1.2, 0.5])
+
+    def hidden(*heights):
+        return search._hidden_summit(curve, [SimpleNamespace(amplitude=h) for h in heights])
+
+    assert hidden() == 3 and hidden(1.0) == 3
+    assert hidden(1.2) is None and hidden(1.195, 1.0) is None  # within the tolerance
+    assert search._hidden_summit(synthetic(full, [1.0, 0.5, 1.0]), []) is None
+
+
 def test_no_peak_is_said_to_be_none(full):
     found = full.adaptive_peak(1e4, (720.0, 760.0))
     assert not found.converged and "no maximum" in found.reason and np.isnan(found.amplitude)
