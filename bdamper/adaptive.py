@@ -15,9 +15,10 @@ The settings of the study are the answer that counts; what they would cost is sp
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
    estimate cannot be relied on, the curve through the peak found is followed to both sides.
 
-A curve is followed with everything on if a peak cannot be carried over, if the first curve has a summit which is no peak,
-no maximum at all, or does not reach through the interval; another one from above if what was lost was higher than all that
-the one from below has.
+If a peak cannot be carried over, if the first curve has a summit which is no peak, no maximum at all, or does not reach
+through the interval, the search starts anew with three harmonics on a curve followed from above, which may have other
+branches.  If that fails too a curve is followed with everything on, and another one from above if what was lost was higher
+than all that the one from below has.
 """
 
 from __future__ import annotations
@@ -473,7 +474,7 @@ class Search:
         for on in dict.fromkeys((self.least, more)):
             if on == self.everything:
                 break
-            curve, peaks = self.tracked(on, ROUGH)
+            curve, peaks = self.tracked(on, ROUGH, from_high=on == more)
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")

@@ -161,9 +161,16 @@ def test_a_higher_maximum_of_the_full_response_is_found(number, why):
 
 
 @pytest.mark.slow
-def test_a_lost_peak_that_the_curve_from_below_does_not_have_is_looked_for_from_above():
-    full = study_of(draw(200023))
-    preload, interval = scene(full, draw(200023))
+@pytest.mark.parametrize(
+    ("number", "why"),
+    [
+        (200023, "lost, and higher than all that the curve from below has with everything on"),
+        (200159, "one harmonic hides it, the curve from above with three has it"),
+    ],
+)
+def test_a_peak_that_the_curve_from_below_does_not_have_is_looked_for_from_above(number, why):
+    full = study_of(draw(number))
+    preload, interval = scene(full, draw(number))
     below, above = (full.track(preload, interval, from_high=side).peak for side in (False, True))
     assert above.amplitude > 1.02 * below.amplitude
     found = full.adaptive_peak(preload, interval)
