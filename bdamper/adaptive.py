@@ -17,8 +17,8 @@ The settings of the study are the answer that counts; what they would cost is sp
 
 If a peak cannot be carried over, if the first curve has a summit which is no peak, no maximum at all, or does not reach
 through the interval, the search starts anew with three harmonics on a curve followed from above, which may have other
-branches.  If that fails too a curve is followed with everything on, and another one from above if what was lost was higher
-than all that the one from below has.
+branches.  If that fails too a curve is followed with everything on, and another one from above if what was lost has more,
+even at least, than all that the one from below has.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, amplitude_and_phase, as_located, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
 from bdamper.response import uninterrupted
-from bdamper.rivals import near_top, place_of_peak, place_on_curve, summits
+from bdamper.rivals import Place, near_top, place_of_peak, place_on_curve, summits
 from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
 SURPRISE = 0.02
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
-FOUND_AGAIN = 0.9
-"""Share of the amplitude of a lost peak below which the curve from below has not come to it."""
+STAYS_UP = 0.87
+"""Share of the amplitude of a peak down to which the curve through it is followed to both sides."""
 RELIED_ON = 0.3
 """Relative size of an estimate up to which its Newton step is used."""
 ANOTHER = 0.5
@@ -61,7 +61,7 @@ MOST_ASKED = 7
 """As many of the points above each share."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
-AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=200)
+AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=100)
 """How a curve is followed to both sides of a peak."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
 """How a curve is followed with everything on: roughly, and with the usual steps if it does not get through."""
@@ -227,7 +227,7 @@ class LostError(Exception):
     ----------
     reason : str
     amplitude : float, m
-        That was lost, 0 if none.
+        Which the full response that was lost has at least, 0 if nothing is known.
     """
 
     def __init__(self, reason: str, amplitude: float = 0.0) -> None:
@@ -388,7 +388,8 @@ class Search:
             if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
                 self.walked = found = self.higher_nearby(found, wanted)
             if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
-                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", peak.amplitude)
+                lost = Place(peak.y, peak.frequency, peak.amplitude, estimate)
+                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost.least)
             peak, on = found, wanted
 
     def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
@@ -406,14 +407,14 @@ class Search:
 
     def highest(self, curve: Curve, peaks: list[Peak], on: On) -> None:
         """Finds the highest peak of the full study that a curve with less on leads to."""
-        hidden = self._hidden_summit(curve, peaks)
-        if hidden is not None:
-            where = f"{curve.frequency[hidden]:.5g} Hz"
-            raise LostError(f"{where}: a summit of the curve with {on} that is no peak", float(curve.amplitude[hidden]))
 
         def ask(y: NDArray) -> Estimate:
             return self.estimate(y, on)
 
+        hidden = self._hidden_summit(curve, peaks)
+        if hidden is not None:
+            summit = place_on_curve(curve, hidden, ask)
+            raise LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit.least)
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 self._take(self.lift(peak, on))
@@ -427,7 +428,7 @@ class Search:
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
             place = place_on_curve(curve, i, ask)
             if not place.estimate.size < RELIED_ON:
-                unknown = True
+                unknown |= bool(self.coexisting) and place.amplitude >= STAYS_UP * self.best.peak.amplitude
             elif place.expected > limit:
                 start = self.moved(place.y, on, self.everything)
                 found = next(solutions_near(rich, [place.estimate.y], start, peaks[0].scale[-1], quick=True), None)
@@ -460,6 +461,15 @@ class Search:
         highest = peaks[0].amplitude if peaks else 0.0
         return None if top is None or curve.amplitude[top] <= (1.0 + self.tolerance) * highest else top
 
+    def _take_summit(self, curve: Curve, peaks: list[Peak]) -> None:
+        """Takes a hidden summit of the full response: a corner is as high as the response gets there."""
+        i = self._hidden_summit(curve, peaks)
+        if i is not None:
+            y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
+            peak = find_peak(self.variant(self.everything)[1], y, options=LOOSE, walk=False)
+            corner = as_located(peak, y, float(curve.amplitude[i]), float(curve.residual[i]))
+            self._take(_Found(corner, self.everything, None), "a corner at which the mean position moves")
+
     def _take(self, found: _Found, why: str = "") -> None:
         inside = self.frequency[0] < found.peak.frequency < self.frequency[1]
         if inside and (self.best is None or found.peak.amplitude > self.best.peak.amplitude):
@@ -488,11 +498,12 @@ class Search:
         for from_high in (False, True):
             for options in FOLLOWED:
                 curve, peaks = self.tracked(self.everything, options, from_high)
-                if curve.complete and self._hidden_summit(curve, peaks) is None:
+                if curve.complete:
                     break
             for peak in peaks:
                 self._take(_Found(peak, self.everything, None))
-            if self.best is not None and self.best.peak.amplitude >= FOUND_AGAIN * missing:
+            self._take_summit(curve, peaks)
+            if self.best is not None and self.best.peak.amplitude >= missing:
                 break
         return curve
 
@@ -547,7 +558,7 @@ def turns(frequency: NDArray) -> list[int]:
 def higher_nearby(
     system: HarmonicSystem,
     peak: Peak,
-    share: float = 0.87,
+    share: float = STAYS_UP,
     on_path: Callable[[list[PathPoint]], None] | None = None,
 ) -> Peak:
     """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest."""

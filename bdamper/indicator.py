@@ -220,7 +220,7 @@ def highest_peaks(
             continue
         y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
         peak = find_peak(system, y, options=options)
-        if not peak.converged and curve.point_kind[i] == "maximum":
+        if not peak.converged and "maximum" in curve.point_kind[i - 1 : i + 2]:  # a fold beside it may be higher by a hair
             peak = as_located(peak, y, float(a[i]), float(curve.residual[i]))
         if peak.converged and not any(same_peak(peak, p, 1e-3) for p in peaks):
             peaks.append(peak)
