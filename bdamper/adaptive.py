@@ -64,7 +64,8 @@ ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=100)
 """How a curve is followed to both sides of a peak."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
-"""How a curve is followed with everything on: roughly, and with the usual steps if it does not get through."""
+"""How a curve is followed with everything on: roughly, and with the usual steps if it does not get through or is highest
+where no peak was found."""
 
 
 RESPONSES = {
@@ -418,7 +419,9 @@ class Search:
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 self._take(self.lift(peak, on))
-        if on == self.everything or self.best is None:
+        if self.best is None:
+            raise LostError(f"the peaks that the curve with {on} leads to lie outside the interval")
+        if on == self.everything:
             return
         rich = self.variant(self.everything)[1]
         level = max(peaks[0].amplitude, self.best.peak.amplitude)
@@ -498,11 +501,12 @@ class Search:
         for from_high in (False, True):
             for options in FOLLOWED:
                 curve, peaks = self.tracked(self.everything, options, from_high)
-                if curve.complete:
+                for peak in peaks:
+                    self._take(_Found(peak, self.everything, None))
+                self._take_summit(curve, peaks)
+                found = 0.0 if self.best is None else self.best.peak.amplitude
+                if curve.complete and curve.amplitude.max() <= (1.0 + self.tolerance) * found:
                     break
-            for peak in peaks:
-                self._take(_Found(peak, self.everything, None))
-            self._take_summit(curve, peaks)
             if self.best is not None and self.best.peak.amplitude >= missing:
                 break
         return curve

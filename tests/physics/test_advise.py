@@ -146,6 +146,7 @@ def test_advice_sees_that_another_resonance_may_become_the_highest():
         (509, "the top of the curve with one harmonic is no peak, that of the full one lies elsewhere"),
         (100207, "three maxima of one hill, the highest so sharp that the search for its top does not end"),
         (100275, "one of several folded branches, above what the curve with three harmonics leads to"),
+        (300019, "one harmonic has no maximum, three have one beyond the interval"),
         (100347, "the full response is so much higher that no point of the curve with one harmonic comes near"),
     ],
 )
