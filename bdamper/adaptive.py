@@ -61,8 +61,10 @@ MOST_ASKED = 7
 """As many of the points above each share."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
-AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=100)
+AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
 """How a curve is followed to both sides of a peak."""
+MOST_AROUND = 100
+"""Points of it to each side."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
 """How a curve is followed with everything on: roughly, and with the usual steps if it does not get through or is highest
 where no peak was found."""
@@ -340,7 +342,7 @@ class Search:
             frequency = np.array([p.y[-1] for p in points]) / (2.0 * np.pi)
             self.notice_path(frequency, [p.kind for p in points], f"on the curve through the peak with {on}")
 
-        return higher_nearby(self.variant(on)[1], peak, on_path=note)
+        return higher_nearby(self.variant(on)[1], peak, most=MOST_AROUND, on_path=note)
 
     def estimate(self, y: NDArray, on: On) -> Estimate:
         """What the full study would change in a point."""
@@ -563,12 +565,24 @@ def higher_nearby(
     system: HarmonicSystem,
     peak: Peak,
     share: float = STAYS_UP,
+    most: int = 200,
     on_path: Callable[[list[PathPoint]], None] | None = None,
 ) -> Peak:
-    """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest."""
+    """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    peak : Peak
+    share : float
+    most : int
+        Points to each side.
+    on_path : callable
+        Called with the points to each side.
+    """
     best = peak
     for up in (True, False):
-        points, heights = _downhill(system, peak, up, share * best.amplitude)
+        points, heights = _downhill(system, peak, up, share * best.amplitude, most)
         if on_path is not None:
             on_path(points)
         for i in range(1, len(heights) - 1):
@@ -582,7 +596,7 @@ def higher_nearby(
 
 
 def _downhill(
-    system: HarmonicSystem, peak: Peak, up: bool, lowest: float
+    system: HarmonicSystem, peak: Peak, up: bool, lowest: float, most: int
 ) -> tuple[list[PathPoint], list[float]]:
     """Points of the curve to one side of a peak down to an amplitude, and their amplitudes."""
     row = system.response_rows[1]
@@ -597,7 +611,7 @@ def _downhill(
 
     limits = 0.7 * peak.y[-1], 1.4 * peak.y[-1]
     with suppress(_Downhill):
-        follow(system, peak.y, limits, up=up, options=AROUND, on_point=note)
+        follow(system, peak.y, limits, up=up, options=replace(AROUND, max_points=most), on_point=note)
     return points, heights
 
 
