@@ -191,7 +191,15 @@ def peak_sensitivities(
     parameters : sequence of str
         "preload" or any setting with a number (see :mod:`bdamper.vary`); factors are taken at 1.
     options : PeakOptions
+
+    Raises
+    ------
+    SettingError
+        If the peak is not converged or lies at a corner, and with sampled evaluation: events between samples make the
+        amplitude a rippled function of frequency, with tops that move by ripples.
     """
+    if study.evaluation != "exact":
+        raise SettingError(f'sensitivities: expected evaluation="exact", found {study.evaluation}: the peak has ripples')
     families: dict[str, tuple[Family, float]] = {}
     preload = peak.parameter
     for name in parameters:

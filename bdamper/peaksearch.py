@@ -27,6 +27,11 @@ from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Cost, HarmonicSystem, norm2
 
+JUMP = 1e3
+"""Curvature of ln(amplitude) along the curve, in its own units, from which on the slope counts as jumping."""
+HALVINGS = 6
+"""Of a bracket on end, where the secant stalls."""
+
 Family = Callable[[float], HarmonicSystem]
 """The equations as a function of one scalar parameter."""
 
@@ -59,7 +64,7 @@ class PeakOptions:
     position_tolerance: float = 1e-8
     max_step: float = 0.4
     max_iterations: int = 12
-    max_trials: int = 40
+    max_trials: int = 60
     max_distance: float = 0.3
     max_halvings: int = 6
     difference: float = 1e-5
@@ -311,7 +316,9 @@ class _Search:
         before: _OnCurve | None = None
         rising: _OnCurve | None = None  # slope > 0: before the maximum
         falling: _OnCurve | None = None
-        stalls = 0
+        lengths = [np.inf, np.inf, np.inf]  # of the bracket
+        halvings = 0  # still to be done: where the slope jumps a secant does not shrink the bracket
+        slopes = [start.slope, start.slope]  # of the last two trials
         moved = 0.0
         while self.trials < options.max_trials:
             if here.slope > 0.0:
@@ -324,7 +331,6 @@ class _Search:
                     estimate = (here.slope - before.slope) / moved
                     if np.isfinite(estimate) and estimate != 0.0:
                         curvature = estimate
-                stalls = stalls + 1 if abs(here.slope) > 0.5 * abs(before.slope) else 0
                 if norm2((here.y - start.y)[self.system.n_mean :] / self.scale[self.system.n_mean :]) > self.reach:
                     self.reason = "a peak far from its prediction"
                     return here, curvature, False, False
@@ -333,7 +339,7 @@ class _Search:
             # no maximum in sight: uphill
             step = -here.slope / curvature if curvature < 0.0 else options.max_step * float(np.sign(here.slope))
             if curvature < 0.0 and abs(step) <= options.position_tolerance:
-                return here, curvature, True, False
+                return here, curvature, True, curvature < -JUMP
             limit = options.max_step if before is None else min(options.max_step, max(8.0 * abs(moved), 0.02))
             step = float(np.clip(step, -limit, limit))
             new: _OnCurve | None
@@ -342,16 +348,22 @@ class _Search:
                 if length <= options.position_tolerance:
                     return here, curvature, True, True
                 inside = abs(step) < length and (step > 0.0) == (here is rising)
-                if inside and stalls < 2:
+                lengths = [*lengths[1:], length]
+                if not halvings and length > 0.25 * lengths[0] and abs(here.slope) > 0.1 * abs(slopes[0]):
+                    halvings = HALVINGS
+                if halvings:
+                    new = self.between(rising, falling, 0.5)
+                    halvings -= 1
+                elif inside:
                     new = self.step(here, step)
                 else:
                     fraction = rising.slope / (rising.slope - falling.slope)
-                    new = self.between(rising, falling, 0.5 if stalls >= 2 else min(max(fraction, 0.05), 0.95))
-                    stalls = 0
+                    new = self.between(rising, falling, min(max(fraction, 0.05), 0.95))
             else:
                 new = self.step(here, step)
             if new is None:
                 return here, curvature, False, False
+            slopes = [slopes[1], new.slope]
             before, here = here, new
         self.reason = f"not found within {options.max_trials} correctors"
         return here, curvature, False, False

@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation import _Follower, follow
+from bdamper.errors import SettingError
 from bdamper.optimal import (
     PARAMETERS,
     linear_peak,
@@ -19,7 +20,7 @@ from bdamper.optimal import (
 )
 from bdamper.peaks import PeakFollower, PeakOptions, find_peak, follow_peak, peak_scale
 from bdamper.peakscan import scan_from, solution_near
-from bdamper.peaksearch import slope_along
+from bdamper.peaksearch import amplitude_at, slope_along
 from bdamper.system import CostMeter
 from bdamper.vary import vary
 
@@ -424,3 +425,24 @@ def test_static_states_scale_with_the_load(study):
     fresh = bd.Study(model, excitation=study.excitation, engine_order=5).static(5e4)
     assert high.force == pytest.approx(fresh.force, rel=1e-9, abs=1e-9 * np.abs(fresh.force).max())
     assert np.any(high.status[0] != low.status[0])
+
+
+def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
+    """Slopes jump where an event passes a sample; the top is bracketed all the same, and has no derivative."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+        friction_law="coupled",
+        evaluation=bd.Sampled(128),
+    )
+    interval = (320.0, 360.0)
+    for friction in (0.38, 0.39, 0.40, 0.41, 0.42):
+        s = replace(study, friction_coefficient=friction)
+        peak, curve = s.peak(500.0, interval), s.track(500.0, interval)
+        assert peak.converged
+        assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
+        assert amplitude_at(s.system(500.0), peak.y) == peak.amplitude
+    with pytest.raises(SettingError, match="evaluation"):
+        s.peak_sensitivities(peak)
