@@ -72,7 +72,7 @@ where no peak was found."""
 
 RESPONSES = {
     "stuck": "all contacts stick: the response is linear",
-    "one seen": "no other response was seen; this does not exclude a detached one",
+    "one seen": "no other response was seen; this excludes neither a detached one nor a narrow resonance of a harmonic",
     "several": "several responses coexist, and the highest peak may be another one:",
 }
 """What an adaptive peak says of other responses."""
@@ -162,8 +162,9 @@ class AdaptivePeak:
     cost : Cost
     responses : {"stuck", "one seen", "several"}
         All contact points stick throughout on the curves that were followed, so the response is linear; or they do not, but
-        the curves are single-valued and complete, and no other response was seen, which does not exclude a detached one; or
-        several responses coexist, and a peak that was not met may be higher.
+        the curves are single-valued and complete, and no other response was seen, which excludes neither a detached one nor
+        a narrow resonance of a higher harmonic between the points; or several responses coexist, and a peak that was not
+        met may be higher.
     coexisting : tuple of Coexisting
         Where several were met.
     """
