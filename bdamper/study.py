@@ -69,6 +69,7 @@ from bdamper.system import (
     PointArrays,
     Sampled,
 )
+from bdamper.threads import one_thread
 from bdamper.timedomain import Verification, verify_solution
 
 if TYPE_CHECKING:
@@ -505,6 +506,7 @@ class Study:
 
     # ---- static ----
 
+    @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
 
@@ -679,6 +681,7 @@ class Study:
         self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ system.linear_response(omega, springs))
         return self._angles[preload]
 
+    @one_thread
     def compare_laws(
         self,
         preload: float,
@@ -713,6 +716,7 @@ class Study:
             curves.append(uninterrupted(replace(self, **settings).track(preload, frequency, options=options)))
         return LawComparison(tuple(laws), tuple(curves))
 
+    @one_thread
     def find_start(
         self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
     ) -> tuple[NDArray | None, list[str]]:
@@ -733,6 +737,7 @@ class Study:
 
     # ---- curves ----
 
+    @one_thread
     def track(
         self,
         preload: float,
@@ -845,6 +850,7 @@ class Study:
             return self.with_stability(curve)
         return curve
 
+    @one_thread
     def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = (), oscillating: bool = False) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
 
@@ -890,6 +896,7 @@ class Study:
             raise SettingError(f"nodal_diameters: expected those whose modes the model has, {sorted(have)}, found {d}")
         return out
 
+    @one_thread
     def verify(
         self, curve: Curve, index: int | None = None, *, periods: int = 100, steps_per_period: int | None = None
     ) -> Verification:
@@ -1024,6 +1031,7 @@ class Study:
 
     # ---- accuracy ----
 
+    @one_thread
     def estimate_errors(
         self, result: Curve | Peak, preload: float | None = None, *, sources: Sequence[str] | None = None
     ) -> ErrorEstimates:
@@ -1032,6 +1040,7 @@ class Study:
 
         return estimate_errors(self, result, preload, sources=SOURCES if sources is None else sources)
 
+    @one_thread
     def with_errors(self, curve: Curve, *, sources: Sequence[str] | None = None) -> Curve:
         """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
         return replace(curve, error_estimates=self.estimate_errors(curve, sources=sources))
@@ -1062,6 +1071,7 @@ class Study:
         tolerance: float = ...,
     ) -> AdaptivePeak: ...
 
+    @one_thread
     def peak(
         self,
         preload: float,
@@ -1088,12 +1098,14 @@ class Study:
 
         return highest_peak(self, preload, frequency, mode=mode, options=options)
 
+    @one_thread
     def peak_sensitivities(self, peak: Peak, parameters: Sequence[str] | None = None) -> dict[str, PeakSensitivity]:
         """Derivatives of a peak with respect to settings; see :func:`bdamper.optimal.peak_sensitivities`."""
         from bdamper.optimal import PARAMETERS, peak_sensitivities
 
         return peak_sensitivities(self, peak, PARAMETERS if parameters is None else parameters)
 
+    @one_thread
     def optimal_curve(
         self,
         preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
@@ -1109,6 +1121,7 @@ class Study:
 
         return optimal_curve(self, preload, n, frequency=frequency, mode=mode, checks=checks, options=options)
 
+    @one_thread
     def optimum(
         self,
         preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
@@ -1123,6 +1136,7 @@ class Study:
 
     # ---- effects ----
 
+    @one_thread
     def advise(
         self,
         preload: float,
@@ -1136,6 +1150,7 @@ class Study:
 
         return advise(self, preload, frequency, against=against, tolerance=tolerance)
 
+    @one_thread
     def adaptive_peak(
         self, preload: float, frequency: tuple[float, float], *, tolerance: float = 0.01
     ) -> AdaptivePeak:
@@ -1146,6 +1161,7 @@ class Study:
 
     # ---- linear limits ----
 
+    @one_thread
     def free(self, frequency: tuple[float, float]) -> Curve:
         """Response without any contact: the limit of no preload.
 
@@ -1155,6 +1171,7 @@ class Study:
         """
         return self._linear("free", 0.0, frequency, None)
 
+    @one_thread
     def stuck(self, frequency: tuple[float, float], preload: float = 1.0) -> Curve:
         """Response with every point stuck that the preload closes: the limit of high preload.
 

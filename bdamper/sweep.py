@@ -30,6 +30,7 @@ from bdamper.model import Model, _feed
 from bdamper.optimal import highest_peak, optimal_curve
 from bdamper.resultfile import reading
 from bdamper.system import Cost
+from bdamper.threads import one_thread
 from bdamper.vary import check_name, vary
 
 if TYPE_CHECKING:
@@ -434,6 +435,7 @@ def _bar(show: bool, total: int, done: int) -> Iterator[Any]:
         yield bar.update
 
 
+@one_thread
 def sweep(
     study: Study,
     over: Mapping[str, Sequence[Any] | NDArray],
