@@ -1056,7 +1056,7 @@ class Study:
         mode: int = ...,
         options: PeakOptions | None = ...,
         effects: Literal["all"] = ...,
-        tolerance: float = ...,
+        tolerance: None = ...,
     ) -> Peak: ...
 
     @overload
@@ -1068,7 +1068,7 @@ class Study:
         mode: int = ...,
         options: PeakOptions | None = ...,
         effects: Literal["auto"],
-        tolerance: float = ...,
+        tolerance: float | None = ...,
     ) -> AdaptivePeak: ...
 
     @one_thread
@@ -1080,20 +1080,26 @@ class Study:
         mode: int = 1,
         options: PeakOptions | None = None,
         effects: Literal["all", "auto"] = "all",
-        tolerance: float = 0.01,
+        tolerance: float | None = None,
     ) -> Peak | AdaptivePeak:
         """The highest resonance peak at one preload; see :func:`bdamper.optimal.highest_peak`.
 
         With ``effects="auto"`` only those harmonics of the study are on that change it by more than the relative
-        ``tolerance``; see :func:`bdamper.adaptive.adaptive_peak`.
+        ``tolerance`` (0.01 by default); see :func:`bdamper.adaptive.adaptive_peak`.
         """
         _check_auto(effects)
+        if effects == "all" and tolerance is not None:
+            raise SettingError(
+                'tolerance: expected effects="auto" with it, found "all"; to a tolerance whatever harmonics the study has, '
+                "track a curve (Study.track)"
+            )
         if effects == "auto":
             from bdamper.optimal import resonance_interval
 
             if options is not None:
                 raise SettingError('effects: expected "all" with options, found "auto"')
-            return self.adaptive_peak(preload, frequency or resonance_interval(self, mode), tolerance=tolerance)
+            within = 0.01 if tolerance is None else tolerance
+            return self.adaptive_peak(preload, frequency or resonance_interval(self, mode), tolerance=within)
         from bdamper.optimal import highest_peak
 
         return highest_peak(self, preload, frequency, mode=mode, options=options)

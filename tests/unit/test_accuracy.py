@@ -388,6 +388,8 @@ def test_tolerance_says_what_it_chose(study, place):
     assert tight.cost.seconds > loose.cost.seconds
     with pytest.raises(SettingError, match="tolerance"):
         study.track(*place, tolerance=-1.0)
+    with pytest.raises(SettingError, match="tolerance: expected effects"):
+        study.peak(*place, tolerance=0.01)
 
 
 def test_tolerance_leaves_sampling_and_harmonics_of_the_study_behind(study, place):
