@@ -151,9 +151,10 @@ class Ring:
         self.real = np.concatenate(
             [np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks]
         )
-        self.omega2 = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks])
-        ratio = np.concatenate([system.bases[l].damping_ratio for l, *_ in self.blocks])
-        self.damping = 2.0 * ratio * np.sqrt(self.omega2)
+        mass = np.concatenate([system.bases[l].mass for l, *_ in self.blocks])
+        self.mass = np.tile(mass, 2)
+        self.omega2 = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks]) / mass
+        self.damping = np.concatenate([system.bases[l].damping for l, *_ in self.blocks]) / mass
         # one matrix from all coordinates to all points of all sectors, and back
         n_rows = 3 * system.n_points
         out = np.zeros((self.n * n_rows, start), complex)
@@ -163,12 +164,12 @@ class Ring:
         factors = np.concatenate([np.full(s.stop - s.start, f) for _, s, _, f in self.blocks])
         # real arithmetic: x = A [Re eta; Im eta], modal force = B F
         self.A = np.ascontiguousarray(np.hstack([out.real, -out.imag]))
-        scaled = factors[:, None] / self.n * out.conj().T
+        scaled = (factors / mass)[:, None] / self.n * out.conj().T
         self.B = np.ascontiguousarray(np.vstack([scaled.real, scaled.imag]))
         self.B[start:][self.real] = 0.0
 
     def forcing(self, omega: float, t: float) -> NDArray:
-        """(2 n_coordinates,) real and imaginary modal excitation."""
+        """(2 n_coordinates,) real and imaginary modal excitation over the modal mass."""
         out = np.zeros(2 * self.n_coordinates)
         for l, s, _, _ in self.blocks:
             for harmonic in range(self.system.n_harmonics + 1):
@@ -179,7 +180,7 @@ class Ring:
                 out[s] += e.real
                 out[s.start + self.n_coordinates : s.stop + self.n_coordinates] += e.imag
         out[self.n_coordinates :][self.real] = 0.0
-        return out
+        return out / self.mass
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
         """Harmonic whose modes describe this one, and whether it runs the other way round."""

@@ -1,11 +1,13 @@
 """Time integration of all sectors against harmonic balance, closed forms and its own order of accuracy."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.stability import stability_of_points
-from bdamper.system import LAW_BONDED
+from bdamper.stability import multipliers, stability_of_points
+from bdamper.system import LAW_BONDED, HarmonicSystem
 from bdamper.timedomain import Ring, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
@@ -137,3 +139,22 @@ def test_what_cannot_be_integrated_is_refused():
         study.verify(curve, 10**6)
     with pytest.raises(bd.SettingError, match="steps_per_period"):
         study.verify(curve, 0, steps_per_period=8)
+
+
+def test_modal_coordinates_may_have_any_mass():
+    """The same structure in other units of its modal coordinates: the same motion in time and the same multipliers."""
+    system, size = two_oscillators(5), np.array([3.0, 0.2])
+    bases = [
+        replace(b, omega2=b.omega2 * size**2, mass=b.mass * size**2, G=b.G * size) for b in system.bases
+    ]
+    u_size = np.tile(size, system.n_unknowns // 2)
+    rows = [r * size for r in system.response_rows]
+    scaled = HarmonicSystem(bases, system.points, system.force * u_size, rows)
+    p = max(followed(system, 1.5, 2.2, STUCK).points, key=lambda q: q.shares[1])
+    u = p.y[:-1] / u_size
+    np.testing.assert_allclose(scaled.response(u), system.response(p.y[:-1]), rtol=1e-12)
+    one = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
+    other = verify_solution(scaled, u, p.y[-1], 1, 0, periods=5, steps_per_period=400)
+    np.testing.assert_allclose(other.settled, one.settled, atol=1e-9 * np.abs(one.settled).max())
+    values = [np.sort_complex(multipliers(s, x, p.y[-1])) for s, x in ((system, p.y[:-1]), (scaled, u))]
+    np.testing.assert_allclose(values[1], values[0], rtol=0, atol=1e-8)
