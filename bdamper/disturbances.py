@@ -24,8 +24,11 @@ The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balanc
 
 **Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
 region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
-phase is taken relative to the product of ``lambda - lambda_r`` over estimates of all roots, which is smooth where the
-estimates are good; the way is refined wherever it is not, so the count does not depend on them.
+phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots, which is smooth where there is a
+root to each estimate and an estimate to each root.  An estimate beside the line that is none would hide a root on the other
+side of it, so these are followed to a root of their own (secant method on the determinant over the distances to the others)
+or left out.  A root without an estimate shows in the phase, the size or the bend of the determinant between places, and
+there the way is refined, so the count does not depend on the estimates.
 """
 
 from __future__ import annotations
@@ -48,11 +51,17 @@ from bdamper.system import (
 
 TWO_PI = 2.0 * np.pi
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
-PHASE, LEVEL = 0.8, 0.9
-"""Largest change of phase (rad) and of the logarithm of the size from one place on the line to the next."""
+PHASE, LEVEL, BEND = 0.8, 0.9, 1.0
+"""Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next."""
 MOST_PLACES = 20_000
-NEWTON_STEPS = 3
-CHUNK = 64
+ACROSS = 16
+"""Places on the way across."""
+SECANT_STEPS = 5
+BESIDE = 0.25
+"""Roots within this distance (in omega) of the line are sharpened."""
+REAL = 1e-9
+"""Imaginary part (in omega) below which an exponent counts as real."""
+CHUNK = 8
 
 
 class WaveDisturbances:
@@ -87,51 +96,16 @@ class WaveDisturbances:
             np.concatenate([getattr(b, name) for b in bases.values()]) for name in ("mass", "damping", "omega2")
         )
         x, _, _ = system.contact(np.asarray(u))
-        n = len(self.l)
-        self.steady = np.zeros((n, n), complex)
-        rows, columns, length = [], [], []
-        p = system.points
-        load = p.n0 if p.load is None else p.load
-        orders = self.l
-        distinct, self._place = np.unique(orders, return_inverse=True)
-        self._distinct = distinct
-        difference = distinct[:, None] - distinct
-        expand = np.ix_(self._place, self._place)
-
-        def part(parts: list[tuple[float, float]]) -> NDArray:
-            return np.asarray(_part(parts, difference)[expand])
-
-        for i in range(system.n_points):
-            law = int(p.law[i])
-            closed, directions = _cycle(system, x[i], i, float(load[i]))
-            self.steady += p.kn[i] * part(closed) * np.outer(G[i, 2].conj(), G[i, 2])
-            for d, parts in enumerate(directions):
-                kt = float(p.kt[i, d])
-                if kt <= 0.0 or not parts:
-                    continue
-                g = G[i, d]
-                reach = 0.0 if law == LAW_CONSTANT else float(p.mu[i] * p.kn[i])
-                stick = [(a, b) for a, b, state in parts if state == STICK]
-                self.steady += kt * part(stick) * np.outer(g.conj(), g)
-                for sense, sign in ((SLIP_PLUS, 1.0), (SLIP_MINUS, -1.0)):
-                    slip = [(a, b) for a, b, state in parts if state == sense]
-                    if slip and reach > 0.0:
-                        self.steady += sign * reach * part(slip) * np.outer(g.conj(), G[i, 2])
-                if len(parts) == 1:
-                    continue  # one state all through: nothing is set
-                for k, (a, b, state) in enumerate(parts):
-                    if state != STICK:
-                        continue
-                    factor = {SLIP_PLUS: -reach / kt, SLIP_MINUS: reach / kt}.get(parts[k - 1][2])
-                    if factor is None:
-                        slope = _slope(x[i], a)
-                        factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
-                    rows.append(kt * g.conj() * np.exp(-1j * orders * a) / TWO_PI)
-                    columns.append((g + factor * G[i, 2]) * np.exp(1j * orders * a))
-                    length.append(b - a)
-        self._rows = np.array(rows).reshape(-1, n).T
-        self._columns = np.array(columns).reshape(-1, n)
-        self._length = np.array(length)
+        pieces, events = _cycles(system, x)
+        self._blocks = np.split(np.arange(len(self.l)), np.cumsum([len(b.omega2) for b in bases.values()])[:-1])
+        self.steady = _steady(pieces, G, [int(l) for l in bases], self._blocks)
+        point, axis, begin, self._length, factor = events
+        kt = system.points.kt[point, axis][:, None]
+        g, turn = G[point, axis], np.exp(1j * begin[:, None] * self.l)
+        self._rows = np.ascontiguousarray((kt / TWO_PI * g.conj() / turn).T)
+        self._columns = (g + factor[:, None] * G[point, 2]) * turn
+        self._distinct, self._place = np.unique(self.l, return_inverse=True)
+        self._turned = np.exp(-1j * self._distinct[:, None] * self._length)
 
     def matrix(self, exponent: NDArray) -> NDArray:
         """(k, n, n) complex D at the exponents (k,), rad/s."""
@@ -141,91 +115,182 @@ class WaveDisturbances:
         k = np.arange(len(self.l))
         out[:, k, k] += self.stiffness + s * self.damping + s**2 * self.mass
         if self._length.size:
-            z = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
-            small = np.abs(z) < 1e-8
-            held = np.where(small, 1.0 - 0.5 * z, -np.expm1(-z) / np.where(small, 1.0, z)) * self._length
-            out -= (self._rows * held[:, self._place]) @ self._columns
+            weighted = (self._rows * self._held(exponent)[:, self._place]).reshape(-1, len(self._length))
+            out -= (weighted @ self._columns).reshape(out.shape)
         return out
 
-    def estimates(self, band: float) -> NDArray:
-        """Roots of D with the memory that sliders have of slow disturbances, and without one for fast disturbances.
+    def _held(self, exponent: NDArray) -> NDArray:
+        """(k, orders, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
+        x = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
+        decay = np.exp(-exponent[:, None] / self.omega * self._length)
+        small = np.abs(x) < 1e-3
+        out = (1.0 - decay[:, None] * self._turned) / np.where(small, 1.0, x)
+        if small.any():
+            y = x[small]
+            out[small] = 1.0 - y / 2.0 * (1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0)))
+        return np.asarray(out * self._length)
 
-        Those within the band (rad/s) are improved.
+    def estimates(self, slow: bool = True) -> NDArray:
+        """Roots of the blocks of single harmonics, without memory, or with that of slow disturbances for slow ones.
+
+        Of those that come with their conjugates only the ones with an imaginary part of 0 or more.
         """
-        near, n = 0.5 * self.omega, 2 * int((self.mass > 0.0).sum())
-        slow, fast = self._pencil(self.matrix(np.zeros(1))[0]), self._pencil(None)
-        chosen = np.concatenate([slow[np.abs(slow.imag) <= near], fast[np.abs(fast.imag) > near]])
-        if not self.mirrored:
-            chosen = self._improved(chosen, band)[:n]
-            return np.append(chosen, np.full(n - len(chosen), -self.omega))
-        upper = self._improved(chosen[chosen.imag > 1e-9 * self.omega], band)
-        level = chosen[np.abs(chosen.imag) <= 1e-9 * self.omega].real
-        # as many as there are roots, and their own mirror image
-        upper = upper[: n // 2]
-        rest = n - 2 * len(upper)
-        level = np.append(level, np.full(rest, -self.omega))[:rest]
-        return np.concatenate([upper, upper.conj(), level])
+        at_zero, out = self.matrix(np.zeros(1))[0] if slow else self.steady, []
+        for k in self._blocks:
+            l = self.l[k[0]] if len(k) else -1.0
+            if not len(k) or (self.mirrored and l < 0.0):
+                continue
+            block, s = np.ix_(k, k), 1j * l * self.omega
+            free = np.diag(self.stiffness[k] + s * self.damping[k] + s**2 * self.mass[k])
+            damping = self.damping[k] + 2.0 * s * self.mass[k]
+            chosen = _pencil(self.steady[block] + free, damping, self.mass[k])
+            if slow:
+                other, near = _pencil(at_zero[block], damping, self.mass[k]), 0.5 * self.omega
+                chosen = np.concatenate([other[np.abs(other.imag) <= near], chosen[np.abs(chosen.imag) > near]])
+            if self.mirrored:
+                level = np.abs(chosen.imag) <= REAL * self.omega
+                upper = chosen[~level & (chosen.imag > 0.0)]
+                lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
+                chosen = np.concatenate([chosen[level].real, upper, lower])
+            out.append(chosen)
+        return np.concatenate(out)
 
-    def _improved(self, roots: NDArray, band: float) -> NDArray:
-        """Roots after some steps of Newton's method on the determinant, none of them long."""
-        h, furthest = 1e-4 * self.omega, 0.1 * self.omega
-        roots = roots[np.argsort(np.abs(roots.imag))]
-        near = roots[np.abs(roots.imag) < band + self.omega]
-        far, roots = roots[len(near) :], near
-        for _ in range(NEWTON_STEPS):
-            for start in range(0, len(roots), CHUNK):
-                part = slice(start, start + CHUNK)
-                D, ahead = self.matrix(roots[part]), self.matrix(roots[part] + h)
-                try:
-                    rate = np.trace(np.linalg.solve(D, ahead - D), axis1=1, axis2=2) / h
-                except np.linalg.LinAlgError:
-                    continue
-                step = np.where(rate != 0.0, 1.0 / np.where(rate == 0.0, 1.0, rate), 0.0)
-                step *= np.minimum(1.0, furthest / np.maximum(np.abs(step), 1e-300))
-                roots[part] = roots[part] - step
-        return np.concatenate([roots, far])
+    def improved(self, roots: NDArray, rate: float, band: float, new: NDArray | None = None) -> tuple[NDArray, bool]:
+        """Estimates after some steps of the secant method on those that matter, and whether all of them came to a root.
 
-    def _pencil(self, at_zero: NDArray | None) -> NDArray:
-        n, s = len(self.l), 1j * self.l * self.omega
-        K = self.steady + np.diag(self.stiffness + s * self.damping + s**2 * self.mass) if at_zero is None else at_zero
-        C = np.diag(self.damping + 2.0 * s * self.mass)
-        eye, zero = np.eye(n), np.zeros((n, n))
-        heavy = self.mass > 0.0
-        if heavy.all():
-            inverse = 1.0 / self.mass[:, None]
-            A = np.block([[zero, eye], [-inverse * K, -inverse * C]])
-            return np.asarray(np.linalg.eigvals(A))
-        values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(self.mass)))
-        values = values[np.isfinite(values)]
-        return np.asarray(values[np.argsort(np.abs(values))][: 2 * int(heavy.sum())])
+        These are the ones next to the line or the way across, on the scale of the places there, and those that grow.  Each
+        step is on the determinant over the distances to all other estimates, so that no two meet.  What does not come to a
+        root of its own is left out: an estimate without a root would hide one beside it.
 
-    def growing(self, rate: float, band: float) -> tuple[int, NDArray]:
+        Parameters
+        ----------
+        roots : (n,) complex
+        new : (m,) complex, optional
+            More of them; the steps are then made on these alone.
+        """
+        at = roots.astype(complex) if new is None else np.concatenate([new, roots])
+        active = np.flatnonzero(self._matters(at, rate, band)) if new is None else np.arange(len(new))
+        before, now, near = at.copy(), at + 1e-4 * self.omega, 0.02 * self.omega
+        sizes_before, sizes = np.zeros((2, len(at)), complex)
+        error = np.zeros(len(at))
+        sizes_before[active], sizes[active] = self._determinant(before[active]), self._determinant(now[active])
+        for _ in range(SECANT_STEPS):
+            if not len(active):
+                break
+            others, own = self._all(at), np.arange(len(active))
+            apart, reach = now[active, None] - others, before[active, None] - others
+            apart[own, active] = reach[own, active] = 1.0
+            change, way = sizes[active] - sizes_before[active], (now - before)[active]
+            # how far the next root of the determinant itself is
+            error[active] = np.abs(_secant(change, way))
+            step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), way)
+            step *= np.minimum(1.0, 0.1 * self.omega / np.maximum(np.abs(step), 1e-300))
+            if self.mirrored:
+                step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
+            before[active], sizes_before[active] = now[active], sizes[active]
+            now[active] = at[active] = now[active] - step
+            settled = error[active] < np.minimum(0.3 * self._distance(before[active], rate, band), near)
+            error[active[settled]] *= 0.3  # the step was made
+            active = active[~settled]
+            sizes[active] = self._determinant(now[active])
+        lost = error > np.minimum(0.3 * self._distance(at, rate, band), near)
+        if self.mirrored:
+            lost |= (error > 0.0) & (at.imag != 0.0) & (at.imag < 3.0 * error + REAL * self.omega)
+        asked = np.flatnonzero(self._matters(at, rate, band))
+        meets = np.abs(at[asked, None] - at[asked]) < 3.0 * (error[asked, None] + error[asked]) + REAL * self.omega
+        lost[asked] |= np.triu(meets, 1).any(axis=1)
+        if new is not None:
+            lost[: len(new)] |= ~self._matters(at[: len(new)], rate, band)
+        return at[~lost], not lost.any()
+
+    def _all(self, roots: NDArray) -> NDArray:
+        """The roots, and then the conjugates of those that come with them."""
+        return np.concatenate([roots, roots[roots.imag != 0.0].conj()]) if self.mirrored else roots
+
+    def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
+        """To the line, and from the right half plane to the way across as well."""
+        aside, over = exponent.real - rate, np.abs(exponent.imag) - band
+        return np.asarray(np.where(aside > 0.0, np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
+                                   np.hypot(aside, np.maximum(over, 0.0))))
+
+    def _matters(self, exponent: NDArray, rate: float, band: float) -> NDArray:
+        aside = exponent.real - rate
+        scale = np.maximum(BESIDE * self.omega, 0.5 * aside)
+        inside = (aside > 0.0) & (np.abs(exponent.imag) < band)
+        return np.asarray(inside | (self._distance(exponent, rate, band) < scale))
+
+    def growing(self, rate: float, band: float, start: NDArray | None = None) -> tuple[int, NDArray]:
         """Number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``, and estimates.
+
+        Parameters
+        ----------
+        rate, band : float, rad/s
+        start : (n,) complex, optional
+            Estimates of another solution nearby.
 
         Raises
         ------
         FloatingPointError
             If the phase cannot be followed.
         """
-        roots = self.estimates(band)
+        roots = self.estimates(start is None)
+        if start is not None:
+            fresh = roots[~self._matters(roots, rate, band)]
+            roots = np.concatenate([start[self._matters(start, rate, band)], fresh])
+        roots, complete = self.improved(roots, rate, band)
+        count, way, sizes = self._counted(roots, rate, band)
+        if not complete or count != self.right(roots, rate, band):
+            # roots without an estimate pull the determinant down beside them
+            height = (sizes - self._reference(way, roots)).real
+            low = (height < np.append(np.inf, height[:-1])) & (height < np.append(height[1:], np.inf))
+            roots, _ = self.improved(roots, rate, band, way[low & (np.abs(way.imag) < band) & (way.real <= way[0].real)])
+        return count, roots
+
+    def fastest(self, roots: NDArray, band: float) -> float:
+        """Largest real part (rad/s) of the roots within the band."""
+        return float(roots[np.abs(roots.imag) < band].real.max(initial=-np.inf))
+
+    def right(self, roots: NDArray, rate: float, band: float) -> int:
+        """How many of the roots are right of the line and within the band."""
+        every = self._all(roots)
+        return int(((every.real > rate) & (np.abs(every.imag) < band)).sum())
+
+    def _reference(self, exponent: NDArray, roots: NDArray) -> NDArray:
+        """(k,) complex logarithm of the product of the distances to the roots.
+
+        Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
+        is too many or too few is made up for at ``-omega``.
+        """
+        every = self._all(roots)
+        rest = 2 * int((self.mass > 0.0).sum()) - len(every)
+        return np.asarray(np.log(_nonzero(exponent[:, None] - every)).sum(axis=1) + rest * np.log(exponent + self.omega))
+
+    def _counted(self, roots: NDArray, rate: float, band: float) -> tuple[int, NDArray, NDArray]:
+        """Count, and the places (k,) and logarithms of the determinant (k,) that led to it."""
+        close = roots[self._matters(roots, rate, band)]
         far = 3.0 * float(np.abs(roots).max(initial=0.0)) + 10.0 * band
-        # along the line, away to the right and back; mirrored, the lower half of the way gives the same turn
-        across = rate + np.geomspace(self.omega / 8.0, far, 24)
-        inside = roots.imag[(np.abs(roots.imag) < band)]
-        line = np.unique(np.concatenate([np.arange(-band, band, self.omega / 8.0), inside, -inside, [0.0, band]]))
-        back = np.append(across[::-1], rate) - 1j * band
-        way = np.concatenate([rate + 1j * line, across + 1j * band, across[-1:], back])
-        if self.mirrored:
-            way = way[int(np.searchsorted(line, 0.0)) : len(line) + 25]
-        value = self._relative(way, roots)
+        # up the line, away to the right, and to the real axis; what is mirrored has the same turn below it
+        step, apart = self.omega / 4.0, 1e-6 * self.omega
+        line = np.concatenate([np.arange(step, band, step), np.abs(close.imag)])
+        away = np.concatenate([np.geomspace(self.omega / 8.0, far, ACROSS), close.real - rate])
+        line, away = _spread(line, apart, band - apart), _spread(away, apart, far)
+        way = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
+        if not self.mirrored:
+            way = np.concatenate([way[:-1], way[::-1].conj()])
+        sizes = self._determinant(way)
+        value = sizes - self._reference(way, roots)
         while True:
-            change, width = np.diff(value), np.abs(np.diff(way))
-            rough = (np.abs(_wrapped(change.imag)) > PHASE) | (np.abs(change.real) > LEVEL)
+            gap = np.diff(way)
+            width, change = np.abs(gap), np.diff(value)
+            change.imag = _wrapped(change.imag)
+            rough = (np.abs(change.imag) > PHASE) | (np.abs(change.real) > LEVEL)
+            # the derivative bends where a root without an estimate, or two, are no further than a place from the next
+            slope = change / gap
+            ahead, behind = np.append(slope[1:], slope[-1]), np.append(slope[0].conj(), slope[:-1])
+            rough |= np.abs(ahead - behind) * width > BEND
             # intervals grow by no more than a factor, so that none hides what its neighbours begin to show
-            rough[1:] |= width[1:] > 3.0 * width[:-1]
-            rough[:-1] |= width[:-1] > 3.0 * width[1:]
-            away = way[:-1].real > rate + 0.5 * self.omega
-            rough[away] = np.abs(_wrapped(change.imag[away])) > PHASE
+            rough[1:] |= width[1:] > 10.0 * width[:-1]
+            rough[:-1] |= width[:-1] > 10.0 * width[1:]
             rough &= width > 1e-13 * self.omega
             if not rough.any():
                 break
@@ -233,36 +298,93 @@ class WaveDisturbances:
                 raise FloatingPointError("the phase of the determinant cannot be followed")
             new = 0.5 * (way[:-1] + way[1:])[rough]
             at = np.flatnonzero(rough) + 1
-            way, value = np.insert(way, at, new), np.insert(value, at, self._relative(new, roots))
+            found = self._determinant(new)
+            way, sizes = np.insert(way, at, new), np.insert(sizes, at, found)
+            value = np.insert(value, at, found - self._reference(new, roots))
         turn = float(_wrapped(np.diff(value.imag)).sum()) / (np.pi if self.mirrored else TWO_PI)
         if abs(turn - round(turn)) > 0.05:
             raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
-        return int(((roots.real > rate) & (np.abs(roots.imag) < band)).sum()) - round(turn), roots
+        return self.right(roots, rate, band) - round(turn), way, sizes
 
-    def _relative(self, exponent: NDArray, roots: NDArray) -> NDArray:
-        """(k,) complex logarithm of det D over the product of the distances to the estimates."""
+    def _determinant(self, exponent: NDArray) -> NDArray:
+        """(k,) complex logarithm of det D."""
         out = np.empty(len(exponent), complex)
         for start in range(0, len(exponent), CHUNK):
             part = slice(start, start + CHUNK)
             sign, size = np.linalg.slogdet(self.matrix(exponent[part]))
-            distance = exponent[part, None] - roots
-            reference = np.log(np.where(distance == 0.0, 1e-300, distance)).sum(axis=1)
-            out[part] = size + 1j * np.angle(sign) - reference
+            out[part] = size + 1j * np.angle(sign)
         return out
+
+
+def _pencil(K: NDArray, damping: NDArray, mass: NDArray) -> NDArray:
+    """Eigenvalues of mass s^2 + damping s + K, as many as the masses give."""
+    n, C = len(mass), np.diag(damping)
+    eye, zero = np.eye(n), np.zeros((n, n))
+    heavy = mass > 0.0
+    if heavy.all():
+        inverse = 1.0 / mass[:, None]
+        return np.asarray(np.linalg.eigvals(np.block([[zero, eye], [-inverse * K, -inverse * C]])))
+    values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(mass)))
+    values = values[np.isfinite(values)]
+    return np.asarray(values[np.argsort(np.abs(values))][: 2 * int(heavy.sum())])
+
+
+def _spread(places: NDArray, low: float, high: float) -> NDArray:
+    """Places between two bounds, ascending, no closer to each other than the lower one."""
+    places = np.unique(places[(places > low) & (places <= high)])
+    return places[np.append(np.diff(places) > low, True)] if len(places) else places
+
+
+def _secant(change: NDArray, way: NDArray) -> NDArray:
+    """Step of the secant method from the end of a way on which the logarithm of a function changed."""
+    ratio = np.exp(np.minimum(change.real, 600.0) + 1j * change.imag)
+    return np.asarray(way * ratio / np.where(ratio == 1.0, 1e-300, ratio - 1.0))
+
+
+def _nonzero(x: NDArray) -> NDArray:
+    return np.where(x == 0.0, 1e-300, x)
 
 
 def _wrapped(phase: NDArray) -> NDArray:
     return (phase + np.pi) % TWO_PI - np.pi
 
 
-def _part(parts: list[tuple[float, float]], difference: NDArray) -> NDArray:
-    """Coefficients of the indicator of parts of the cycle: 1/2 pi int exp(-i difference theta)."""
-    same = difference == 0.0
-    out = np.zeros(difference.shape, complex)
-    for a, b in parts:
-        wave = (np.exp(-1j * difference * b) - np.exp(-1j * difference * a)) / np.where(same, 1.0, -1j * difference)
-        out += np.where(same, b - a, wave)
-    return out / TWO_PI
+NORMAL = 0  # kinds of contact stiffness: kn v v; 1, 2: kt u_d u_d; 3, 4: mu kn u_d v
+
+
+def _steady(
+    pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: list[NDArray]
+) -> NDArray:
+    """(n, n) complex G^H B G without memory; B from the Fourier coefficients of each piece of the cycle.
+
+    ``1/2 pi int_a^b exp(-i d theta)`` for the differences d of two orders.
+    """
+    point, kind, a, b, weight = pieces
+    n_points, n = G.shape[0], G.shape[2]
+    d = np.arange(1, max(orders) - min(orders) + 1)
+    wave = np.empty((len(a), len(d) + 1), complex)
+    wave[:, 0] = b - a
+    wave[:, 1:] = (np.exp(-1j * np.outer(b, d)) - np.exp(-1j * np.outer(a, d))) / (-1j * d)
+    wave *= weight[:, None] / TWO_PI
+    sums = np.zeros((n_points * 5, len(d) + 1), complex)
+    slot = 5 * point + kind
+    if len(slot):
+        first = np.flatnonzero(np.append(True, np.diff(slot) != 0))
+        sums[slot[first]] = np.add.reduceat(wave, first, axis=0)
+    sums = sums.reshape(n_points, 5, len(d) + 1)
+    out = np.empty((n, n), complex)
+    left = np.ascontiguousarray(G.conj().reshape(3 * n_points, n).T)
+    for m, columns in zip(orders, blocks):
+        g = G[:, :, columns]
+        for l, rows in zip(orders, blocks):
+            c = sums[:, :, abs(l - m)]
+            c = (c if l >= m else c.conj())[:, :, None]  # the indicator of a piece is real
+            force = np.empty_like(g)
+            force[:, 0] = c[:, 1] * g[:, 0] + c[:, 3] * g[:, 2]
+            force[:, 1] = c[:, 2] * g[:, 1] + c[:, 4] * g[:, 2]
+            force[:, 2] = c[:, 0] * g[:, 2]
+            out[np.ix_(rows, columns)] = left[rows] @ force.reshape(3 * n_points, -1)
+    return out
 
 
 def _slope(x: NDArray, theta: float) -> NDArray:
@@ -272,26 +394,59 @@ def _slope(x: NDArray, theta: float) -> NDArray:
     return np.asarray(x @ b)
 
 
-def _cycle(
-    system: HarmonicSystem, x: NDArray, i: int, load: float
-) -> tuple[list[tuple[float, float]], list[list[tuple[float, float, int]]]]:
-    """Parts in contact, and for both directions the parts of the cycle with neighbours of one state united."""
+def _cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+    """What the contacts do in the cycle.
+
+    Returns
+    -------
+    pieces : point, kind, begin, end, weight (N/m)
+        In ascending order of point and kind.
+    events : point, axis, begin, length, factor
+        Parts in which a slider sticks that was set at their beginning.
+    """
     p = system.points
-    law = int(p.law[i])
-    whole = [(0.0, TWO_PI)]
-    if law == LAW_BONDED:
-        return whole, [[(0.0, TWO_PI, STICK)]] * 2
-    kn, n0 = float(p.kn[i]), float(p.n0[i])
-    # the normal contact: what is open to a slider next to no friction
-    probe = segments(x, np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0] if law != LAW_CONSTANT else []
-    closed = whole if law == LAW_CONSTANT else [(a, b) for a, b, state in probe if state != OPEN]
-    if law != LAW_CONSTANT and not probe:
-        closed = []
-    parts: list[list[tuple[float, float, int]]] = [[], []]
-    if p.mu[i] > 0.0:
-        found = segments(x, p.kt[i], kn, float(p.mu[i]), n0, p.slider[i], law, "exact", load)
-        parts = [_united(list(f)) for f in found]
-    return closed, parts
+    pieces: list[tuple[int, int, float, float, float]] = []
+    events: list[tuple[int, int, float, float, float]] = []
+    load = p.n0 if p.load is None else p.load
+    for i in range(system.n_points):
+        law, mu, kn, n0 = int(p.law[i]), float(p.mu[i]), float(p.kn[i]), float(p.n0[i])
+        kt = [float(k) for k in p.kt[i]]
+        reach = 0.0 if law == LAW_CONSTANT else mu * kn
+        parts: list[list[tuple[float, float, int]]] = [[], []]
+        if law == LAW_BONDED:
+            parts = [[(0.0, TWO_PI, STICK)]] * 2
+        elif mu > 0.0:
+            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "exact", float(load[i]))
+        if law in (LAW_BONDED, LAW_CONSTANT):
+            pieces.append((i, NORMAL, 0.0, TWO_PI, kn))
+        else:
+            seen = next((parts[d] for d in range(2) if kt[d] > 0.0 and parts[d]), None)
+            if seen is None:  # no friction tells of separation: that of a slider next to none
+                seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0] if kn > 0.0 else []
+            pieces += [(i, NORMAL, a, b, kn) for a, b, state in seen if state != OPEN]
+        parts = [_united(list(f)) for f in parts]
+        for d in range(2):
+            if kt[d] > 0.0:
+                pieces += [(i, 1 + d, a, b, kt[d]) for a, b, state in parts[d] if state == STICK]
+        for d in range(2):
+            if kt[d] <= 0.0:
+                continue
+            for k, (a, b, state) in enumerate(parts[d]):
+                if state in (SLIP_PLUS, SLIP_MINUS):
+                    if reach > 0.0:
+                        pieces.append((i, 3 + d, a, b, reach if state == SLIP_PLUS else -reach))
+                elif state == STICK and len(parts[d]) > 1:  # in one state all through nothing is set
+                    factor = {SLIP_PLUS: -reach / kt[d], SLIP_MINUS: reach / kt[d]}.get(parts[d][k - 1][2])
+                    if factor is None:
+                        slope = _slope(x[i], a)
+                        factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
+                    events.append((i, d, a, b - a, factor))
+    return _columns(pieces), _columns(events)
+
+
+def _columns(rows: list[tuple[int, int, float, float, float]]) -> tuple[NDArray, ...]:
+    table = np.array(rows, float).reshape(-1, 5).T
+    return (table[0].astype(int), table[1].astype(int), *table[2:])
 
 
 def _united(parts: list[tuple[float, float, int]]) -> list[tuple[float, float, int]]:

@@ -4,7 +4,7 @@ A contact point that sticks remembers where it began to, so the state of a distu
 sliders ``w``.  Between two events (a change between stick, slip and separation at any point) the linearised equations
 have constant coefficients,
 
-    q'' + C q' + K q + G^T B(G q, w) = 0,
+    M q'' + C q' + K q + G^T B(G q, w) = 0,
 
 with, for each point and direction: stick ``dT = kt (du - dw)``, slip ``dT = +-mu kn dv``, open nothing, and
 ``dN = kn dv`` in contact.  One matrix exponential takes the state from event to event; forces are continuous there, so
@@ -23,7 +23,8 @@ harmonics have bases of their own: there no such state of one sector exists.  Th
 with the memory of the sliders in it (:mod:`bdamper.disturbances`), and those that grow are counted, oscillating or not:
 within the nodal diameters of the wave, and within others where they are given, up to one order above the harmonics of the
 motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many
-harmonics describe.  That count costs many times the curve.  The sign of ``det J`` at fixed frequency costs next to nothing:
+harmonics describe.  Along a branch it is counted where it may change (:mod:`bdamper.wavestability`), which still costs some
+times the curve.  The sign of ``det J`` at fixed frequency costs next to nothing:
 it is negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that
 is known under coupled friction.
 
@@ -47,8 +48,8 @@ from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from bdamper.coupling import HarmonicBasis
-from bdamper.disturbances import WaveDisturbances
 from bdamper.system import LAW_COUPLED, LAW_COUPLED_CONSTANT, HarmonicSystem, segments
+from bdamper.wavestability import Judge, judged_along, rests
 
 TWO_PI = 2.0 * np.pi
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
@@ -192,7 +193,7 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     events = np.unique(np.concatenate([d.starts for d in moving] + list(lifts) + [np.zeros(1)]))
     # events that coincide to rounding are one
     events = events[np.append(True, np.diff(events) > 1e-13)]
-    damping = 2.0 * system.bases[0].damping_ratio * np.sqrt(system.bases[0].omega2)
+    mass = system.bases[0].mass
     linear = np.diag(system.bases[0].omega2)
     for d in fixed:
         linear = linear + p.kt[d.point, d.axis] * np.outer(G[d.point, d.axis], G[d.point, d.axis])
@@ -209,7 +210,7 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
         middle = 0.5 * (theta + end)
         A = np.zeros((2 * n + m, 2 * n + m))
         A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n, n : 2 * n] = -np.diag(damping)
+        A[n : 2 * n, n : 2 * n] = -np.diag(system.bases[0].damping)
         stiffness = linear.copy()
         b = _basis(middle, system.n_harmonics)
         for i, lift in enumerate(lifts):
@@ -235,6 +236,7 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
                 stiffness += sign * p.mu[d.point] * p.kn[d.point] * np.outer(g, G[d.point, 2])
             before[j] = now
         A[n : 2 * n, :n] = -stiffness
+        A[n : 2 * n] /= mass[:, None]
         active = [int(j) for j in range(m) if before[j] == STICK]
         keep = np.concatenate([np.arange(2 * n), 2 * n + np.array(active, int)])
         step = expm(A[np.ix_(keep, keep)] * ((end - theta) / omega))
@@ -298,6 +300,7 @@ def stability_of_points(
     omega: NDArray,
     others: Mapping[int, Mapping[int, HarmonicBasis]] | None = None,
     oscillating: bool = True,
+    branch: NDArray | None = None,
 ) -> Stability:
     """Stability of several solutions of one system.
 
@@ -311,6 +314,9 @@ def stability_of_points(
     oscillating : bool
         Whether disturbances of a travelling wave that oscillate while they grow are counted; otherwise the sign of
         ``det J`` is taken.  Multipliers cover them in any case.
+    branch : (n,) int, optional
+        Points that follow each other with one value lie on one branch; those of a wave are then judged as
+        :mod:`bdamper.wavestability` describes.  By default each is judged by itself.
     """
     started = time.perf_counter()
     n = len(omega)
@@ -336,27 +342,25 @@ def stability_of_points(
         note = "sign of det J: disturbances of the wave itself that grow without oscillating"
         return Stability(stable, largest, "determinant", note, time.perf_counter() - started)
     classes: list[Mapping[int, HarmonicBasis] | None] = [None, *(others or {}).values()]
-    stable, unknown = np.ones(n, bool), 0
-    for i in range(n):
-        rate, band = NEUTRAL * omega[i] / TWO_PI, (system.n_harmonics + 1) * omega[i]
-        largest[i] = 0.0
-        for bases in classes:
-            disturbed = WaveDisturbances(system, unknowns[i], omega[i], bases)
-            try:
-                count, roots = disturbed.growing(rate, band)
-            except FloatingPointError:
-                unknown += 1
-                stable[i] &= _positive_determinant(system, unknowns[i], omega[i])
-                largest[i] = np.nan
-                continue
-            stable[i] &= count == 0
-            roots = roots[np.abs(roots.imag) < band]
-            agree = count == (roots.real > rate).sum()
-            largest[i] = max(largest[i], np.exp(TWO_PI / omega[i] * roots.real.max(initial=-np.inf))) if agree else np.nan
+    judge = Judge(system, unknowns, omega, classes, NEUTRAL / TWO_PI)
+    moving = np.array([not rests(system, u) for u in unknowns], bool).reshape(n)
+    grows, asked = judged_along(
+        judge,
+        lambda i: _positive_determinant(system, unknowns[i], omega[i]),
+        moving,
+        np.arange(n) if branch is None else np.asarray(branch),
+    )
+    stable = grows == 0
+    for i in map(int, np.flatnonzero(grows < 0)):
+        stable[i] = _positive_determinant(system, unknowns[i], omega[i]) and max(judge(i).counts) <= 0
+    for i, verdict in judge.known.items():
+        largest[i] = np.exp(TWO_PI * verdict.growth)
     beside = f" and beside it by {', '.join(map(str, others))}" if others else ""
     highest = f"up to {system.n_harmonics + 1} times the frequency"
     note = f"disturbances in the nodal diameters of the wave{beside}, oscillating or not, {highest}"
-    if unknown:
+    counted, between = int(asked.sum()), int((moving & ~asked).sum())
+    note += f"; of {n} points {n - moving.sum()} rest, {counted} counted, {between} between points of one count"
+    if unknown := int((grows < 0).sum()):
         note += f"; {unknown} could not be followed and were judged by the sign of det J"
     return Stability(stable, largest, "exponents", note, time.perf_counter() - started)
 

@@ -851,7 +851,13 @@ class Study:
         return curve
 
     @one_thread
-    def with_stability(self, curve: Curve, nodal_diameters: Sequence[int] = (), oscillating: bool = False) -> Curve:
+    def with_stability(
+        self,
+        curve: Curve,
+        nodal_diameters: Sequence[int] = (),
+        oscillating: bool = False,
+        every_point: bool = False,
+    ) -> Curve:
         """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
 
         Parameters
@@ -862,13 +868,22 @@ class Study:
             Further disturbances of a travelling wave: by how many nodal diameters they differ from it.  The model must have
             the modes of these nodal diameters; those of their harmonics are used where it has them.
         oscillating : bool
-            Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes many
+            Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes some
             times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are.
+        every_point : bool
+            Count oscillating growth at every point, instead of only where :mod:`bdamper.wavestability` asks for it.
         """
         self._check_curve(curve)
         others = {int(d): self._bases_beside(int(d)) for d in nodal_diameters}
         omega = 2.0 * np.pi * curve.frequency
-        result = stability_of_points(self.system(curve.preload), curve.unknowns, omega, others, oscillating or bool(others))
+        result = stability_of_points(
+            self.system(curve.preload),
+            curve.unknowns,
+            omega,
+            others,
+            oscillating or bool(others),
+            None if every_point else curve.branch,
+        )
         note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
         return replace(curve, stable=result.stable, stability_note=note)
 

@@ -32,7 +32,7 @@ PYTHON_LEVELS = [
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "start", "progress", "disturbances", "stability", "timedomain"},
+    {"continuation", "branches", "start", "progress", "disturbances", "wavestability", "stability", "timedomain"},
     {"estimates"},
     {"response", "linear"},
     {"peaksearch"},

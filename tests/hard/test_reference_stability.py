@@ -1,0 +1,119 @@
+"""Slow oscillating growth on the reference model, followed in time on all 13 sectors that differ."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.coupling import HarmonicBasis
+from bdamper.disturbances import WaveDisturbances
+from bdamper.timedomain import Ring
+
+DRAG = 4.0 * 2.0 * np.pi * 350.0
+
+
+@dataclass(frozen=True)
+class Dragged(HarmonicBasis):
+    """Viscous damping of the free body, so that it does not chatter on its contacts at 40 times the frequency."""
+
+    @property
+    def damping(self):
+        return super().damping + np.where(self.omega2 == 0.0, DRAG, 0.0)
+
+
+@pytest.fixture(scope="module")
+def reference():
+    """With one harmonic all motion is in nodal diameters 0 and 5, in harmonic balance and in time."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4, damping_ratio=0.001,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    dragged = [Dragged(*(getattr(b, f.name) for f in fields(HarmonicBasis))) for b in study.bases]
+    study.__dict__["bases"] = dragged
+    curve = study.track(1000.0, (346.0, 356.0))
+    assert curve.complete
+    return study, curve
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("frequency", "grows"), [(348.17, True), (350.73, False)])
+def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequency, grows):
+    study, curve = reference
+    system = study.system(1000.0)
+    upper = np.flatnonzero(np.abs(curve.harmonics[:, 1]) > 2.7e-4)
+    i = upper[np.argmin(np.abs(curve.frequency[upper] - frequency))]
+    u, omega = curve.unknowns[i], 2 * np.pi * curve.frequency[i]
+    disturbed = WaveDisturbances(system, u, omega)
+    count, roots = disturbed.growing(1e-6 * omega, 2 * omega)
+    assert count == (2 if grows else 0)
+    critical = roots[(roots.imag > 0.5 * omega) & (roots.imag < 2 * omega)]
+    critical = critical[np.argmax(critical.real)] / omega
+    assert 3e-4 < abs(critical.real) < 1e-3 and (critical.real > 0) == grows
+    assert 0.96 < critical.imag < 0.98  # a blade mode of nodal diameter 0, which the wave itself leaves at rest
+
+    ring, steps, periods, window = Ring(system, 65, 5), 1040, 96, 32
+    assert ring.n == 13
+    w = ring.initial_slider(u, omega, steps)
+    q, v = ring.state(u, omega, 0.0)
+    place = next(s.start for l, s, *_ in ring.blocks if l == 0)  # the first mode of nodal diameter 0
+    q[place] += 2e-7
+    row = np.zeros(len(q))
+    row[place] = 1.0
+    *_, response = ring.march(q, v, w, omega, steps, periods, row)
+    t = 2 * np.pi * np.arange(window * steps) / steps
+    waves = np.column_stack([np.ones_like(t), np.cos(critical.imag * t), np.sin(critical.imag * t)])
+    parts = response.reshape(-1, window * steps)
+    fitted = np.linalg.lstsq(waves, parts.T, rcond=None)[0]
+    sizes = np.hypot(fitted[1], fitted[2])
+    rates = np.diff(np.log(sizes)) / (2 * np.pi * window)
+    np.testing.assert_allclose(rates, critical.real, atol=2e-4)
+
+
+CURVES = [(9, 1000.0, 1), (9, 50.0, 1), pytest.param(9, 200.0, 2, marks=pytest.mark.slow)]
+
+
+@pytest.mark.parametrize(("points", "preload", "harmonics"), CURVES)
+def test_judging_where_it_is_needed_gives_the_verdict_of_every_point(points, preload, harmonics):
+    study = bd.Study(
+        bd.reference_model("bladed_disk", points), engine_order=5, harmonics=harmonics, friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    curve = study.track(preload, (250.0, 400.0))
+    cheap = study.with_stability(curve, oscillating=True)
+    every = study.with_stability(curve, oscillating=True, every_point=True)
+    np.testing.assert_array_equal(cheap.stable, every.stable)
+    assert 0.1 < (~every.stable).mean() < 0.9
+    # and the sign of the determinant alone says something else
+    assert (study.with_stability(curve).stable != every.stable).any()
+    counted = [int(c.stability_note.split(" counted")[0].split()[-1]) for c in (cheap, every)]
+    assert counted[0] < 0.65 * counted[1]
+
+
+def plain_count(d, rate, band):
+    """Turn of the phase of det D around the region, from many places, without estimates of roots."""
+    line = rate + 1j * np.linspace(0.0, band, 12_001)
+    across = rate + 1j * band + np.append(0.0, np.geomspace(1e-4 * d.omega, 1e4 * d.omega, 3000))
+    phase = np.angle(np.exp(1j * np.diff(d._determinant(np.concatenate([line, across[1:], [across[-1].real]])).imag)))
+    assert np.abs(phase).max() < 2.0
+    turn = phase.sum() / np.pi
+    assert abs(turn - round(turn)) < 0.05
+    return -round(turn)
+
+
+@pytest.mark.slow
+def test_counts_against_plain_turns_of_the_phase():
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    system, seen = study.system(50.0), set()
+    curve = study.track(50.0, (250.0, 400.0))
+    start = None
+    for i in range(8, len(curve) - 5, 12):
+        omega = 2 * np.pi * curve.frequency[i]
+        d = WaveDisturbances(system, curve.unknowns[i], omega)
+        count, start = d.growing(1e-6 * omega, 2 * omega, start)
+        assert count == plain_count(d, 1e-6 * omega, 2 * omega)
+        seen.add(count)
+    assert len(seen) > 2
