@@ -30,6 +30,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
 from bdamper.optimal import resonance_interval
+from bdamper.progress import each
 from bdamper.response import uninterrupted
 from bdamper.resultfile import reading
 from bdamper.system import OK, Sampled
@@ -625,12 +626,8 @@ def _timed(
         s.system(preload)
     times = np.empty((repeats, len(settings)))
     answers: list[Answer] = [(np.nan, np.nan)] * len(settings)
-    turns: Any = [(k, i) for k in range(repeats) for i in range(len(settings))]
-    if progress:
-        from tqdm.auto import tqdm
-
-        turns = tqdm(turns, desc="settings")
-    for k, i in turns:
+    turns = [(k, i) for k in range(repeats) for i in range(len(settings))]
+    for k, i in each(turns, progress, "settings", "setting"):
         begin = time.process_time()
         amplitude, at = (settings[i].solver or solver)(studies[i], preload, interval)
         times[k, i] = time.process_time() - begin

@@ -2,9 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, TypeVar
 
 from bdamper.continuation import PathPoint
+
+T = TypeVar("T")
+
+
+def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
+    """The items, with a bar that counts them if it is to be shown."""
+    if not show:
+        return items
+    from tqdm.auto import tqdm
+
+    bar: Iterable[T] = tqdm(items, desc=what, unit=unit)
+    return bar
 
 
 class progress_bar:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.errors import SettingError
+from bdamper.progress import each
 from bdamper.system import (
     LAW_BONDED,
     LAW_CONSTANT,
@@ -335,6 +336,7 @@ def verify_solution(
     *,
     periods: int = 100,
     steps_per_period: int | None = None,
+    progress: bool = False,
 ) -> Verification:
     """March from a harmonic-balance solution and compare the last period with it.
 
@@ -347,19 +349,22 @@ def verify_solution(
     periods : int
     steps_per_period : int, optional
         By default such that the step resolves the stiffest contact.
+    progress : bool
+        Show a bar of the periods.
     """
     if periods < 1:
         raise SettingError(f"periods: expected at least 1, found {periods}")
     started = time.perf_counter()
     ring = Ring(system, n_blades, engine_order)
-    n = steps_per_period or max(256, ring.steps_for(omega))
+    n = max(256, ring.steps_for(omega)) if steps_per_period is None else steps_per_period
     if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
         raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
     w = ring.initial_slider(u, omega, n)
     q, v = ring.state(u, omega, 0.0)
     row = ring.response_row()
-    if periods > 1:
-        q, v, w, _ = ring.march(q, v, w, omega, n, periods - 1)
+    parts = np.array_split(np.arange(periods - 1), 20)
+    for part in each(parts, progress, "marching", "part"):
+        q, v, w, _ = ring.march(q, v, w, omega, n, len(part))
     first = q
     q, v, w, response = ring.march(q, v, w, omega, n, 1, row)
     theta = TWO_PI * np.arange(n) / n
