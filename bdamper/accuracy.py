@@ -25,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions
 from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import percent
@@ -132,6 +133,7 @@ class Reference:
     seconds: float
 
 
+@brief
 @dataclass(frozen=True)
 class AccuracyCost:
     """Errors and times of ladders of settings.

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
@@ -133,6 +134,7 @@ class Coexisting(NamedTuple):
         return f"{where}: {self.text}"
 
 
+@brief
 @dataclass(frozen=True)
 class AdaptivePeak:
     """The highest peak of a study that was found, with no more effects than it calls for.
@@ -213,6 +215,34 @@ class AdaptivePeak:
         lines += [f"    {part}" for part in self.coexisting]
         lines.append(f"  {self.cost}")
         return "\n".join(lines)
+
+
+def plain_peak(study: Study, found: AdaptivePeak) -> tuple[Study, Peak]:
+    """The study with what was on in an adaptive peak, and this as a peak of it.
+
+    Raises
+    ------
+    SettingError
+        If it is not converged, or not one of the study.
+    """
+    if not found.converged:
+        raise SettingError(f"peak: expected a converged one, found status '{found.status}'")
+    used = study.with_effects(found.effects)
+    system = used.system(found.preload)
+    if len(found.y) != system.n_unknowns + 1:
+        raise SettingError(
+            f"peak: expected one of this study with {system.n_unknowns} unknowns, found {len(found.y) - 1}"
+        )
+    error = float(np.abs(system.evaluate(found.y[:-1], float(found.y[-1]))[0] * system.row_scale).max())
+    if error > max(1e-6, 100.0 * found.residual):
+        raise SettingError(f"peak: expected one of this study, found one with other settings (residual {error:.2g})")
+    peak = replace(find_peak(system, found.y, parameter=found.preload), cost=found.cost)
+    if not (peak.converged and abs(peak.amplitude / found.amplitude - 1.0) < SURPRISE):  # a corner, not a maximum
+        peak = replace(
+            peak, y=found.y, frequency=found.frequency, amplitude=found.amplitude, residual=found.residual, corner=True,
+            status="converged",
+        )  # fmt: skip
+    return used, peak
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
+from bdamper.brief import brief
 from bdamper.effects import Effects
 from bdamper.errors import BdamperError, SettingError
 from bdamper.indicator import Estimate, change_or_unknown, embed_between, highest_peaks
@@ -65,6 +66,7 @@ class EffectAdvice:
     reason: str = ""
 
 
+@brief
 @dataclass(frozen=True)
 class Advice:
     """Estimated changes of a peak by all effects that are off.
@@ -111,12 +113,12 @@ class Advice:
             f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N; tolerance "
             f"{100 * self.tolerance:g} %; {self.unknowns} unknowns, {self.points} contact elements",
             f"{'effect switched on':<26}{'amplitude':>11}{'frequency':>11}{'may miss':>11}  {'reliability':<12}"
-            f"{'unknowns':>9}{'points':>7}{'cost':>7}",
+            f"{'unknowns':>9}{'points':>7}{'cost':>10}",
         ]
         for e in self.effects:
             lines.append(
                 f"{e.name:<26}{_percent(e.amplitude_change):>11}{_percent(e.frequency_change):>11}"
-                f"{_percent(e.defect, sign=False):>11}  {e.reliability:<12}{e.unknowns:>9}{e.points:>7}{e.cost:>6.1f}x"
+                f"{_percent(e.defect, sign=False):>11}  {e.reliability:<12}{e.unknowns:>9}{e.points:>7}{_times(e.cost):>10}"
                 + (f"  {e.reason}" if e.reason else "")
             )
         return "\n".join([*lines, *self.notes])
@@ -172,10 +174,15 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
+def _times(value: float) -> str:
+    return f"{value:.1f}x" if value < 1e6 else f"{value:.1e}x"
+
+
 def _percent(value: float, sign: bool = True) -> str:
     if not np.isfinite(value):
         return "unknown"
-    return f"{100 * value:+.2f} %" if sign else f"{100 * value:.2f} %"
+    digits = ".2f" if abs(value) < 10.0 else ".0f" if abs(value) < 1e4 else ".0e"
+    return f"{100 * value:{'+' if sign else ''}{digits}} %"
 
 
 def advise(

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from bdamper.brief import brief
 from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 
@@ -91,6 +92,7 @@ class ContinuationOptions:
                 raise SettingError(f"{name}: expected at least 2, found {getattr(self, name)}")
 
 
+@brief
 @dataclass(frozen=True)
 class PathPoint:
     """One solution on the path.
@@ -119,6 +121,7 @@ class PathPoint:
     kind: str = "regular"
 
 
+@brief
 @dataclass(frozen=True)
 class Path:
     """Points of a path and how it ended.

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import ModelError, SettingError
 from bdamper.model import Body, ModalBasis, Model
 
@@ -39,6 +40,7 @@ class Coordinate:
     name: str
 
 
+@brief
 @dataclass(frozen=True)
 class HarmonicBasis:
     """All modes that describe one harmonic, over all bodies.
@@ -127,6 +129,7 @@ def standard_rigid_modes(model: Model, body: Body) -> Body:
     return replace(body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load)
 
 
+@brief
 @dataclass(frozen=True)
 class Coupling:
     """A model with a choice of modes and interfaces, ready to give the matrices of any harmonic.
@@ -148,6 +151,15 @@ class Coupling:
     modes: Mapping[str, NDArray]
     engine_order: int
     single_basis: bool = False
+
+    def __str__(self) -> str:
+        modes = ", ".join(f"{name} {len(index)}" for name, index in self.modes.items())
+        faces = ", ".join(f"{name} {self.model.interfaces[name].n_points}" for name in self.interfaces)
+        basis = ", one basis for all harmonics" if self.single_basis else ""
+        return (
+            f"coupling of {len(self.model.bodies)} bodies, engine order {self.engine_order}{basis}\n"
+            f"  modes: {modes or 'none'}\n  contact points: {faces or 'none'}"
+        )
 
     @property
     def n_points(self) -> int:

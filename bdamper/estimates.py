@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from bdamper.brief import brief
+
 
 @dataclass(frozen=True)
 class SourceError:
@@ -43,6 +45,7 @@ class SourceError:
         return float(np.fmax(abs(self.amplitude), abs(self.frequency))) if self.known else float("nan")
 
 
+@brief
 @dataclass(frozen=True)
 class ErrorEstimates:
     """Estimated errors of a peak, by source.
@@ -118,7 +121,7 @@ def estimates_from_json(text: str) -> ErrorEstimates:
 
 
 def percent(value: float, sign: bool = False) -> str:
-    """A relative number with two digits."""
+    """A relative number with two digits; from 100 % on in whole percent."""
     if not np.isfinite(value):
         return "unknown"
-    return f"{100.0 * value:{'+' if sign else ''}.2g} %"
+    return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"

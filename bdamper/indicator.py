@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
+from bdamper.brief import brief
 from bdamper.peaks import Peak, PeakOptions, find_peak, same_peak
 from bdamper.system import OK, HarmonicSystem
 
@@ -37,6 +38,7 @@ TRUSTED = 0.15
 """Relative change up to which the size of an estimate can be relied on."""
 
 
+@brief
 @dataclass(frozen=True)
 class Estimate:
     """Change that a richer system makes to a peak.

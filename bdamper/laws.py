@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import h5py
 import numpy as np
 
+from bdamper.brief import brief
 from bdamper.response import Curve
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ CHOICES = {
 """Settings of a study for each name; "major" is the separable law along the major directions of the motion."""
 
 
+@brief
 @dataclass(frozen=True)
 class LawComparison:
     """Curves of one study under several friction laws.

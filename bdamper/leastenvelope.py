@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.errors import SettingError
+from bdamper.errors import BdamperError, SettingError
 from bdamper.optimalcurve import OptimumPoint
 from bdamper.peakbranch import PeakFollower
 from bdamper.peaksearch import Peak
@@ -19,6 +19,8 @@ from bdamper.peaksensitivity import amplitude_sensitivity
 from bdamper.peakset import Branch, PeakSet
 
 OPTIMUM_TOLERANCE = 1e-7
+FLAT = 1e-6
+"""Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
 NEAR = 0.95
 """Branches below this share of the highest peak at both ends of a bracket are looked at only once, at the optimum found."""
 
@@ -83,10 +85,18 @@ class LeastEnvelope:
         n = len(self.known.preload)
         leaders = [self.known.leader(k) for k in range(n)]
         height = np.array([item[1].amplitude if item else np.inf for item in leaders])
-        if not np.isfinite(height).any():
-            return OptimumPoint(np.nan, np.nan, np.nan, "end", np.inf, "no peak at any preload")
+        found = height[np.isfinite(height)]
+        if not len(found):
+            low, high = self.known.frequency
+            endings = ", ".join(dict.fromkeys(self.known.scanned.values())) or "not made"
+            raise BdamperError(
+                f"no peak found at any of {n} preloads from {self.known.preload[0]:g} to {self.known.preload[-1]:g} N "
+                f"between {low:.6g} and {high:.6g} Hz; scans over frequency: {endings}"
+            )
         k = int(np.argmin(height))
         best = leaders[k][1]  # type: ignore[index]
+        if len(found) > 1 and found.max() <= (1.0 + FLAT) * found.min():
+            return OptimumPoint(np.nan, best.amplitude, best.frequency, "flat", np.inf, "the preload does not matter")
         x = np.log(self.known.preload)
         try:
             near = (float(x[k]), *self.envelope(float(x[k])))

@@ -6,12 +6,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bdamper.brief import brief
 from bdamper.errors import SettingError
 from bdamper.peakbranch import PeakFollower
 from bdamper.peaksearch import Family, Peak, PeakOptions
 from bdamper.peaksensitivity import amplitude_sensitivity
 
 
+@brief
 @dataclass(frozen=True)
 class Optimum:
     """The value of a parameter at which the peak is least.

@@ -15,11 +15,13 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import BdamperError
 
 COLUMNS = ("load", "amplitude", "frequency")
 
 
+@brief
 @dataclass(frozen=True)
 class Measured:
     """Measured resonances.

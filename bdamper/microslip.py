@@ -21,6 +21,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import ModelError, SettingError
 from bdamper.excitation import direction_vector
 from bdamper.preload import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@brief
 @dataclass(frozen=True)
 class Microslip:
     """A curve of first loading.

@@ -29,10 +29,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
+
 Port = tuple[str, str]
 """A place where a body meets an interface: ``(interface name, "a" | "b")``."""
 
 
+@brief
 @dataclass(frozen=True)
 class ModalBasis:
     """Modes of one body at one nodal diameter.
@@ -65,6 +68,7 @@ class ModalBasis:
         return len(self.omega2)
 
 
+@brief
 @dataclass(frozen=True)
 class BodyLoad:
     """Static load that scales with one number, the radial (centrifugal) load in newtons.
@@ -84,6 +88,7 @@ class BodyLoad:
     displacement: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class Body:
     """A structure that takes part in a contact.
@@ -111,6 +116,7 @@ class Body:
     load: BodyLoad | None = None
 
 
+@brief
 @dataclass(frozen=True)
 class Interface:
     """Contact points between two bodies.
@@ -163,6 +169,7 @@ class Location:
     position: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class ContactStiffness:
     """Stiffness at the contact points of one interface.
@@ -182,6 +189,7 @@ class ContactStiffness:
     fallback: NDArray | None = None
 
 
+@brief
 @dataclass(frozen=True)
 class StaticContact:
     """A static contact solution of the full finite element model at one interface (for Eqs (4), (10)).
@@ -198,6 +206,7 @@ class StaticContact:
     displacement_b: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class SurfaceMesh:
     """Surface of a body, for pictures.
@@ -215,6 +224,7 @@ class SurfaceMesh:
     modes: Mapping[int, NDArray] = field(default_factory=dict)
 
 
+@brief
 @dataclass(frozen=True)
 class Model:
     """Everything that is known of a structure before a study: see the module's docstring for conventions.
@@ -240,6 +250,21 @@ class Model:
     static: Mapping[str, StaticContact] = field(default_factory=dict)
     meshes: Mapping[str, SurfaceMesh] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
+        lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
+        for body in self.bodies.values():
+            modes = f", {min(b.n_modes for b in body.bases.values())} modes" if body.bases else ""
+            at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
+            mass = "" if body.mass is None else f", {body.mass:.4g} kg"
+            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
+        for face in self.interfaces.values():
+            gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
+            lines.append(
+                f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}"
+            )
+        return "\n".join(lines)
 
     def port_slice(self, body: str, port: Port) -> slice:
         """Rows of the stacked contact points of ``body`` that belong to ``port``."""

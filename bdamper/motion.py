@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.errors import SettingError
 from bdamper.study import Study
@@ -21,6 +22,7 @@ STICK, SLIP, OPEN = range(3)
 """States of a contact point in pictures and maps."""
 
 
+@brief
 @dataclass(frozen=True)
 class RigidMotion:
     """Motion of a free body at one or several solutions.
@@ -49,6 +51,7 @@ class RigidMotion:
         return np.abs(self.vibratory[..., 0, :])
 
 
+@brief
 @dataclass(frozen=True)
 class ContactStatus:
     """State of every contact point over one period.
@@ -203,6 +206,7 @@ def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list
     return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
 
 
+@brief
 @dataclass(frozen=True)
 class SurfaceMotion:
     """Motion of the surface of a body.

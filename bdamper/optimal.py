@@ -67,6 +67,11 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
+
+    Raises
+    ------
+    BdamperError
+        If there is no peak in the interval at any of the preloads.
     """
     start = time.perf_counter()
     values = preload_values(preload, n)
@@ -128,6 +133,8 @@ def preload_values(preload: Any, n: int) -> NDArray:
     SettingError
         If they are not positive and increasing.
     """
+    if np.ndim(n) > 0:
+        raise SettingError(f"n: expected a whole number, and an interval by its name as frequency=(low, high), found {n!r}")
     values = np.asarray(preload, float)
     if values.ndim != 1 or len(values) < 2 or not np.isfinite(values).all() or np.any(values <= 0.0):
         raise SettingError(f"preload: expected (low, high) or a longer sequence of numbers > 0, found {preload!r}")

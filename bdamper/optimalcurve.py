@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.resultfile import reading
 from bdamper.system import Cost
 
@@ -39,11 +40,13 @@ class OptimumPoint:
     Parameters
     ----------
     preload : float, N
+        NaN if the curve is flat.
     amplitude : float, m
     frequency : float, Hz
-    kind : {"smooth", "crossing", "jump", "end"}
+    kind : {"smooth", "crossing", "jump", "end", "flat"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; or the end of the range of preloads.
+        the side on which it is gone; the end of the range of preloads; or none, since the preload does not matter (nothing
+        slips, or all of it is bonded).
     uncertainty : float
         Relative, of the preload.
     status : str
@@ -57,7 +60,16 @@ class OptimumPoint:
     uncertainty: float
     status: str = "converged"
 
+    def __str__(self) -> str:
+        if self.kind == "flat":
+            return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
+        least = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
+        if self.kind == "end":
+            return f"least {least} (end of the range, the optimum may lie beyond)"
+        return f"optimum {least} ({self.kind})"
 
+
+@brief
 @dataclass(frozen=True)
 class OptimalCurve:
     """Resonance over preload.
@@ -142,13 +154,12 @@ class OptimalCurve:
         return self.stuck.amplitude / self.optimum.amplitude
 
     def __str__(self) -> str:
-        o = self.optimum
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
         jumps = sum("jump" in event for event in self.events)
         lines = [
             f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
             + (f", {bad} without a peak" if bad else ""),
-            f"  optimum {o.amplitude:.6g} m at {o.preload:.7g} N, {o.frequency:.6g} Hz ({o.kind})",
+            f"  {self.optimum}",
             f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "
             f"{self.stuck.frequency:.6g} Hz: ratio {self.ratio:.3g}, shift {self.stuck_shift_percent:.3g} %",
             f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "

@@ -14,12 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import SettingError
 from bdamper.peaksearch import Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
 from bdamper.peaksensitivity import sensitivities
 from bdamper.system import norm2
 
 
+@brief
 @dataclass(frozen=True)
 class PeakBranch:
     """One peak followed over a parameter.

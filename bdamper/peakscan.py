@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.branches import Piece, follow_both
+from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
 from bdamper.linear import linear_maximum, linear_resonances
@@ -38,6 +39,7 @@ TRIED = 8
 """Points of a neighbouring curve from which a solution is looked for."""
 
 
+@brief
 @dataclass(frozen=True)
 class Scan:
     """Peaks found on a response curve.

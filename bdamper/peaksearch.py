@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Cost, HarmonicSystem, norm2
@@ -78,6 +79,7 @@ class PeakOptions:
             raise SettingError("max_iterations, max_trials, max_halvings: expected at least 2, 2 and 0")
 
 
+@brief
 @dataclass(frozen=True)
 class Peak:
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.

@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
+from bdamper.brief import brief
 from bdamper.system import Cost
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
@@ -32,6 +33,7 @@ _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=flo
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
 
+@brief
 @dataclass(frozen=True)
 class StaticSystem:
     """Arrays of the static problem.
@@ -61,6 +63,7 @@ class StaticSystem:
     constant_force: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class PreloadState:
     """Static state under a load.
@@ -98,6 +101,17 @@ class PreloadState:
     converged: bool
     note: str = ""
     cost: Cost = field(default_factory=Cost)
+
+    def __str__(self) -> str:
+        head = f"static state under {self.load:g} N: {'converged' if self.converged else 'not converged'}"
+        closed = ~(self.status == OPEN).any(axis=1)
+        stuck = (self.status == STICK).all(axis=1)
+        return (
+            head + (f" ({self.note})" if self.note else "") + f", residual {self.residual:.1e}, {self.steps} steps, "
+            f"{self.iterations} iterations\n  of {len(self.status)} contact points {stuck.sum()} stick, "
+            f"{(closed & ~stuck).sum()} slip, {(~closed).sum()} are open; normal forces up to "
+            f"{self.force[:, 2].max(initial=0.0):.6g} N, {self.force[:, 2].sum():.6g} N in all"
+        )
 
 
 def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:

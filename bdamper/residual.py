@@ -32,6 +32,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.coupling import Coordinate, Coupling, HarmonicBasis
 from bdamper.errors import ModelError, SettingError
 
@@ -68,6 +69,7 @@ class ResidualModes:
             raise SettingError(f"share: expected above 0 and at most 1, found {self.share}")
 
 
+@brief
 @dataclass(frozen=True)
 class ResidualBasis:
     """Residual coordinates of one harmonic.
@@ -212,6 +214,7 @@ def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: ND
     return scipy.linalg.solve_triangular(factor, G @ q + s, lower=True, trans="T") / size
 
 
+@brief
 @dataclass(frozen=True)
 class ResidualSet:
     """Residual modes of a coupling, made for each harmonic when it is asked for.

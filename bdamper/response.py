@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.branches import LeftOut
+from bdamper.brief import brief
 from bdamper.errors import BdamperError
 from bdamper.estimates import ErrorEstimates, estimates_from_json
 from bdamper.resultfile import reading
@@ -47,6 +48,7 @@ class Fold:
     index: int
 
 
+@brief
 @dataclass(frozen=True)
 class Curve:
     """A response curve; every point of it is a converged solution.
@@ -147,22 +149,29 @@ class Curve:
 
     @property
     def peak(self) -> Fold:
-        """The largest response: frequency (Hz), amplitude (m) and index."""
+        """The largest response, also where it is no maximum (``peak_at_end``): frequency (Hz), amplitude (m) and index."""
         if not len(self):
             raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
         i = int(np.argmax(self.amplitude))
         return Fold(float(self.frequency[i]), float(self.amplitude[i]), i)
+
+    @property
+    def peak_at_end(self) -> bool:
+        """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
+        top = self.peak
+        if self.kind == "tracking" and self.point_kind[top.index] in ("maximum", "fold", "walk"):
+            return False
+        return top.frequency in (self.frequency.min(), self.frequency.max())
 
     def __str__(self) -> str:
         head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
         if not len(self):
             return head
         c = self.cost
-        lines = [
-            head,
-            f"  peak {self.peak.amplitude:.6g} m at {self.peak.frequency:.6g} Hz, {len(self.folds)} folds, "
-            f"largest residual {self.residual.max():.1e}",
-        ]
+        top = f"{self.peak.amplitude:.6g} m at {self.peak.frequency:.6g} Hz"
+        end = "the end of the interval" if self.complete else "an end of the curve"
+        top = f"highest {top}, {end}: no peak" if self.peak_at_end else f"peak {top}"
+        lines = [head, f"  {top}, {len(self.folds)} folds, largest residual {self.residual.max():.1e}"]
         if c.evaluations:
             lines.append(f"  {c}")
         if self.stable is not None:

@@ -21,6 +21,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from bdamper.brief import brief
 from bdamper.coupling import Coupling
 from bdamper.errors import SettingError
 from bdamper.preload import OPEN, PreloadState
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@brief
 @dataclass(frozen=True)
 class WedgeFriction:
     """Total normal forces that friction leaves possible on rigid faces.
@@ -138,6 +140,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     return WedgeFriction(names, float(load), lowest, highest, np.abs(angle), mean_mu)
 
 
+@brief
 @dataclass(frozen=True)
 class ContactMap:
     """The static state of the contact points, in terms of the surfaces.

@@ -47,6 +47,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from bdamper.brief import brief
 from bdamper.coupling import HarmonicBasis
 from bdamper.system import LAW_COUPLED, LAW_COUPLED_CONSTANT, HarmonicSystem, segments
 from bdamper.wavestability import Judge, judged_along, rests
@@ -57,6 +58,7 @@ NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
 
 
+@brief
 @dataclass(frozen=True)
 class Stability:
     """Verdict on one solution or several.

@@ -29,12 +29,14 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.coupling import Coupling
 from bdamper.errors import ModelError, SettingError
 
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
 
+@brief
 @dataclass(frozen=True)
 class Certificate:
     """Largest violations of equilibrium and of the contact conditions, without unit.
@@ -67,6 +69,7 @@ class Certificate:
         return ", ".join(f"{name} {value:.1e}" for name, value in vars(self).items())
 
 
+@brief
 @dataclass(frozen=True)
 class StaticContactProblem:
     """Arrays of the problem.
@@ -91,6 +94,7 @@ class StaticContactProblem:
     gap: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class StaticContactSolution:
     """A state of the contact.

@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.coupling import Coupling
 from bdamper.errors import ModelError, SettingError
 from bdamper.model import ContactStiffness
@@ -52,6 +53,7 @@ SMALL_FORCE = 0.05
 """Share of the largest force component below which Eqs (4), (10) are not divided by it."""
 
 
+@brief
 @dataclass(frozen=True)
 class StiffnessReport:
     """How the stiffness of one interface came about.
@@ -90,6 +92,7 @@ class PerArea:
     stiffness: float | tuple[float, float, float]
 
 
+@brief
 @dataclass(frozen=True)
 class Contact:
     """Stiffness of all interfaces, with the residual coordinates that belong to it.
@@ -167,6 +170,7 @@ def paper_equations(
     return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
 
 
+@brief
 @dataclass(frozen=True)
 class StiffnessComparison:
     """All methods side by side.

@@ -30,6 +30,7 @@ from bdamper.branches import (
     notes,
     why_no_solution,
 )
+from bdamper.brief import brief, short
 from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
@@ -79,9 +80,11 @@ if TYPE_CHECKING:
     from bdamper.optimal import OptimalCurve, OptimumPoint
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
+_SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
 LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Study:
     """Settings of an analysis of one model.
@@ -273,6 +276,38 @@ class Study:
         given = self.friction_law
         names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
         return {name: LAWS[given if isinstance(given, str) else given[name]] for name in names}
+
+    def __str__(self) -> str:
+        def place(at: Excitation | Response) -> str:
+            return f"{at.location} {at.direction if isinstance(at.direction, str) else short(at.direction)}"
+
+        mu = sorted({value for value in self._friction_by_interface().values() if value > 0.0})
+        law = self.friction_law if isinstance(self.friction_law, str) else short(self.friction_law)
+        method = self.contact_stiffness
+        stiffness = method if isinstance(method, str) else short(method)
+        factor = "" if self.contact_stiffness_factor == 1.0 else f" times {self.contact_stiffness_factor:g}"
+        off = [f.name for f in fields(self) if f.name in _SWITCHES and not getattr(self, f.name)]
+        gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}
+        other = {
+            "rigid_modes": " ".join(self.rigid_modes) if self.rigid_modes != RIGID_NAMES else None,
+            "damping_ratio": self.damping_ratio,
+            "contact_points": self.contact_points,
+            "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
+            "load_history": self.load_history if self.load_history != (1.0,) else None,
+            "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
+            "residual_traction": self.residual_traction if self.residual_traction != "static" else None,
+            "off": ", ".join(off) or None,
+        }
+        harmonics, friction = " ".join(map(str, self.harmonic_numbers)), ", ".join(f"{value:g}" for value in mu) or "none"
+        lines = [
+            f"study of model {self.model.hash}, engine order {self.engine_order}",
+            f"  {self.excitation.amplitude:g} N at {place(self.excitation)}, response at {place(self._response)}",
+            f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
+            f"{self.coupling.n_points} contact points",
+            f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
+            *(f"  {name.replace('_', ' ')}: {value}" for name, value in other.items() if value is not None),
+        ]
+        return "\n".join(lines)
 
     def with_effects(self, effects: Effects) -> Study:
         """The same study with other effects; what does not depend on them is shared."""
@@ -873,6 +908,8 @@ class Study:
         every_point : bool
             Count oscillating growth at every point, instead of only where :mod:`bdamper.wavestability` asks for it.
         """
+        if (study := self.of(curve)) is not self:
+            return study.with_stability(curve, nodal_diameters, oscillating, every_point)
         self._check_curve(curve)
         others = {int(d): self._bases_beside(int(d)) for d in nodal_diameters}
         omega = 2.0 * np.pi * curve.frequency
@@ -940,6 +977,8 @@ class Study:
         progress : bool
             Show a progress bar.
         """
+        if (study := self.of(curve)) is not self:
+            return study.verify(curve, index, periods=periods, steps_per_period=steps_per_period)
         self._check_curve(curve)
         i = curve.peak.index if index is None else int(index)
         if not -len(curve) <= i < len(curve):
@@ -954,6 +993,23 @@ class Study:
             steps_per_period=steps_per_period,
             progress=progress,
         )
+
+    def of(self, curve: Curve) -> Study:
+        """This study with the harmonics and the evaluation that :meth:`track` chose for a curve to a tolerance.
+
+        For any other curve it is the study itself.  The study's own functions find it by themselves; those that take
+        ``curve.unknowns`` need it: ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
+        """
+        if "chosen" not in curve.settings:
+            return self
+        evaluation = curve.settings["evaluation"]
+        harmonics = tuple(curve.settings["harmonics"])
+        chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
+        if harmonics == self.harmonic_numbers and chosen == self.evaluation:
+            return self
+        study = replace(self, harmonics=harmonics, evaluation=chosen)
+        study._states.update(self._states)
+        return study
 
     def _check_curve(self, curve: Curve) -> None:
         if curve.kind != "tracking" or curve.model_hash != self.model.hash:
@@ -1058,12 +1114,22 @@ class Study:
 
     @one_thread
     def estimate_errors(
-        self, result: Curve | Peak, preload: float | None = None, *, sources: Sequence[str] | None = None
+        self, result: Curve | Peak | AdaptivePeak, preload: float | None = None, *, sources: Sequence[str] | None = None
     ) -> ErrorEstimates:
-        """Estimated errors of a peak by source; see :func:`bdamper.estimation.estimate_errors`."""
+        """Estimated errors of a peak by source; see :func:`bdamper.estimation.estimate_errors`.
+
+        They are those of the settings that the result was computed with: the harmonics that were chosen for a curve to a
+        tolerance, or those that were on in an adaptive peak.
+        """
+        from bdamper.adaptive import AdaptivePeak, plain_peak
         from bdamper.estimation import SOURCES, estimate_errors
 
-        return estimate_errors(self, result, preload, sources=SOURCES if sources is None else sources)
+        study: Study = self
+        if isinstance(result, AdaptivePeak):
+            study, result = plain_peak(self, result)
+        elif isinstance(result, Curve):
+            study = self.of(result)
+        return estimate_errors(study, result, preload, sources=SOURCES if sources is None else sources)
 
     @one_thread
     def with_errors(self, curve: Curve, *, sources: Sequence[str] | None = None) -> Curve:
@@ -1130,11 +1196,20 @@ class Study:
         return highest_peak(self, preload, frequency, mode=mode, options=options)
 
     @one_thread
-    def peak_sensitivities(self, peak: Peak, parameters: Sequence[str] | None = None) -> dict[str, PeakSensitivity]:
-        """Derivatives of a peak with respect to settings; see :func:`bdamper.optimal.peak_sensitivities`."""
+    def peak_sensitivities(
+        self, peak: Peak | AdaptivePeak, parameters: Sequence[str] | None = None
+    ) -> dict[str, PeakSensitivity]:
+        """Derivatives of a peak with respect to settings; see :func:`bdamper.optimal.peak_sensitivities`.
+
+        Those of an adaptive peak are taken with the harmonics that were on in it.
+        """
+        from bdamper.adaptive import AdaptivePeak, plain_peak
         from bdamper.optimal import PARAMETERS, peak_sensitivities
 
-        return peak_sensitivities(self, peak, PARAMETERS if parameters is None else parameters)
+        study: Study = self
+        if isinstance(peak, AdaptivePeak):
+            study, peak = plain_peak(self, peak)
+        return peak_sensitivities(study, peak, PARAMETERS if parameters is None else parameters)
 
     @one_thread
     def optimal_curve(

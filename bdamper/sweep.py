@@ -25,6 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import BdamperError, SettingError
 from bdamper.model import Model, _feed
 from bdamper.optimal import highest_peak, optimal_curve
@@ -106,6 +107,7 @@ class OptimalTask:
         }  # fmt: skip
 
 
+@brief
 @dataclass(frozen=True)
 class SweepResult:
     """Answers at all points of a sweep.

@@ -17,6 +17,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper import _core
+from bdamper.brief import brief
 from bdamper.coupling import HarmonicBasis
 from bdamper.errors import SettingError
 
@@ -56,6 +57,7 @@ class Sampled:
             raise SettingError(f"n_time: expected a whole number of samples, at least 8, found {self.n_time!r}")
 
 
+@brief
 @dataclass(frozen=True)
 class PointArrays:
     """Parameters of all contact points, stacked.
@@ -91,6 +93,7 @@ class PointArrays:
     index: NDArray | None = None
 
 
+@brief
 @dataclass(frozen=True)
 class Correction:
     """Outcome of one Newton corrector.

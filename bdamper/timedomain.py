@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import SettingError
 from bdamper.progress import each
 from bdamper.system import (
@@ -46,6 +47,7 @@ MOST_PERIODS = 100
 """In which sliders must settle under a given motion; those of the coupled law take their time."""
 
 
+@brief
 @dataclass(frozen=True)
 class Verification:
     """Settled time response beside a harmonic-balance solution.

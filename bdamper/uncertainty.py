@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from bdamper.brief import brief
 from bdamper.errors import BdamperError, SettingError
 from bdamper.optimal import preload_values
 from bdamper.resultfile import reading
@@ -73,6 +74,7 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())}
 
 
+@brief
 @dataclass(frozen=True)
 class RobustOptimum:
     """The preload at which a percentile of the resonance amplitude over a sample is least.
@@ -99,6 +101,7 @@ class RobustOptimum:
     rounds: int
 
 
+@brief
 @dataclass(frozen=True)
 class UncertainCurve:
     """Optimal curves of a sample.

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.checks import check_model
 from bdamper.errors import BdamperError, ModelError, SettingError, mismatch
 from bdamper.io.fe_body import FEBody, Units
@@ -43,6 +44,7 @@ SMALLEST_OVERLAP = 0.05
 T = TypeVar("T")
 
 
+@brief
 @dataclass(frozen=True)
 class ContactFaces:
     """A pair of faces that touch, and how contact points are laid over them.
@@ -86,6 +88,7 @@ class ContactFaces:
     stiffness: NDArray | tuple[float, float, float] | None = None
 
 
+@brief
 @dataclass(frozen=True)
 class BuiltModel:
     """A model and the report on how it came about.

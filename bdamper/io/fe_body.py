@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import mismatch
 
 
@@ -41,6 +42,7 @@ UNITS = {
 """Systems of units by name; "mm-t-s" is that of N and MPa."""
 
 
+@brief
 @dataclass(frozen=True)
 class Modes:
     """Modes of one body at one nodal diameter, as a file has them.
@@ -83,6 +85,7 @@ class Modes:
                 raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
 
 
+@brief
 @dataclass(frozen=True)
 class Receptance:
     """Static unit-load columns: displacements of a set of nodes under unit forces on them, at one nodal diameter.
@@ -101,6 +104,7 @@ class Receptance:
     matrix: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class MassProperties:
     """Mass, centre and inertia of a rigid body, for a free body without a mass matrix.
@@ -118,6 +122,7 @@ class MassProperties:
     inertia: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class FEBody:
     """A body of a finite element model, in the units, axes and numbers of the program that made it.

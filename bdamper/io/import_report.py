@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.model import Model
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@brief
 @dataclass(frozen=True)
 class FaceSummary:
     """One interface as it was found.
@@ -41,6 +43,7 @@ class FaceSummary:
     normal: NDArray
 
 
+@brief
 @dataclass(frozen=True)
 class ImportReport:
     """The report of :func:`bdamper.io.build_model`.

@@ -10,12 +10,14 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.brief import brief
 from bdamper.errors import BdamperError, mismatch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@brief
 @dataclass(frozen=True)
 class Measurement:
     """Amplitude over frequency, as measured.
