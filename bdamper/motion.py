@@ -229,6 +229,54 @@ class SurfaceMotion:
         return self.points + scale * (self.mean + (self.amplitude * np.exp(1j * theta)).real)
 
 
+def rigid_displacement(study: Study, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
+    motion = rigid_motion(study, unknowns, body)
+    part = study.model.bodies[body]
+    assert part.centre is not None
+    _, turn = principal_axes(part)
+    rotation = np.cross(turn[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
+    axes = body_axes(part)
+    mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
+    first = motion.vibratory[0]
+    return mean, first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
+
+
+def relative_motion(study: Study, unknowns: NDArray, preload: float, theta: NDArray) -> tuple[NDArray, NDArray]:
+    """How body b moves along the faces of body a, and how far it is off them.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (n_unknowns,) float
+        One solution of this study.
+    preload : float, N
+        Of that solution.
+    theta : (n_theta,) float, rad
+
+    Returns
+    -------
+    (n_points, 2, n_theta) float, m
+        Vibration along t1 and t2 of the contact points, without its mean.
+    (n_points, n_theta) float, m
+        Distance of the surfaces, mean and initial gap included; negative where contact springs are pressed together.
+    """
+    unknowns = np.asarray(unknowns, float)
+    state = study.static(preload)
+    n0 = study.bases[0].n_modes
+    q0 = unknowns[:n0] if n0 else state.q
+    basis = study.bases[0] if n0 else study._static_basis
+    mean = (basis.G.real @ q0)[:, 2] + state.load * study._load[1][:, 2]
+    vibration = np.zeros((study.coupling.n_points, 3, len(theta)))
+    start = n0
+    for l, basis in enumerate(study.bases[1:], 1):
+        n = basis.n_modes
+        amplitude = basis.G @ (unknowns[start : start + n] - 1j * unknowns[start + n : start + 2 * n])
+        vibration += (amplitude[..., None] * np.exp(1j * l * theta)).real
+        start += 2 * n
+    return vibration[:, :2], study._gap[:, None] - mean[:, None] - vibration[:, 2]
+
+
 def surface_motion(study: Study, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     """Motion of all bodies that carry a surface, for pictures.
 
@@ -245,15 +293,7 @@ def surface_motion(study: Study, unknowns: NDArray) -> dict[str, SurfaceMotion]:
         body = study.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
         if body.kind == "free":
-            motion = rigid_motion(study, unknowns, name)
-            assert body.centre is not None
-            _, turn = principal_axes(body)
-            arm = mesh.points - body.centre
-            rotation = np.cross(turn[None], arm[:, None, :])  # (n_nodes, 3 axes, 3)
-            axes = body_axes(body)
-            mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
-            first = motion.vibratory[0]
-            amplitude = first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
+            mean, amplitude = rigid_displacement(study, unknowns, name, mesh.points)
         elif body.kind == "constrained":
             for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
                 d, conjugate = study.model.folded_nodal_diameter(int(study.engine_order) * harmonic)

@@ -6,7 +6,7 @@ grey; unstable parts are dashed.  The limits without contact and with all contac
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -14,6 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
@@ -97,8 +99,9 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, marker: str, label: str)
         peak = curve.peak
         every = max(1, len(curve) // 12)
         ax.plot(f[::every], a[::every], linestyle="none", marker=marker, markersize=2.6, color=colour)
+        # filled: a peak, open: only the highest point
         ax.plot(peak.frequency, peak.amplitude, marker=marker, markersize=5.0, color=colour, markeredgecolor="k",
-                markeredgewidth=0.6, linestyle="none")
+                markeredgewidth=0.6, linestyle="none", markerfacecolor="w" if curve.peak_at_end else colour)
     ax.plot([], [], color=colour, marker=marker, markersize=3.5, label=label)
 
 
@@ -143,6 +146,9 @@ def plot_curves(
                 ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6)
         if any(unstable_points(c).any() for c in tracking):
             ax.plot([], [], color="k", linestyle=(0, (3, 1.5)), label="unstable")
+        if any(len(c) and c.peak_at_end for c in tracking):
+            ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
+                    label="highest at the end of the interval")
         if any(c.left_out for c in tracking):
             ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
         if logarithmic:
@@ -156,22 +162,35 @@ def plot_curves(
     return ax
 
 
-def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: float = 1.0, **style: Any) -> Axes:
-    """Lay a measured response over curves.
+def plot_measurement(
+    measurement: Measurement, ax: Axes | None = None, scale: float | None = None, **style: Any
+) -> Axes:
+    """Lay a measured response over curves, in metres.
 
     Parameters
     ----------
     measurement : Measurement
     ax : Axes, optional
-        Those of the curves.
-    scale : float
-        To the unit of the curves.
+        Those of the curves; the legend they have takes up the measured points.
+    scale : float, optional
+        From the unit of the measurement to metres; by default what its unit calls for.
     style
         Passed on to the line.
+
+    Raises
+    ------
+    SettingError
+        If the unit is not one of length and no scale is given.
     """
-    axes = new_axes() if ax is None else ax
-    look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
-    axes.plot(measurement.frequency, scale * measurement.amplitude, **{**look, "label": measurement.name, **style})
+    factor = measurement.metres if scale is None else float(scale)
+    with plt.rc_context(PAPER):
+        axes = new_axes() if ax is None else ax
+        look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
+        axes.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
+        if ax is None:
+            axes.set_xlabel("Frequency (Hz)")
+            axes.set_ylabel("Response amplitude (m)")
+        axes.legend(ncols=2, fontsize=7.0)
     return axes
 
 
@@ -200,18 +219,18 @@ def plot_import_report(report: ImportReport) -> Figure:
             edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
             edges = np.unique(np.sort(edges, axis=1), axis=0)
             edges = edges[edges[:, 0] != edges[:, 1]]
-            right.add_collection3d(Line3DCollection(mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
-        points = [face.points for face in report.model.interfaces.values()]
+            right.add_collection3d(Line3DCollection(1e3 * mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
+        points = [1e3 * face.points for face in report.model.interfaces.values()]
         for k, (name, face) in enumerate(report.model.interfaces.items()):
-            right.scatter(*face.points.T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
-        shown = [mesh.points for mesh in report.model.meshes.values()] or points
+            right.scatter(*(1e3 * face.points).T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
+        shown = [1e3 * mesh.points for mesh in report.model.meshes.values()] or points
         if shown:
             low, high = np.concatenate(shown).min(axis=0), np.concatenate(shown).max(axis=0)
             right.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
             right.set_box_aspect(np.maximum(high - low, 1e-3 * np.ptp([low, high])))
-        right.set(xlabel="X", ylabel="Y", zlabel="Z")
-        right.tick_params(labelsize=6)
-        right.legend(loc="upper right")
+        right.set(xlabel="X (mm)", ylabel="Y (mm)", zlabel="Z (mm)")
+        right.legend(loc="upper left", bbox_to_anchor=(0.9, 1.0), fontsize=7.0)
+        _room_for_ticks(right)
     return figure
 
 
@@ -244,8 +263,9 @@ def plot_optimal(
         ax.axhline(result.stuck.amplitude, color="0.35", linewidth=0.9, linestyle=":", label="stuck")
         if coexisting:
             others = ~np.isin(result.peak_amplitude, result.amplitude)
-            ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
-                    label="other peaks")
+            if others.any():
+                ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
+                        label="other peaks")
         for first, last in _unbroken(result.branch):
             part = slice(first, last + 1)
             alone = "." if first == last else None
@@ -255,8 +275,11 @@ def plot_optimal(
         ax.plot([], [], "--", color=light, label="frequency shift")
         o = result.optimum
         if np.isfinite(o.preload):
+            what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
             ax.plot(o.preload, o.amplitude, "o", color=dark, markersize=4.5, markerfacecolor="w",
-                    label=f"optimum, {_engineering(float(f'{o.preload:.3g}'))}")
+                    label=f"{what}, {_engineering(float(f'{o.preload:.3g}'))}")
+        elif o.kind == "flat":
+            ax.plot([], [], linestyle="none", label="flat: no optimum")
         ax.set_xscale("log")
         ax.set_yscale("log")
         ax.set_xlabel("Preload (N)")
@@ -272,6 +295,29 @@ def _unbroken(branch: NDArray) -> list[tuple[int, int]]:
     """Stretches (first, last) of points on one and the same branch."""
     cuts = np.concatenate([[0], np.flatnonzero(np.diff(branch)) + 1, [len(branch)]])
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts)]
+
+
+_UNITS = {
+    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
+    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
+    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
+}  # fmt: skip
+"""Units of settings and answers of a sweep; what is not listed is a plain number or a name."""
+_WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
+          "slip": "share of slip", "open": "share of separation"}  # fmt: skip
+
+
+def _with_unit(name: str) -> str:
+    """Label of an axis for a setting or an answer of a sweep."""
+    words = _WORDS.get(name, name.replace("_", " ").replace(".", " "))
+    return words[:1].upper() + words[1:] + (f" ({_UNITS[name]})" if name in _UNITS else "")
+
+
+def _named_value(name: str, value: Any) -> str:
+    """A setting with its value and unit, for a legend."""
+    number = f"{value:.4g}" if isinstance(value, float) else f"{value}"
+    words = name.replace("_", " ").replace(".", " ")
+    return f"{words} {number}" + (f" {_UNITS[name]}" if name in _UNITS else "")
 
 
 def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Axes:
@@ -301,14 +347,13 @@ def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Ax
         rows = values.reshape(-1, last)
         for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
             others = result.points[i * last]
-            label = ", ".join(f"{key} {others[key]:.4g}" if isinstance(others[key], float) else f"{key} {others[key]}"
-                              for key in result.names[:-1]) if len(result.shape) > 1 else None
+            label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
             ax.plot(x if numeric else [str(value) for value in x], row, color=colour,
-                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label)
+                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label or None)
         if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
             ax.set_xscale("log")
-        ax.set_xlabel(name.replace("_", " "))
-        ax.set_ylabel(quantity.replace("_", " "))
+        ax.set_xlabel(_with_unit(name))
+        ax.set_ylabel(_with_unit(quantity))
         if len(result.shape) > 1:
             ax.legend(fontsize=7.0)
     return ax
@@ -406,8 +451,6 @@ def plot_status_bars(
 
 
 def _status_legend(ax: Axes) -> None:
-    from matplotlib.patches import Patch
-
     handles = [Patch(facecolor=c, edgecolor="0.2", linewidth=0.4, label=n) for c, n in zip(STATUS_COLOURS, STATUS_NAMES)]
     ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0)
 
@@ -449,8 +492,6 @@ def plot_status_map(
     direction : {0, 1}
     title : str
     """
-    from matplotlib.patches import Rectangle
-
     with plt.rc_context(PAPER):
         if ax is None:
             ax = new_axes(5.2, 2.4)
@@ -492,8 +533,6 @@ def _plot_faces(
     places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], titles: list[str], label: str, unit: float
 ) -> Figure:
     """Values over several faces as coloured patches, one row for each kind, one column for each face."""
-    from matplotlib.patches import Rectangle
-
     n_rows, n_faces = len(values) // len(places), len(places)
     with plt.rc_context(PAPER):
         figure, axes = plt.subplots(n_rows, n_faces, figsize=(3.4 * n_faces, 1.7 * n_rows + 0.3), squeeze=False)
@@ -576,7 +615,12 @@ def animate_damper(
     frames: int = 36,
     scale: float | None = None,
 ) -> float:
-    """Write an animation (GIF) of the cross-section of a damper with the state of its contact points.
+    """Write an animation (GIF) of the cross-section of a damper between its platforms, with the state of its contacts.
+
+    The damper moves with its vibration; its mean displacement is left out.  Each contact point has a dot on the damper and
+    one on the platform, which is drawn as a line through its dots.  They move against each other as the bodies do: along
+    the face with the vibration, away from it by the gap where the point is open, all magnified alike.  Points in contact
+    stay on the face, the little by which contact springs are pressed together is not drawn.
 
     Parameters
     ----------
@@ -600,65 +644,134 @@ def animate_damper(
     """
     from matplotlib.animation import PillowWriter
 
-    from bdamper.motion import contact_status, rigid_motion, surface_motion
+    figure, draw, scale = damper_picture(study, unknowns, preload, body=body, frames=frames, scale=scale)
+    with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
+        writer = PillowWriter(fps=12)
+        with writer.saving(figure, path, dpi=90):
+            for k in range(frames):
+                draw(k)
+                writer.grab_frame()
+        plt.close(figure)
+    return scale
 
-    model = study.model
+
+def damper_picture(
+    study: Any,
+    unknowns: NDArray,
+    preload: float,
+    *,
+    body: str | None = None,
+    frames: int = 36,
+    scale: float | None = None,
+) -> tuple[Figure, Callable[[int], dict[str, tuple[NDArray, NDArray]]], float]:
+    """The picture that :func:`animate_damper` animates.
+
+    Parameters
+    ----------
+    As for :func:`animate_damper`.
+
+    Returns
+    -------
+    Figure
+    callable
+        Draws the instant ``k`` out of ``frames``; returns the places (n, 2) in mm of the dots on damper and platform, by
+        interface.
+    float
+        The magnification.
+    """
+    from scipy.spatial import ConvexHull
+
+    from bdamper.motion import contact_status, relative_motion, rigid_displacement, rigid_motion
+
+    model = study.coupling.model  # with united contact points, if the study asks for that
     name = rigid_motion(study, unknowns, body).body
-    part, mesh = model.bodies[name], model.meshes[name]
-    motion = surface_motion(study, unknowns)[name]
+    part, mesh = study.model.bodies[name], study.model.meshes[name]
     status = contact_status(study, unknowns, preload, frames)
+    along, distance = relative_motion(study, unknowns, preload, status.theta)
     y_axis = np.array([0.0, 1.0, 0.0]) if part.load is None else part.load.direction
     x_axis = np.cross(y_axis, [0.0, 0.0, 1.0])
     plane = np.stack([x_axis, y_axis], axis=1)
-    from scipy.spatial import ConvexHull
+    wave = np.exp(1j * status.theta)
+
+    def flat(place: NDArray) -> NDArray:
+        return 1e3 * (place - part.centre) @ plane
+
+    def moving(points: NDArray) -> NDArray:
+        """(n_theta, n, 3) displacement of points of the damper."""
+        return (rigid_displacement(study, unknowns, name, points)[1] * wave[:, None, None]).real
 
     front = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
-    outline = front[ConvexHull((mesh.points[front] - part.centre) @ plane).vertices]
-    height = 1e3 * float(np.ptp((mesh.points @ plane)[:, 1]))
+    outline = mesh.points[front[ConvexHull(flat(mesh.points[front])).vertices]]
+    sides = {port: 1.0 if side == "a" else -1.0 for port, side in part.ports if model.interfaces[port].kind == "friction"}
+    own = {port: moving(model.interfaces[port].points) for port in sides}
+    other = {}
+    for port, sign in sides.items():
+        rows, frame = status.rows(port), model.interfaces[port].frame
+        gap = np.maximum(distance[rows], 0.0)
+        off = np.concatenate([along[rows], gap[:, None]], axis=1)  # (n, 3, n_theta) along t1, t2, n
+        other[port] = own[port] + sign * np.einsum("pit,pix->tpx", off, frame)
+    body_motion = moving(outline)
+    height = float(np.ptp(flat(mesh.points)[:, 1]))
+    largest = 1e3 * max(float(np.abs(d).max()) for d in (body_motion, *own.values(), *other.values()))
     if scale is None:
-        largest = 1e3 * float(np.abs(motion.amplitude).max())
         scale = 0.1 * height / max(largest, 1e-300)
-    faces = [port for port, _ in part.ports if model.interfaces[port].kind == "friction"]
+    factor = float(scale)
     with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
         figure, (ax, *maps) = plt.subplots(
-            1, 1 + len(faces), figsize=(3.0 + 1.7 * len(faces), 3.2), width_ratios=[2.4] + [1.0] * len(faces)
+            1, 1 + len(sides), figsize=(3.0 + 1.7 * len(sides), 3.2), width_ratios=[2.4] + [1.0] * len(sides)
         )
         figure.subplots_adjust(left=0.08, right=0.99, bottom=0.16, top=0.84, wspace=0.35)
-        figure.text(0.5, 0.965, "contact points: dark stick, orange slip, light open", ha="center", va="top", fontsize=8.0)
-        rest = 1e3 * (mesh.points[outline] - part.centre) @ plane
+        head = "contact points: dark stick, orange slip, light open; lines: platforms"
+        figure.text(0.5, 0.965, head, ha="center", va="top", fontsize=8.0)
+        rest = flat(outline)
         ax.fill(*rest.T, facecolor="none", edgecolor="0.6", linewidth=0.8, linestyle=":")
         (shape,) = ax.fill(*rest.T, facecolor="0.85", edgecolor="0.2", linewidth=0.9)
-        dots = []
-        for port in faces:
-            places = 1e3 * (model.interfaces[port].points - part.centre) @ plane
-            dots.append(ax.scatter(*places.T, s=14, edgecolors="0.2", linewidths=0.4, zorder=3))
-        margin = 0.12 * height + 1e3 * scale * float(np.abs(motion.amplitude).max())
+        look = {"edgecolors": "0.2", "linewidths": 0.4, "zorder": 3}
+        dots, lines = {}, {}
+        for port in sides:
+            places = flat(model.interfaces[port].points)
+            (lines[port],) = ax.plot([], [], color="0.2", linewidth=1.6)
+            dots[port] = ax.scatter(*places.T, s=14, **look), ax.scatter(*places.T, s=14, marker="s", **look)
+        margin = 0.12 * height + factor * largest
+        every = np.concatenate([rest, *(flat(model.interfaces[port].points) for port in sides)])
         ax.set_aspect("equal")
-        ax.set_xlim(rest[:, 0].min() - margin, rest[:, 0].max() + margin)
-        ax.set_ylim(rest[:, 1].min() - margin, rest[:, 1].max() + margin)
+        ax.set_xlim(every[:, 0].min() - margin, every[:, 0].max() + margin)
+        ax.set_ylim(every[:, 1].min() - margin, every[:, 1].max() + margin)
         ax.set_xlabel("X (mm)")
         ax.set_ylabel("Y (mm)")
-        for panel, port in zip(maps, faces):
+        for panel, port in zip(maps, sides):
             plot_status_map(status, model, port, panel, instant=0, title=port)
             panel.set_aspect("auto")
             panel.get_legend().remove()
             panel.set_xlabel("Axis (mm)")
             panel.set_ylabel("Outward (mm)" if panel is maps[0] else "")
-        writer = PillowWriter(fps=12)
-        with writer.saving(figure, path, dpi=90):
-            for k in range(frames):
-                # the mean position is static: only the vibration is magnified
-                now = motion.points + scale * (motion.amplitude * np.exp(1j * status.theta[k])).real
-                shape.set_xy(1e3 * (now[outline] - part.centre) @ plane)
-                ax.set_title(f"vibration x {scale:.0f}, phase {360 * k // frames} deg", fontsize=8.0)
-                for dot, panel, port in zip(dots, maps, faces):
-                    colour = [STATUS_COLOURS[s] for s in status.state[status.rows(port), 0, k]]
-                    dot.set_facecolor(colour)
-                    for patch, one in zip(panel.patches, colour):
-                        patch.set_facecolor(one)
-                writer.grab_frame()
-        plt.close(figure)
-    return scale
+
+    def draw(k: int) -> dict[str, tuple[NDArray, NDArray]]:
+        shape.set_xy(flat(outline + factor * body_motion[k]))
+        ax.set_title(f"vibration x {factor:.0f}, phase {360 * k // frames} deg", fontsize=8.0)
+        shown = {}
+        for panel, port in zip(maps, sides):
+            points = model.interfaces[port].points
+            here, there = flat(points + factor * own[port][k]), flat(points + factor * other[port][k])
+            colour = [STATUS_COLOURS[s] for s in status.state[status.rows(port), 0, k]]
+            for dot, places in zip(dots[port], (here, there)):
+                dot.set_offsets(places)
+                dot.set_facecolor(colour)
+            lines[port].set_data(*_line_through(there).T)
+            for patch, one in zip(panel.patches, colour):
+                patch.set_facecolor(one)
+            shown[port] = here, there
+        return shown
+
+    return figure, draw, factor
+
+
+def _line_through(places: NDArray) -> NDArray:
+    """(2, 2) ends of the straight line nearest to points of a plane, a fifth longer than they are on either side."""
+    centre = places.mean(axis=0)
+    direction = np.linalg.svd(places - centre)[2][0]
+    reach = 0.7 * float(np.ptp((places - centre) @ direction))
+    return centre + np.outer([-reach, reach], direction)
 
 
 # ---- structures in 3-D ----
@@ -756,7 +869,7 @@ def _surfaces_matplotlib(
     # the picture's axes are (Z, X, Y): Y up
     with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
         figure = plt.figure(figsize=(4.2, 5.0))
-        ax = figure.add_subplot(projection="3d")
+        ax: Any = figure.add_axes((0.0, 0.13, 1.0, 0.81), projection="3d")
         top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
         for place, quads, colour in surfaces:
             corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
@@ -764,7 +877,7 @@ def _surfaces_matplotlib(
                 face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top)
             else:
                 face = colour
-            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15))
+            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
         if points is not None and len(points):
             ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
         every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
@@ -778,9 +891,50 @@ def _surfaces_matplotlib(
         ax.view_init(elev=18.0, azim=-40.0)
         if title:
             ax.set_title(title, fontsize=9.0)
+        _room_for_ticks(ax)
         if path is not None:
             save_figure(figure, path)
     return ax
+
+
+def _room_for_ticks(ax: Any) -> None:
+    """On the axes of a 3-D picture no more ticks than have room, and labels clear of them."""
+    ax.tick_params(labelsize=6.5, pad=1.0)
+    ax.tick_params(axis="z", pad=6.0)
+    axes = (ax.xaxis, ax.yaxis, ax.zaxis)
+    for axis in axes:
+        axis.label.set_size(8.0)
+    crowded = list(axes)
+    for n in (5, 4, 3, 2, 1):
+        for axis in crowded:
+            axis.set_major_locator(MaxNLocator(n, min_n_ticks=1))
+        ax.figure.draw_without_rendering()
+        boxes = {axis: [t.get_window_extent().padded(2.0) for t in _tick_texts(axis)] for axis in axes}
+        crowded = [axis for axis in axes if _overlap(boxes[axis])]
+        for i, axis in enumerate(axes):
+            if any(a.overlaps(b) for a in boxes[axis] for other in axes[:i] for b in boxes[other]):
+                crowded.append(axis)
+        if not crowded:
+            break
+    ticks = [t for axis in axes for t in _tick_texts(axis)]
+    for i, axis in enumerate(axes):
+        others = [*ticks, *(o.label for o in axes[:i])]
+        for _ in range(12):
+            box = axis.label.get_window_extent()
+            if not any(box.overlaps(t.get_window_extent()) for t in others):
+                break
+            axis.labelpad += 3.0
+            ax.figure.draw_without_rendering()
+
+
+def _tick_texts(axis: Any) -> list[Any]:
+    """Labels of the ticks of an axis that are drawn."""
+    low, high = sorted(axis.get_view_interval())
+    return [t.label1 for t in axis.get_major_ticks() if low <= t.get_loc() <= high and t.label1.get_text()]
+
+
+def _overlap(boxes: list[Any]) -> bool:
+    return any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
 def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> Any:
@@ -982,22 +1136,26 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
         tolerance = 100.0 * advice.tolerance
         ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
         dark, light = colours(2)
+        handles: list[Any] = []
         for values, offset, colour, label in (
             ([e.amplitude_change for e in effects], 0.2, dark, "amplitude"),
             ([e.frequency_change for e in effects], -0.2, light, "frequency"),
         ):
             change = 100.0 * np.nan_to_num(np.array(values, float))
-            hatch = ["///" if e.reliability == "must be on" else "" for e in effects]
-            style = {"color": colour, "edgecolor": "k", "linewidth": 0.4, "label": label}
-            ax.barh(place + offset, change, height=0.38, hatch=hatch, **style)
+            bars = ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
+            for bar, e in zip(bars, effects):
+                if e.reliability == "must be on":
+                    bar.set(hatch="////", edgecolor="0.65" if offset > 0.0 else "0.25")
+            handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
         ax.set_xscale("symlog", linthresh=tolerance)
         ax.set_yticks(place, [e.name for e in effects])
         ax.axvline(0.0, color="k", linewidth=0.6)
         if any(e.reliability == "must be on" for e in effects):
-            ax.barh([], [], color="w", edgecolor="k", linewidth=0.4, hatch="///", label="must be on")
+            handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="must be on"))
+        handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
         ax.set_xlabel("Estimated change of the peak (%)")
         ax.set_title(title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz", fontsize=9.0)
-        ax.legend(fontsize=7.0)
+        ax.legend(handles=handles, fontsize=7.0)
     return ax
 
 
@@ -1029,6 +1187,9 @@ def plot_over_measurement(
     """
     if quantity not in ("amplitude", "shift"):
         raise SettingError(f'quantity: expected "amplitude" or "shift", found {quantity!r}')
+    for name, curve in curves.items():
+        if not np.isfinite(curve.optimum.preload):
+            raise SettingError(f"curves: expected some with an optimum, found '{name}': {curve.optimum}")
     styles = ("-", "--", ":", "-.")
     fit = None
     with plt.rc_context(PAPER):
@@ -1078,6 +1239,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequenc
     """
     ax = ax or new_axes()
     names = list(ladders or result.ladders)
+    floors = False
     for i, (name, colour) in enumerate(zip(names, colours(len(names)))):
         rungs = [r for r in result.ladder(name) if np.isfinite(r.error)]
         floor = max(result.reference(name).error, 1e-12) if np.isfinite(result.reference(name).error) else 1e-12
@@ -1088,12 +1250,26 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequenc
         if front:
             ax.step(*zip(*front), where="post", color=colour, linewidth=1.0)
         if floor > 1e-11:
-            ax.axhline(floor, color=colour, linewidth=0.6, linestyle=":")
+            ax.axhline(floor, color=colour, linewidth=0.9, linestyle=":")
+            floors = True
         if len(names) == 1:
             for r, t, e in zip(rungs, time, error):
                 ax.annotate(r.name, (t, e), textcoords="offset points", xytext=(4, 3), fontsize=6.5)
-    ax.axhline(result.tolerance, color="0.5", linewidth=0.8, linestyle="--")
+    ax.axhline(result.tolerance, color="0.5", linewidth=0.8, linestyle="--", label=f"tolerance, {result.tolerance:g}")
+    if floors:
+        ax.plot([], [], color="0.2", linewidth=0.9, linestyle=":", label="error of the reference itself")
     ax.set(xscale="log", yscale="log", xlabel="Time (ms)", ylabel="Error of the peak, relative")
-    if len(names) > 1:
-        ax.legend()
+    if len(names) == 1:
+        ax.margins(x=0.15)  # for the names
+    few_ticks(ax)
+    ax.legend(fontsize=7.0, frameon=False)
     return ax
+
+
+def few_ticks(ax: Axes) -> None:
+    """Plain numbers at 1, 2 and 5 on a logarithmic horizontal axis of less than two decades, decades alone beyond."""
+    low, high = ax.get_xlim()
+    if high < 100.0 * low:
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    ax.xaxis.set_minor_formatter(NullFormatter())

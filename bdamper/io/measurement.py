@@ -11,10 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.errors import BdamperError, mismatch
+from bdamper.errors import BdamperError, SettingError, mismatch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+LENGTHS = {
+    "": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
+    "millimetre": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9, "in": 0.0254, "inch": 0.0254,
+    "mil": 2.54e-5, "mils": 2.54e-5,
+}  # fmt: skip
+"""Units of length in metres."""
 
 
 @brief
@@ -31,7 +38,7 @@ class Measurement:
     node, direction : int
         Where and along which axis (±1, ±2, ±3 for X, Y, Z).
     unit : str
-        As the file has it; displacements in metres fit the curves.
+        As the file has it; empty counts as metres.
     source : str
     """
 
@@ -57,6 +64,23 @@ class Measurement:
         """(n,) float."""
         return np.abs(self.response)
 
+    @property
+    def metres(self) -> float:
+        """Length of the unit in metres.
+
+        Raises
+        ------
+        SettingError
+            If it is not a unit of length that is known.
+        """
+        unit = self.unit.strip().lower().replace("\u00b5", "u").replace("\u03bc", "u")
+        if unit not in LENGTHS:
+            raise SettingError(
+                f"measurement '{self.name}': expected displacements in one of {tuple(u for u in LENGTHS if u)} or a scale "
+                f"to metres (scale=...), found the unit '{self.unit}'"
+            )
+        return LENGTHS[unit]
+
     def __str__(self) -> str:
         k = int(np.argmax(self.amplitude))
         return (
@@ -64,8 +88,8 @@ class Measurement:
             f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
         )
 
-    def plot(self, ax: Axes | None = None, scale: float = 1.0, **style: Any) -> Axes:
-        """Draw ``scale * amplitude`` as small open circles; see :func:`bdamper.plotting.plot_measurement`."""
+    def plot(self, ax: Axes | None = None, scale: float | None = None, **style: Any) -> Axes:
+        """Draw the amplitude in metres as small open circles; see :func:`bdamper.plotting.plot_measurement`."""
         from bdamper.plotting import plot_measurement
 
         return plot_measurement(self, ax=ax, scale=scale, **style)
