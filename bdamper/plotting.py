@@ -869,7 +869,7 @@ def _surfaces_matplotlib(
     # the picture's axes are (Z, X, Y): Y up
     with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
         figure = plt.figure(figsize=(4.2, 5.0))
-        ax: Any = figure.add_axes((0.0, 0.13, 1.0, 0.81), projection="3d")
+        ax: Any = figure.add_axes((0.0, 0.16, 1.0, 0.79), projection="3d")
         top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
         for place, quads, colour in surfaces:
             corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]

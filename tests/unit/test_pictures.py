@@ -13,7 +13,7 @@ from PIL import Image
 
 import bdamper as bd
 from bdamper.accuracy import AccuracyCost, Reference, Rung
-from bdamper.indicator import EffectAdvice
+from bdamper.advice import EffectAdvice
 from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
 from bdamper.motion import contact_status
@@ -49,7 +49,7 @@ def assert_nothing_overlaps(ax):
     """Tick labels and labels of the axes of a picture, all of them inside of it."""
     ax.figure.canvas.draw()
     axes = [ax.xaxis, ax.yaxis] + ([ax.zaxis] if hasattr(ax, "zaxis") else [])
-    texts = [text for axis in axes for text in [*drawn_ticks(axis), axis.label]]
+    texts = [text for axis in axes for text in [*drawn_ticks(axis), axis.label] if text.get_text()]
     boxes = [text.get_window_extent() for text in texts]
     for i, box in enumerate(boxes):
         assert ax.figure.bbox.x0 <= box.x0 and box.x1 <= ax.figure.bbox.x1, texts[i]
@@ -99,7 +99,8 @@ class TestCurves:
     def test_a_peak_has_a_filled_one(self, study):
         ax = study.track(2000.0, (330.0, 365.0)).plot()
         assert "highest at the end of the interval" not in legend_texts(ax)
-        assert next(line for line in ax.lines if line.get_markersize() == 5.0).get_markerfacecolor() != "w"
+        top = next(line for line in ax.lines if line.get_markersize() == 5.0)
+        assert not isinstance(top.get_markerfacecolor(), str)
 
     @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("", 1.0), ("µm", 1e-6), ("inch", 0.0254)])
     def test_measured_points_are_in_the_legend_and_in_metres(self, study, unit, factor):
@@ -137,7 +138,7 @@ def test_advice_legend_shows_what_is_drawn():
     ax = bd.Advice(500.0, 350.0, 1e-4, 0.01, 10, 10, effects).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     assert list(patches) == ["amplitude", "frequency", "must be on", "tolerance, 1 %"]
-    assert patches["must be on"].get_hatch() and not patches["amplitude"].get_hatch() and not patches["frequency"].get_hatch()
+    assert [bool(patch.get_hatch()) for patch in patches.values()] == [False, False, True, False]
     bars = [bar for container in ax.containers for bar in container]
     assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False, True]  # from the bottom
     assert {bars[0].get_facecolor(), bars[2].get_facecolor()} == {
@@ -204,7 +205,8 @@ class TestDamperPicture:
         for k in range(8):
             for port, (here, there) in draw(k).items():
                 rows, face = status.rows(port), study.model.interfaces[port]
-                normal = face.frame[:, 2, :2]
+                y = study.model.bodies["damper"].load.direction  # up in the picture
+                normal = face.frame[:, 2] @ np.stack([np.cross(y, [0.0, 0.0, 1.0]), y], axis=1)
                 off = np.einsum("px,px->p", there - here, normal)
                 is_open = status.normal[rows, k] == 0.0
                 assert np.all(off[is_open] > 0.0)
@@ -223,7 +225,7 @@ class TestDamperPicture:
                 a, b = corner[:-1, None], corner[1:, None]
                 along = np.clip(((here - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0.0, 1.0)
                 distance = np.linalg.norm(here - a - along[..., None] * (b - a), axis=-1).min(axis=0)
-                assert distance.max() < 0.02  # mm: magnified rotations are not small
+                assert distance.max() < 0.1  # mm: the outline is that of the front, behind it the damper yaws
                 moved.append(here.copy())
         assert np.ptp([m[0, 0] for m in moved[::2]]) > 0.1
 
