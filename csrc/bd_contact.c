@@ -8,8 +8,10 @@ bd_status bd_evaluator_create(bd_evaluator *evaluator, bd_evaluation evaluation,
     evaluator->evaluation = evaluation;
     evaluator->n_harm = n_harm;
     if (evaluation == BD_EXACT) return bd_event_create(&evaluator->event, n_harm);
-    const bd_status status = bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
-    return status == BD_OK ? bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled) : status;
+    bd_status status = bd_sampled_create(&evaluator->sampled, n_harm, n_time, evaluation == BD_SAMPLED);
+    if (status == BD_OK) status = bd_coulomb_create(&evaluator->coulomb, &evaluator->sampled);
+    if (status != BD_OK) bd_evaluator_destroy(evaluator);
+    return status;
 }
 
 void bd_evaluator_destroy(bd_evaluator *evaluator) {

@@ -1,0 +1,105 @@
+/* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
+ * allocations of the core to the functions here. */
+#include "bd_newton.h"
+#include "check.h"
+
+#include <limits.h>
+
+static int left = INT_MAX; /* allocations that still succeed */
+static int n_live;
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t n, size_t size);
+void __real_free(void *memory);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t n, size_t size);
+void __wrap_free(void *memory);
+
+static void *counted(void *memory) {
+    n_live += memory != NULL;
+    return memory;
+}
+
+void *__wrap_malloc(size_t size) { return left-- > 0 ? counted(__real_malloc(size)) : NULL; }
+
+void *__wrap_calloc(size_t n, size_t size) { return left-- > 0 ? counted(__real_calloc(n, size)) : NULL; }
+
+void __wrap_free(void *memory) {
+    n_live -= memory != NULL;
+    __real_free(memory);
+}
+
+typedef struct {
+    bd_evaluation evaluation;
+    bd_evaluator evaluator;
+    bd_hbm hbm;
+    bd_newton_work newton;
+} workspaces;
+
+static bd_status create_evaluator(workspaces *w) { return bd_evaluator_create(&w->evaluator, w->evaluation, 2, 64); }
+
+static void destroy_evaluator(workspaces *w) { bd_evaluator_destroy(&w->evaluator); }
+
+static bd_status create_hbm(workspaces *w) {
+    const int n_mode[3] = {1, 2, 0}, law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_COUPLED};
+    const double one[3] = {1.0, 1.0, 1.0}, G[2 * 3 * 3] = {1.0}, none[5] = {0.0};
+    const bd_hbm_input input = {.n_point = 1,
+                                .n_harm = 2,
+                                .n_mode = n_mode,
+                                .stiffness = one,
+                                .mass = one,
+                                .damping = one,
+                                .G = G,
+                                .kt = one,
+                                .kn = one,
+                                .mu = one,
+                                .n0 = one,
+                                .w = none,
+                                .law = law,
+                                .shift = none,
+                                .force = none,
+                                .evaluation = w->evaluation,
+                                .n_time = 64};
+    return bd_hbm_create(&w->hbm, &input);
+}
+
+static void destroy_hbm(workspaces *w) { bd_hbm_destroy(&w->hbm); }
+
+static bd_status create_newton(workspaces *w) {
+    const bd_lapack lapack = bd_lapack_system();
+    return bd_newton_create(&w->newton, 5, &lapack);
+}
+
+static void destroy_newton(workspaces *w) { bd_newton_destroy(&w->newton); }
+
+static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(workspaces *),
+                                 void (*destroy)(workspaces *)) {
+    workspaces w = {.evaluation = evaluation};
+    for (int n = 0; n < 100; ++n) {
+        left = n;
+        const bd_status status = create(&w);
+        left = INT_MAX;
+        if (status == BD_OK) {
+            CHECK(n > 1 && n_live > 1 && n_live <= n);
+            destroy(&w);
+            CHECK(n_live == 0);
+            return;
+        }
+        CHECK(status == BD_NO_MEMORY);
+        CHECK(n_live == 0);
+        n_live = 0;
+        destroy(&w); /* twice does no harm */
+        CHECK(n_live == 0);
+    }
+    CHECK(0);
+}
+
+int main(void) {
+    const bd_evaluation evaluation[3] = {BD_EXACT, BD_SAMPLED, BD_SAMPLED_PLAIN};
+    for (int i = 0; i < 3; ++i) {
+        test_each_allocation(evaluation[i], create_evaluator, destroy_evaluator);
+        test_each_allocation(evaluation[i], create_hbm, destroy_hbm);
+    }
+    test_each_allocation(BD_EXACT, create_newton, destroy_newton);
+    return check_result();
+}
