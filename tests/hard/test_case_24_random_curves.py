@@ -7,6 +7,9 @@ With preloads drawn whatever the excitation the same share of the curves is comp
 included.  The others are those where a damper leaves its seat: time integration finds no periodic motion there either.
 """
 
+import json
+import os
+
 import numpy as np
 import pytest
 
@@ -38,22 +41,31 @@ def check(seed, wide=False):
 
 
 @pytest.fixture(scope="module")
-def outcomes():
-    return {}
+def outcomes(tmp_path_factory):
+    """A folder that all workers share, with a file for every batch that is done."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "case_24"
+    folder.mkdir(exist_ok=True)
+    return folder
 
 
 @pytest.mark.parametrize("batch", range(0, number_of_cases(), BATCH))
-def test_case_24_every_curve_ends_with_a_status(batch, outcomes):
-    for seed in range(batch, batch + BATCH):
-        outcomes[seed] = check(seed)
+def test_case_24_every_curve_ends_with_a_status_and_98_percent_complete(batch, outcomes):
+    """The batch that is done last, whichever worker it is on, judges the share of all."""
+    done = {seed: check(seed) for seed in range(batch, batch + BATCH)}
+    unfinished = outcomes / f"{batch}.unfinished"
+    unfinished.write_text(json.dumps(done))
+    unfinished.rename(outcomes / f"{batch}.json")  # complete or not there
+    files = list(outcomes.glob("*.json"))
+    if len(files) == len(range(0, number_of_cases(), BATCH)):
+        judge({int(seed): outcome for file in files for seed, outcome in json.loads(file.read_text()).items()})
 
 
-def test_case_24_at_least_98_percent_complete(outcomes):
-    if len(outcomes) < 200:
-        pytest.skip("needs the whole suite")
+def judge(outcomes):
     failed = {seed: outcome for seed, outcome in outcomes.items() if outcome[0] != "complete"}
     text = "\n".join(f"{seed}: {status}: {reason}" for seed, (status, reason) in list(failed.items())[:50])
     print(f"{len(outcomes)} curves, {len(failed)} not complete (full size: {FULL})\n{text}")
+    assert len(outcomes) >= 200
     assert len(failed) <= 0.02 * len(outcomes), text
 
 
