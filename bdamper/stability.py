@@ -30,7 +30,8 @@ is known under coupled friction.
 
 **Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
 disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
-left out like any slider at rest.  Differences of marched motions around such a solution do not converge to a derivative.
+left out like any slider at rest.  Differences of marched motions would not converge to a derivative there, so it is held
+while they are taken.
 
 Where a law has no event sequence of this kind (coupled friction, constant load), the state is marched through the period
 in steps and the monodromy taken from differences: :func:`shooting_monodromy`.  Events fall between its steps, so it is of
@@ -275,25 +276,30 @@ def shooting_monodromy(
     Returns
     -------
     (n_state, n_state) monodromy matrix and (n_state,) change of the state over the undisturbed period.
+        The state has the sliders that are set within the period; the others are held where the solution has them.
     """
     from bdamper.timedomain import Ring
 
-    ring = Ring(system, 1, 0)
+    x, F, shares = system.contact(np.asarray(u))
+    rests = shares[:, [0, 2]] > 1.0 - 1e-12
+    ring = Ring(system, 1, 0, rests)
     n = ring.n_coordinates
     n_steps = n_steps or max(256, ring.steps_for(omega, 0.05))
     q, v = ring.state(u, omega, 0.0)
-    w = ring.initial_slider(u, omega, n_steps)
+    kt = np.where(rests, system.points.kt, 1.0)
+    w = np.where(rests, x[:, :2, 0] - F[:, :2, 0] / np.where(kt > 0.0, kt, 1.0), ring.initial_slider(u, omega, n_steps))
     size = difference * max(float(np.abs(q).max()), 1e-300)
+    state = np.append(np.full(2 * n, True), ~rests.ravel())  # of all that is marched
     scale = np.concatenate([np.full(n, size), np.full(n, size * omega), np.full(w.size, size)])
     scale[2 * n :] *= np.abs(system.bases[0].G).max()
-    total = 2 * n + w.size
-    disturbances = np.hstack([np.zeros((total, 1)), np.diag(scale), -np.diag(scale)])
-    start = np.concatenate([q[:n], v[:n], w.ravel()])[:, None] + disturbances
+    total = int(state.sum())
+    moved = np.diag(scale)[:, state]
+    start = np.concatenate([q[:n], v[:n], w.ravel()])[:, None] + np.hstack([np.zeros((len(scale), 1)), moved, -moved])
     zero = np.zeros((n, start.shape[1]))
     q0, v0 = np.vstack([start[:n], zero]), np.vstack([start[n : 2 * n], zero])
     q_end, v_end, w_end, _ = ring.march(q0, v0, start[2 * n :].reshape(*w.shape, -1), omega, n_steps, 1)
-    end = np.vstack([q_end[:n], v_end[:n], w_end.reshape(w.size, -1)])
-    return (end[:, 1 : total + 1] - end[:, total + 1 :]) / (2.0 * scale), end[:, 0] - start[:, 0]
+    end = np.vstack([q_end[:n], v_end[:n], w_end.reshape(w.size, -1)])[state]
+    return (end[:, 1 : total + 1] - end[:, total + 1 :]) / (2.0 * scale[state]), end[:, 0] - start[state, 0]
 
 
 def stability_of_points(
@@ -329,7 +335,7 @@ def stability_of_points(
             if exact_events:
                 values = multipliers(system, unknowns[i], omega[i])
             else:
-                values = np.linalg.eigvals(_without_fixed(*shooting_monodromy(system, unknowns[i], omega[i])))
+                values = np.linalg.eigvals(shooting_monodromy(system, unknowns[i], omega[i])[0])
             largest[i] = np.abs(values).max(initial=0.0)
         return Stability(
             largest <= 1.0 + (NEUTRAL if exact_events else 1e-4),
@@ -372,13 +378,6 @@ def _one_shape(system: HarmonicSystem) -> bool:
     first = np.asarray(system.bases[0].G)
     same = all(np.asarray(b.G).shape == first.shape and np.allclose(b.G, first, rtol=1e-12, atol=0.0) for b in system.bases)
     return same and bool((np.asarray(system.arrays["mass"]) <= 0.0).any())
-
-
-def _without_fixed(M: NDArray, _: NDArray) -> NDArray:
-    """The matrix without sliders that are never set: unit rows."""
-    unit = np.abs(M - np.eye(len(M))).max(axis=1) < 1e-9
-    keep = np.flatnonzero(~unit)
-    return M[np.ix_(keep, keep)]
 
 
 def _positive_determinant(system: HarmonicSystem, u: NDArray, omega: float) -> bool:

@@ -110,6 +110,8 @@ class Ring:
     system : HarmonicSystem
         Each harmonic described by the modes of its own nodal diameter.
     n_blades, engine_order : int
+    held : (n_points, 2) bool, optional
+        Sliders that stay where they are, besides those of bonded points: linear springs.
 
     Raises
     ------
@@ -118,8 +120,10 @@ class Ring:
         diameters, coordinates without inertia.
     """
 
-    def __init__(self, system: HarmonicSystem, n_blades: int, engine_order: int) -> None:
+    def __init__(self, system: HarmonicSystem, n_blades: int, engine_order: int, held: NDArray | None = None) -> None:
         arrays = system.arrays
+        bonded = np.asarray(system.points.law)[:, None] == LAW_BONDED
+        self.held = bonded if held is None else bonded | held
         if (np.asarray(arrays["mass"]) <= 0.0).any():
             raise SettingError("verify: expected inertia in every coordinate, found coordinates without")
         self.system = system
@@ -252,7 +256,7 @@ class Ring:
             share = np.where(size > reach, reach / np.where(size > 0.0, size, 1.0), 1.0)
             coupled = ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT))[:, None]
             moved = np.where(coupled & (kt > 0.0), u - share[:, :, None] * (u - w), moved)
-        w = np.where((law == LAW_BONDED)[:, None], w, moved)
+        w = np.where(self.held.reshape(self.held.shape + extra), w, moved)
         F = np.concatenate([kt * (u - w), normal[:, :, None]], axis=2)
         return F, w
 

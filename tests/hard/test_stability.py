@@ -136,10 +136,68 @@ def test_coupled_law_is_judged_by_shooting_and_verified(path):
         separable = shooting_monodromy(exact, p.y[:-1], p.y[-1])[0]
         b = stability_of_points(coupled, p.y[None, :-1], p.y[-1:])
         assert "shooting" in b.note
-        values = np.linalg.eigvals(separable)
-        np.testing.assert_allclose(b.largest, np.abs(values[np.abs(values - 1.0) > 1e-9]).max(), rtol=1e-6)
+        np.testing.assert_allclose(b.largest, np.abs(np.linalg.eigvals(separable)).max(), rtol=1e-6)
     p = max((q for q in path.points), key=lambda q: abs(exact.response(q.y[:-1])[1]))
     assert verify_solution(coupled, p.y[:-1], p.y[-1], 1, 0, periods=30, steps_per_period=400).distance < 1e-2
+
+
+def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
+    """Disturbed a little and marched over many periods, unstable solutions are left, stable ones come back."""
+    exact = two_oscillators(15)
+    points = replace(exact.points, law=np.array([LAW_COUPLED], np.intc))
+    coupled = HarmonicSystem(exact.bases, points, exact.force, exact.response_rows, bd.Sampled(512))
+    folds = [i for i, p in enumerate(path.points) if p.kind == "fold"]
+    between = path.points[folds[0] + 3 : folds[1] - 2]
+    chosen = [between[len(between) // 2], path.points[folds[0] - 5]]
+    judged = stability_of_points(coupled, np.array([p.y[:-1] for p in chosen]), np.array([p.y[-1] for p in chosen]))
+    assert judged.stable.tolist() == [False, True]
+    ring = Ring(coupled, 1, 0)
+    n = ring.n_coordinates
+    for p, stable in zip(chosen, judged.stable):
+        u, omega = p.y[:-1], p.y[-1]
+        q, v = ring.state(u, omega, 0.0)
+        first, size = q, 1e-3 * np.abs(q).max()
+        q = q + size * np.repeat([1.0, 0.0], n)
+        q, *_ = ring.march(q, v, ring.initial_slider(u, omega, 256), omega, 256, 30)
+        away = np.abs(q - first).max()
+        assert away < size if stable else away > 20.0 * size
+
+
+@pytest.mark.parametrize(("seed", "law"), [(4, "coupled"), (1, "constant load")])
+def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
+    """Most sliders rest at the end of their interval, as static slip leaves them; the structure is the one with springs."""
+    coupled = {"friction_law": "coupled", "evaluation": bd.Sampled(64)}
+    settings = coupled if law == "coupled" else {"variable_normal_load": False}
+    study = bd.Study(
+        acyclic_model(seed, n_points=4, n_blade_modes=2, n_damper_modes=0),
+        engine_order=0,
+        contact_stiffness="model",
+        damping_ratio=0.02,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+        **settings,
+    )
+    curve = study.track(2000.0, (300.0, 300.2))
+    assert curve.shares[0, 0] == 1.0
+    system, omega = study.system(2000.0), 2.0 * np.pi * curve.frequency[0]
+    _, _, shares = system.contact(curve.unknowns[0])
+    points, basis = system.points, system.bases[0]
+    springs = np.column_stack([points.kt * (shares[:, [0, 2]] > 0.5), points.kn * (shares[:, 4] < 0.5)])
+    G = np.asarray(basis.G).real
+    n = len(basis.omega2)
+    K = np.diag(basis.omega2) + np.einsum("pdi,pd,pdj->ij", G, springs, G)
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-K, -np.diag(2.0 * basis.damping_ratio * np.sqrt(basis.omega2))]])
+    period = 2.0 * np.pi / omega
+    expected = np.exp(np.linalg.eigvals(A) * period)
+    judged = stability_of_points(system, curve.unknowns[:1], np.array([omega]))
+    assert judged.stable.all()
+    np.testing.assert_allclose(judged.largest, np.abs(expected).max(), atol=1e-6)
+    # all of them: their modulus, and their angle as far as the step of the march resolves it
+    values = np.linalg.eigvals(shooting_monodromy(system, curve.unknowns[0], omega)[0])
+    values = values[np.abs(values) > 1e-6]  # without sliders that follow open points
+    assert len(values) == 2 * n
+    for value in values:
+        assert np.abs(expected - value).min() < 0.04
+    np.testing.assert_allclose(np.sort(np.abs(values)), np.sort(np.abs(expected)), atol=1e-4)
 
 
 def test_coupled_law_of_a_study():
