@@ -22,9 +22,10 @@
  * each other would have to touch their disks, which are round, at the same points.  Plain periods come close very slowly
  * (thousands for an ellipse that barely slips); Newton's method with the exact 2 x 2 derivative P' takes a few.  It starts
  * from the point that violates the disks least, near which the settled slider is if it barely slips.  Each evaluation
- * also cuts off half of where s* can be, kept as an ellipse: where Newton's method leaves it or comes no closer, its
- * centre is next, so that the end is reached from anywhere.  Where the slider barely moves, F is summed from its movements,
- * which keeps digits that the difference of positions loses.  The derivative of the settled slider follows from (I - P') ds = P_x dx.
+ * also cuts off half of where s* can be, kept as an ellipse: where Newton's method has no step or comes no closer, the
+ * centre of the ellipse is next, so that the end is reached from anywhere.  Where the slider barely moves, F is summed from
+ * its movements, which keeps digits that the difference of positions loses.  The derivative of the settled slider follows
+ * from (I - P') ds = P_x dx.
  *
  * The onset of slip.  Let phi be the least violation of the disks.  Where it vanishes, the common points shrink to one,
  * which two disks (opposite to each other) or three hold.  Beyond, the slider moves by a distance of the order of phi from
@@ -319,11 +320,6 @@ static void admit(const bd_coulomb_work *work, double *s) {
     s[1] = work->y[k] - T[1] * work->R[k] / size;
 }
 
-static int contains(const bd_ellipse *e, const double *x) {
-    const double y[2] = {x[0] - e->c[0], x[1] - e->c[1]}, det = e->Q[0][0] * e->Q[1][1] - e->Q[0][1] * e->Q[1][0];
-    return e->Q[1][1] * y[0] * y[0] - 2.0 * e->Q[0][1] * y[0] * y[1] + e->Q[0][0] * y[1] * y[1] <= 1.01 * det;
-}
-
 /* The smallest ellipse around the part of e with F . (x - m) >= 0, give or take a share `noise` of F. */
 static void cut(bd_ellipse *e, const double *F, const double *m, double noise) {
     const double g[2] = {e->Q[0][0] * F[0] + e->Q[0][1] * F[1], e->Q[1][0] * F[0] + e->Q[1][1] * F[1]};
@@ -376,15 +372,14 @@ static void go_on(bd_coulomb_work *work, bd_search *search, int lane) {
     if (++search->n_period >= MOST_PERIODS) search->state = BD_LOST;
     const double middle[2] = {s[0] + 0.5 * F[0], s[1] + 0.5 * F[1]};
     cut(&search->around, F, middle, STILL * size / far);
-    const double next[2] = {s[0] + step[0], s[1] + step[1]};
-    if (closer && (length < 1e-6 * size || contains(&search->around, next))) {
+    if (closer) {
         search->before = length;
         ++search->n_row;
     } else {
         search->before = INFINITY;
         search->n_row = 0;
     }
-    for (int i = 0; i < 2; ++i) s[i] = search->n_row > 0 ? next[i] : search->around.c[i];
+    for (int i = 0; i < 2; ++i) s[i] = search->n_row > 0 ? s[i] + step[i] : search->around.c[i];
     admit(work, s);
 }
 

@@ -6,7 +6,7 @@ import pytest
 import bdamper as bd
 from bdamper.errors import ModelError
 from bdamper.model import ContactStiffness
-from bdamper.stiffness import SMALL_FORCE, paper_equations, unit_traction
+from bdamper.stiffness import SMALL_FORCE, paper_contact, paper_equations, unit_traction
 from tests.models import wedge_model
 
 
@@ -88,6 +88,27 @@ class TestPaperEquations:
         contact = paper_equations(give * force, force, ContactStiffness(np.ones((5, 3)), "user"))
         assert not contact.fallback.any()
         np.testing.assert_allclose(contact.stiffness, 1 / give, rtol=1e-13)
+
+
+    def test_quotients_far_from_unit_tractions_are_not_taken(self):
+        """A force that has hardly an effect, or hardly a cause: quotients beyond a factor of ten are no stiffness."""
+        by_force, by_traction = (
+            bd.Study(wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3)
+            for m in ("eq4", "unit_traction")
+        )
+        coupling = by_force.coupling
+        force, left_out = paper_contact(coupling, np.full(coupling.n_points, 0.3))
+        n_far = 0
+        for name in ("left", "right"):
+            rows = coupling.rows(name)
+            found, other = by_force.stiffness[name], by_traction.stiffness[name].stiffness
+            quotient = force[rows] / left_out[rows]
+            far = (quotient > 10.0 * other) | (quotient < 0.1 * other)
+            enough = np.abs(force[rows]) > SMALL_FORCE * np.abs(force[rows]).max(axis=0)
+            n_far += (far & enough & (quotient > 0.0)).sum()
+            np.testing.assert_array_equal(found.fallback, far | ~enough)
+            np.testing.assert_allclose(found.stiffness, np.where(far | ~enough, other, quotient), rtol=1e-12)
+        assert n_far >= 1
 
 
 def test_stiffness_of_a_study():

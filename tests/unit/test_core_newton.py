@@ -47,6 +47,29 @@ def test_converged_points_satisfy_the_equations():
         assert out[6] == system.n_unknown + 1
 
 
+def test_mean_shares_are_those_of_the_points_with_friction():
+    """The open share against the load n0 + kn v over the cycle, from the motion alone."""
+    theta = np.linspace(0.0, 2.0 * np.pi, 4000, endpoint=False)
+    rng, opened = np.random.default_rng(1), 0
+    for _ in range(12):
+        arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
+        system = _core.System(**arrays)
+        out, y, _ = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
+        if out[0] != CONVERGED:
+            continue
+        X, F, each = np.empty((4, 3, 5)), np.empty((4, 3, 5)), np.empty((4, 5))
+        assert system.contact(y[:-1].copy(), X, F, each) == 0
+        mean = np.array(out[7])
+        rubs = arrays["mu"] > 0.0
+        basis = np.array([np.ones_like(theta), np.cos(theta), np.sin(theta), np.cos(2 * theta), np.sin(2 * theta)])
+        load = arrays["n0"][:, None] + arrays["kn"][:, None] * (X[:, 2] @ basis)
+        assert mean[2] == pytest.approx((load[rubs] <= 0.0).mean(), abs=2e-3)
+        assert mean[0] == pytest.approx(each[rubs][:, [0, 2]].mean(), abs=1e-12)
+        assert mean[1] == pytest.approx(each[rubs][:, [1, 3]].mean(), abs=1e-12)
+        opened += mean[2] > 0.1
+    assert opened >= 3
+
+
 def test_tangent_is_the_null_vector():
     for system, _, y, tangent in solved_systems():
         _, J, r_omega = evaluate_system(system, y[:-1], y[-1])

@@ -95,6 +95,19 @@ def test_projection_is_exact_for_its_patterns_and_positive(name):
         np.testing.assert_allclose(pole**2, np.linalg.eigvalsh(K), rtol=1e-5, atol=1e-6 * pole[-1] ** 2)
 
 
+def test_residual_modes_are_damped_as_the_modes_left_out():
+    """Two modes of the blade with a ratio of 0.1 % and two of the damper with 0.2 %; without inertia nothing is damped."""
+    coupling = coupling_of(wedge_model(n_blade_modes=5))
+    friction = np.full(coupling.n_points, 0.3)
+    for inertia, expected in ((True, 1.5e-3), (False, 0.0)):
+        basis = ResidualSet.make(coupling, friction, ResidualModes(4, inertia=inertia)).basis(1)
+        assert len(basis.damping_ratio) == len(basis.stiffness) == 4
+        np.testing.assert_allclose(basis.damping_ratio, expected, rtol=1e-12)
+        assert (basis.mass > 0.0).any() == inertia
+        joined = basis.join(coupling.basis(1))
+        np.testing.assert_allclose(joined.damping_ratio[-4:], expected, rtol=1e-12)
+
+
 def test_all_patterns_are_the_whole_flexibility():
     coupling = coupling_of(wedge_model(n_points=2))
     friction = np.full(coupling.n_points, 0.3)
