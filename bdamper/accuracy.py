@@ -17,23 +17,23 @@ from __future__ import annotations
 import itertools
 import json
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions
 from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
-from bdamper.optimal import resonance_interval
+from bdamper.optimal import peak_interval
 from bdamper.progress import each
 from bdamper.response import uninterrupted
-from bdamper.resultfile import reading
+from bdamper.resultfile import reading, writing
 from bdamper.system import OK, Sampled
 
 if TYPE_CHECKING:
@@ -236,9 +236,7 @@ class AccuracyCost:
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-accuracy"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-accuracy") as file:
             for f in fields(self):
                 if f.name in ("rungs", "references"):
                     value = json.dumps([asdict(item) for item in getattr(self, f.name)])
@@ -389,13 +387,17 @@ def make_ladders(
         vary = ("harmonics", "evaluation", "contact_points", "blade_modes")
     if isinstance(vary, str):
         vary = (vary,)
+    if not isinstance(vary, Iterable):
+        raise expect.unfit("vary", "names of settings, or a mapping of them to values", vary)
     values = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(study, name) for name in vary}
+    if not values:
+        raise expect.unfit("vary", "at least one setting of a study", vary)
     known = {f.name for f in fields(study) if f.init} - {"model"}
     for name in values:
         if name not in known:
             raise SettingError(f"vary: expected settings of a study, out of {sorted(known)}, found '{name}'")
-        if not len(values[name]):
-            raise SettingError(f"vary: expected at least one value for '{name}', found none")
+        if not isinstance(values[name], Sequence | np.ndarray) or isinstance(values[name], str) or not len(values[name]):
+            raise expect.unfit(f"vary '{name}'", "a sequence of one or more values", values[name])
     if not combine:
         return [Setting(name, _name(name, v), {name: v}) for name, given in values.items() for v in given]
     ladder = " x ".join(values)
@@ -497,15 +499,15 @@ def accuracy_cost(
     BdamperError
         If the reference has no peak.
     """
-    if isinstance(quantity, str) and quantity not in QUANTITIES:
-        raise SettingError(f"quantity: expected one of {tuple(QUANTITIES)} or a function, found '{quantity}'")
-    if repeats < 1:
-        raise SettingError(f"repeats: expected at least 1, found {repeats}")
-    if not 0.0 < tolerance < 1.0:
-        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
+    if not callable(quantity):
+        expect.choice("quantity", quantity, tuple(QUANTITIES))
+    repeats = expect.whole("repeats", repeats, least=1)
+    tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
+    if reference is not None:
+        expect.instance("reference", reference, Mapping, "a mapping of settings to values")
     solver = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
-    interval = frequency or resonance_interval(study)
-    preload = slipping_preload(study, interval) if preload is None else float(preload)
+    interval = peak_interval(study, frequency)
+    preload = slipping_preload(study, interval) if preload is None else study._check_preload(preload)
     settings: list[Setting]
     if not isinstance(vary, (str, Mapping)) and vary is not None and any(isinstance(v, Setting) for v in vary):
         settings = list(vary)  # type: ignore[arg-type]

@@ -24,7 +24,7 @@ from bdamper.errors import BdamperError, SettingError
 from bdamper.indicator import Estimate, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, coarse_options
 from bdamper.response import uninterrupted
-from bdamper.resultfile import reading
+from bdamper.resultfile import reading, writing
 from bdamper.rivals import Rival, place_of_peak, rivals, summits
 from bdamper.system import HarmonicSystem
 
@@ -131,9 +131,7 @@ class Advice:
 
     def save(self, path: str | FilePath) -> None:
         """Write the advice to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-advice"
-            file.attrs["version"] = 2
+        with writing(path, "bdamper-advice", version=2) as file:
             file.attrs["notes"] = json.dumps(self.notes)
             for name in _SCALARS:
                 file.attrs[name] = getattr(self, name)

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
@@ -79,17 +80,17 @@ class ContinuationOptions:
     to_planes: bool = False
 
     def __post_init__(self) -> None:
-        if not 0.0 < self.tolerance < 1e-2:
-            raise SettingError(f"tolerance: expected between 0 and 0.01, found {self.tolerance}")
+        expect.fields(self, expect.number, "tolerance", above=0.0, below=1e-2)
+        expect.fields(self, expect.number, "step", "min_step", "max_step", "corner_step", above=0.0)
+        expect.fields(self, expect.number, "max_turn", above=0.0, most=np.pi)
+        expect.fields(self, expect.number, "locate_tolerance", above=0.0, below=1.0)
+        expect.fields(self, expect.whole, "max_points", "patience", "max_iterations", least=2)
+        expect.fields(self, expect.whole, "searches")
+        expect.fields(self, expect.flag, "locate", "locate_folds", "to_planes")
         if not 0.0 < self.min_step <= self.step <= self.max_step:
             raise SettingError(
                 f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
             )
-        if self.searches < 0:
-            raise SettingError(f"searches: expected a whole number >= 0, found {self.searches}")
-        for name in ("max_points", "patience", "max_iterations"):
-            if getattr(self, name) < 2:
-                raise SettingError(f"{name}: expected at least 2, found {getattr(self, name)}")
 
 
 @brief

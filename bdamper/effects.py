@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
+from bdamper import expect
 from bdamper.coupling import RIGID_NAMES
 from bdamper.errors import SettingError
 
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from bdamper.study import Study
 
 AXES = ("X", "Y", "Z")
+LAW_NAMES = ("separable", "coupled", "bonded")
+TRACTIONS = ("static", "lower", "upper")
 MAX_HARMONIC = 64
 
 
@@ -98,10 +101,15 @@ class Effects:
     def __post_init__(self) -> None:
         check_harmonics(self.harmonics)
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
-        for name in ("rotation", "translation"):
-            object.__setattr__(self, name, _axes(name, getattr(self, name)))
-        if self.contact_points is not None and (int(self.contact_points) != self.contact_points or self.contact_points < 1):
-            raise SettingError(f"contact_points: expected a whole number >= 1 or None, found {self.contact_points!r}")
+        check_law(self.friction_law)
+        expect.fields(self, expect.choice, "residual_traction", choices=TRACTIONS)
+        expect.fields(self, _axes, "rotation", "translation")
+        switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints", "stability")
+        expect.fields(self, expect.flag, *switches)
+        expect.fields(self, expect.whole, "damper_modes")
+        expect.fields(self, expect.whole, "blade_modes", least=1)
+        if self.contact_points is not None:
+            expect.fields(self, expect.whole, "contact_points", least=1)
         if not self.variable_normal_load:
             object.__setattr__(self, "separation", False)
 
@@ -220,16 +228,23 @@ class Effects:
 
 def check_harmonics(harmonics: int | Sequence[int]) -> None:
     """Refuse anything but a count from 1 to 64 or a set of harmonics that contains the first."""
-    what = f"harmonics: expected a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
-    if isinstance(harmonics, (str, bytes)):
-        raise SettingError(f"{what}, found {harmonics!r}")
+    what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
+    several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
+    given: Any = harmonics if several else [harmonics]
     try:
-        given = [harmonics] if not isinstance(harmonics, Sequence) else list(harmonics)
-        good = all(int(l) == l and 1 <= l <= MAX_HARMONIC for l in given)
-    except (TypeError, ValueError) as error:
-        raise SettingError(f"{what}, found {harmonics!r}") from error
-    if not good or (isinstance(harmonics, Sequence) and 1 not in given) or len(set(given)) != len(given):
-        raise SettingError(f"{what}, found {harmonics!r}")
+        known = {expect.whole("harmonics", l, 1, MAX_HARMONIC) for l in given}
+    except SettingError as error:
+        raise expect.unfit("harmonics", what, harmonics) from error
+    if (several and 1 not in known) or len(known) != len(given):
+        raise expect.unfit("harmonics", what, harmonics)
+
+
+def check_law(law: str | Mapping[str, str], names: tuple[str, ...] = LAW_NAMES) -> None:
+    """Refuse anything but the name of a friction law, or a mapping of interface names to them."""
+    given = law.values() if isinstance(law, Mapping) else [law]
+    if not all(isinstance(name, str) and name in LAW_NAMES for name in given):
+        expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
+        raise expect.unfit("friction_law", expected, law)
 
 
 def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
@@ -250,9 +265,7 @@ def _merged(a: tuple[int, ...], b: tuple[int, ...]) -> int | tuple[int, ...]:
 
 
 def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
-    given = tuple(value)
-    if any(axis not in AXES for axis in given) or len(set(given)) != len(given):
-        raise SettingError(f"{name}: expected axes out of {AXES}, each at most once, found {value!r}")
+    given = expect.names(name, value, AXES)
     return tuple(axis for axis in AXES if axis in given)
 
 

@@ -20,7 +20,10 @@ _LONGEST_FOUND = 300
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """An error of one line: the item, what was expected of it and what was found instead."""
+    return ModelError(f"{item}: expected {expected}, found {shortened(found)}")
+
+
+def shortened(found: object) -> str:
+    """What was found, in one line that is not too long."""
     text = " ".join(str(found).split())
-    if len(text) > _LONGEST_FOUND:
-        text = text[: _LONGEST_FOUND - 3] + "..."
-    return ModelError(f"{item}: expected {expected}, found {text}")
+    return text if len(text) <= _LONGEST_FOUND else text[: _LONGEST_FOUND - 3] + "..."

@@ -35,6 +35,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.adaptive import carried_over, higher_nearby
 from bdamper.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.errors import BdamperError, SettingError
@@ -105,9 +106,8 @@ def estimate_errors(
     SettingError
         If the result is not one of this study, or not converged.
     """
-    unknown = [s for s in sources if s not in SOURCES]
-    if unknown:
-        raise SettingError(f"sources: expected some of {SOURCES}, found {unknown}")
+    sources = expect.names("sources", sources, SOURCES)
+    expect.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
     begin = time.perf_counter()
     end_of: tuple[float, float] | None = None
     if isinstance(result, Curve):
@@ -127,7 +127,7 @@ def estimate_errors(
     else:
         if not result.converged:
             raise SettingError(f"peak: expected a converged one, found status '{result.status}'")
-        preload = result.parameter if preload is None else float(preload)
+        preload = result.parameter if preload is None else study._check_preload(preload)
         if not np.isfinite(preload):
             raise SettingError("preload: expected a number, since the peak carries none, found nothing")
         if len(result.y) != study.system(preload).n_unknowns + 1:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.errors import SettingError
 
 DIRECTIONS = {"tangential": (1.0, 0.0, 0.0), "radial": (0.0, 1.0, 0.0), "axial": (0.0, 0.0, 1.0)}
@@ -19,9 +20,9 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
         if value not in DIRECTIONS:
             raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'")
         return np.array(DIRECTIONS[value])
-    vector = np.asarray(value, float)
-    if vector.shape != (3,) or not np.isfinite(vector).all() or not np.any(vector):
-        raise SettingError(f"{what}: expected three finite numbers, not all zero, found {value!r}")
+    vector = expect.numbers(what, value, 3)
+    if not np.any(vector):
+        raise SettingError(f"{what}: expected 3 finite numbers, not all zero, found {value!r}")
     return vector / np.linalg.norm(vector)
 
 
@@ -44,11 +45,10 @@ class Excitation:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
+        expect.instance("excitation location", self.location, str, "the name of a location")
         direction_vector(self.direction, "excitation direction")
-        if not np.isfinite(self.amplitude) or self.amplitude < 0.0 or not np.isfinite(self.phase):
-            raise SettingError(
-                f"excitation: expected a finite amplitude >= 0 and phase, found {self.amplitude}, {self.phase}"
-            )
+        object.__setattr__(self, "amplitude", expect.number("excitation amplitude", self.amplitude, least=0.0, unit="N"))
+        object.__setattr__(self, "phase", expect.number("excitation phase", self.phase, unit="rad"))
 
 
 @dataclass(frozen=True)
@@ -65,4 +65,5 @@ class Response:
     direction: str | tuple[float, float, float] = "tangential"
 
     def __post_init__(self) -> None:
+        expect.instance("response location", self.location, str, "the name of a location")
         direction_vector(self.direction, "response direction")

@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.response import Curve
+from bdamper.resultfile import writing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,9 +70,7 @@ class LawComparison:
 
     def save(self, path: Any) -> None:
         """Write peaks and amplitudes to an HDF5 file, one group for each law."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-law-comparison"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-law-comparison") as file:
             file.attrs["laws"] = list(self.laws)
             for law, curve in zip(self.laws, self.curves):
                 group = file.create_group(law)
@@ -86,9 +85,4 @@ class LawComparison:
 
 def known_laws(laws: Sequence[str]) -> tuple[str, ...]:
     """The names, checked."""
-    from bdamper.errors import SettingError
-
-    unknown = [law for law in laws if law not in CHOICES]
-    if unknown or len(laws) < 2:
-        raise SettingError(f"laws: expected at least two names out of {tuple(CHOICES)}, found {tuple(laws)}")
-    return tuple(laws)
+    return expect.names("laws", laws, CHOICES, least=2)

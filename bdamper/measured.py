@@ -15,6 +15,7 @@ from os import PathLike
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import BdamperError
 
@@ -41,12 +42,17 @@ class Measured:
 
     def normalised(self, quantity: str) -> tuple[NDArray, NDArray]:
         """Loads (m,) above zero and "amplitude" or "frequency" (m,) over that of the reference."""
-        values = getattr(self, quantity)
+        values = getattr(self, expect.choice("quantity", quantity, COLUMNS[1:]))
         there = np.isfinite(values)
         order = np.argsort(self.load[there])
         load, values = self.load[there][order], values[there][order]
         if not len(load):
             raise BdamperError(f"{self.source or 'measured points'}: expected a measured {quantity}, found none")
+        if not values[0] > 0.0:
+            raise BdamperError(
+                f"{self.source or 'measured points'}: expected a reference {quantity} above 0 at the least load, "
+                f"{load[0]:g}, found {values[0]:g}"
+            )
         return load[load > 0.0], (values / values[0])[load > 0.0]
 
 
@@ -89,10 +95,15 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     Raises
     ------
     BdamperError
-        If a column is missing or a value is not a number; the message names the line.
+        If a column is missing, a row is longer than the header, or a value is not a finite number of at least 0; the
+        message names the line.
     """
-    with open(path, newline="", encoding="utf-8") as file:
-        lines = [(i, line) for i, line in enumerate(file, 1) if line.strip() and not line.lstrip().startswith("#")]
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            content = list(enumerate(file, 1))
+    except UnicodeDecodeError as error:
+        raise BdamperError(f"{path}: expected text in UTF-8, found another encoding ({error})") from error
+    lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise BdamperError(f"{path}: expected a header and rows of numbers, found nothing")
     head = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
@@ -103,18 +114,25 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
     for number, line in lines[1:]:
         row = next(csv.reader([line]))
+        if len(row) > len(head):
+            raise BdamperError(
+                f"{path}, line {number}: expected {len(head)} values separated by commas, as the header has, with points "
+                f"in numbers, found {len(row)}: '{line.strip()[:60]}'"
+            )
         for name in COLUMNS:
             text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
             try:
-                value = float(text) if text else np.nan
-            except ValueError as error:
+                value = float(text) if text and text.lower() != "nan" else np.nan
+            except ValueError:
+                value = -1.0
+            if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
                 raise BdamperError(
-                    f"{path}, line {number}: expected a number in column '{name}', found '{text}'"
-                ) from error
+                    f"{path}, line {number}: expected a finite number of at least 0 in column '{name}', found '{text}'"
+                )
             values[name].append(value)
     load = np.array(values["load"])
-    if not len(load) or not np.isfinite(load).all() or np.any(load < 0.0):
-        raise BdamperError(f"{path}: expected a load of at least 0 in every row, found {load}")
+    if not len(load):
+        raise BdamperError(f"{path}: expected rows of numbers after the header, found none")
     return Measured(load, np.array(values["amplitude"]), np.array(values["frequency"]), str(path))
 
 

@@ -17,14 +17,15 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import ModelError, SettingError
 from bdamper.excitation import direction_vector
 from bdamper.preload import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
+from bdamper.resultfile import writing
 from bdamper.study import Study
 
 if TYPE_CHECKING:
@@ -84,9 +85,7 @@ class Microslip:
 
     def save(self, path: str | Path) -> None:
         """Write the curve to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-microslip"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-microslip") as file:
             file.attrs["preload"] = self.preload
             file.attrs["complete"] = self.complete
             for name in ("force", "displacement", "slipping", "open", "residual"):
@@ -120,9 +119,11 @@ def microslip(
     ModelError
         If the damper does not find its seat.
     """
-    wanted = np.asarray(forces, float)
-    if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all() or np.any(np.diff([0.0, *wanted]) <= 0.0):
-        raise SettingError(f"microslip forces: expected increasing forces above 0 N, found {forces}")
+    expect.instance("study", study, Study)
+    wanted = expect.numbers("microslip forces", forces, above=0.0, unit="N")
+    if np.any(np.diff(wanted) <= 0.0):
+        raise expect.unfit("microslip forces", "increasing forces above 0 N", forces)
+    expect.choice("microslip location", location, sorted(study.model.locations))
     seat = study.static(preload)
     if not seat.converged:
         raise ModelError(f"microslip: expected a seat under {preload:g} N, found: {seat.note}")

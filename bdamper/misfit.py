@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.errors import SettingError
+from bdamper import expect
 from bdamper.model import Interface
 
 
@@ -38,12 +38,11 @@ def misfit(
     SettingError
         If a number is not finite, or an angle beyond 0.1 rad.
     """
+    expect.instance("interface", interface, Interface, "an Interface, for example model.interfaces['left']")
     for name, value in (("angle", angle), ("axial_angle", axial_angle)):
-        if not (np.isfinite(value) and abs(value) <= 0.1):
-            raise SettingError(f"misfit {name}: expected at most 0.1 rad, found {value}")
+        expect.number(f"misfit {name}", value, least=-0.1, most=0.1, unit="rad")
     for name, value in (("crowning", crowning), ("axial_crowning", axial_crowning)):
-        if not np.isfinite(value):
-            raise SettingError(f"misfit {name}: expected a finite height in m, found {value}")
+        expect.number(f"misfit {name}", value, unit="m")
     away = interface.points - interface.points.mean(axis=0)
     gap = np.zeros(interface.n_points)
     for axis, slope, height in ((0, angle, crowning), (1, axial_angle, axial_crowning)):

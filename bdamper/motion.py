@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.errors import SettingError
@@ -91,6 +92,19 @@ class ContactStatus:
         return out
 
 
+def _solutions(study: Study, unknowns: NDArray) -> NDArray:
+    """Unknowns (..., n_unknowns) that can be solutions of a study."""
+    own = expect.instance("study", study, Study).bases
+    n = len(own[0].omega2) + 2 * sum(len(basis.omega2) for basis in own[1:])
+    try:
+        out = np.asarray(unknowns, float)
+    except (TypeError, ValueError):
+        out = np.empty(0)
+    if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
+        raise expect.unfit("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
+    return out
+
+
 def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> RigidMotion:
     """Rigid-body motion of a free body.
 
@@ -116,7 +130,7 @@ def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> Ri
     assert part.mass is not None
     moments, _ = principal_axes(part)
     unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
-    unknowns = np.asarray(unknowns, float)
+    unknowns = _solutions(study, unknowns)
     n_harmonics = len(study.bases) - 1
     bias = np.zeros((*unknowns.shape[:-1], 6))
     vibratory = np.zeros((*unknowns.shape[:-1], n_harmonics, 6), complex)
@@ -149,7 +163,7 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
         Instants at which the states are listed.
     """
     system = study.system(preload)
-    X, _, _ = system.contact(np.asarray(unknowns, float))
+    X, _, _ = system.contact(_solutions(study, unknowns))
     p = system.arrays
     theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
     n_harmonics = (X.shape[2] - 1) // 2
@@ -284,7 +298,7 @@ def surface_motion(study: Study, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     model carries (``model.meshes[...].modes``, at the nodal diameter of the fundamental); the mean motion of constrained
     bodies is left out unless they carry shapes of nodal diameter 0.
     """
-    unknowns = np.asarray(unknowns, float)
+    unknowns = _solutions(study, unknowns)
     n0, basis = len(study.bases[0].omega2), study.bases[1]
     n = len(basis.omega2)
     q0, q1 = unknowns[:n0], unknowns[n0 : n0 + n] - 1j * unknowns[n0 + n : n0 + 2 * n]

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.errors import BdamperError, SettingError
 from bdamper.leastenvelope import LeastEnvelope
 from bdamper.optimalcurve import Limit, OptimalCurve, OptimumPoint, load_optimal_curve
@@ -22,7 +23,7 @@ from bdamper.peaks import Family, Peak, PeakOptions, PeakSensitivity, sensitivit
 from bdamper.peakscan import linear_peak, peaks_at, resonance_interval, scan
 from bdamper.peakset import PeakSet
 from bdamper.system import CostMeter, HarmonicSystem
-from bdamper.vary import FACTORS, vary
+from bdamper.vary import FACTORS, setting_names, vary
 
 if TYPE_CHECKING:
     from bdamper.study import Study
@@ -75,15 +76,17 @@ def optimal_curve(
     """
     start = time.perf_counter()
     values = preload_values(preload, n)
+    checks = expect.whole("checks", checks)
+    _check_options(options)
     if not np.any(study._load[0]):
-        raise SettingError("optimal_curve: expected a model with a body that carries a load, found none")
+        why = study._why_no_load
+        raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
     meter = CostMeter(start)
-    if frequency is None:
-        frequency = resonance_interval(study, mode)
+    frequency = peak_interval(study, frequency, mode)
     free = linear_peak(study, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(study, frequency, float(values[-1]), stuck=True)
     known = PeakSet(study, values, frequency, options or FOLLOWING, meter)
-    known.run(int(checks))
+    known.run(checks)
     optimum = LeastEnvelope(known).point()
     n_unknowns = study.system(float(values[0])).n_unknowns
     leaders = [known.leader(k) for k in range(len(values))]
@@ -135,16 +138,22 @@ def preload_values(preload: Any, n: int) -> NDArray:
     """
     if np.ndim(n) > 0:
         raise SettingError(f"n: expected a whole number, and an interval by its name as frequency=(low, high), found {n!r}")
-    values = np.asarray(preload, float)
-    if values.ndim != 1 or len(values) < 2 or not np.isfinite(values).all() or np.any(values <= 0.0):
-        raise SettingError(f"preload: expected (low, high) or a longer sequence of numbers > 0, found {preload!r}")
-    if np.any(np.diff(values) <= 0.0):
-        raise SettingError(f"preload: expected increasing values, found {preload!r}")
-    if len(values) > 2:
-        return values
-    if int(n) != n or n < 2:
-        raise SettingError(f"n: expected a whole number >= 2, found {n!r}")
-    return np.geomspace(values[0], values[1], int(n))
+    values = expect.numbers("preload", preload, above=0.0, unit="N")
+    if len(values) < 2 or np.any(np.diff(values) <= 0.0):
+        raise expect.unfit("preload", "(low, high) or a longer sequence of increasing values", preload)
+    n = expect.whole("n", n, least=2)
+    return values if len(values) > 2 else np.geomspace(values[0], values[1], n)
+
+
+def peak_interval(study: Study, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
+    """The interval (Hz) that is given, or the one around the resonances of a mode."""
+    mode = expect.whole("mode", mode, least=1)
+    return resonance_interval(study, mode) if frequency is None else expect.interval("frequency", frequency)
+
+
+def _check_options(options: PeakOptions | None) -> None:
+    if options is not None:
+        expect.instance("options", options, PeakOptions)
 
 
 # ---- single peaks and their sensitivities ----
@@ -169,7 +178,8 @@ def highest_peak(
         If no peak was found in the interval.
     """
     preload = study._check_preload(preload)
-    frequency = frequency or resonance_interval(study, mode)
+    frequency = peak_interval(study, frequency, mode)
+    _check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(study, preload, frequency, options=options, meter=meter)
     peaks, ending, walk = found.peaks, found.ending, found.walk
@@ -205,9 +215,12 @@ def peak_sensitivities(
         If the peak is not converged or lies at a corner, and with sampled evaluation: events between samples make the
         amplitude a rippled function of frequency, with tops that move by ripples.
     """
+    expect.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
+    _check_options(options)
     if study.evaluation != "exact":
         raise SettingError(f'sensitivities: expected evaluation="exact", found {study.evaluation}: the peak has ripples')
     families: dict[str, tuple[Family, float]] = {}
+    parameters = expect.names("parameters", parameters, ("preload", *setting_names(study)))
     preload = peak.parameter
     for name in parameters:
         if name == "preload":
@@ -249,6 +262,7 @@ __all__ = [
     "linear_peak",
     "load_optimal_curve",
     "optimal_curve",
+    "peak_interval",
     "peak_sensitivities",
     "peaks_at",
     "preload_values",

@@ -7,12 +7,11 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.resultfile import reading
+from bdamper.resultfile import reading, writing
 from bdamper.system import Cost
 
 if TYPE_CHECKING:
@@ -175,9 +174,7 @@ class OptimalCurve:
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-optimal"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-optimal") as file:
             for name in _ARRAYS:
                 file.create_dataset(name, data=getattr(self, name))
             for name in ("free", "stuck", "optimum", "cost"):

@@ -23,9 +23,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint
-from bdamper.errors import SettingError
 from bdamper.system import OK, STATUS_TEXT, Cost, HarmonicSystem, norm2
 
 JUMP = 1e3
@@ -71,12 +71,10 @@ class PeakOptions:
     difference: float = 1e-5
 
     def __post_init__(self) -> None:
-        for name in ("tolerance", "position_tolerance", "max_step", "max_distance", "difference"):
-            value = getattr(self, name)
-            if not 0.0 < value < 10.0:
-                raise SettingError(f"{name}: expected a positive number below 10, found {value}")
-        if min(self.max_iterations, self.max_trials) < 2 or self.max_halvings < 0:
-            raise SettingError("max_iterations, max_trials, max_halvings: expected at least 2, 2 and 0")
+        positive = ("tolerance", "position_tolerance", "max_step", "max_distance", "difference")
+        expect.fields(self, expect.number, *positive, above=0.0, below=10.0)
+        expect.fields(self, expect.whole, "max_iterations", "max_trials", least=2)
+        expect.fields(self, expect.whole, "max_halvings")
 
 
 @brief

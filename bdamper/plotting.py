@@ -19,6 +19,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from mpl_toolkits.mplot3d.art3d import Line3DCollection
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.accuracy import AccuracyCost
 from bdamper.advice import Advice
 from bdamper.errors import SettingError
@@ -130,10 +131,12 @@ def plot_curves(
     -------
     matplotlib axes
     """
+    tracking = [c for c in curves if expect.instance("curves", c, Curve).kind == "tracking"]
+    if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
+        raise expect.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
     with plt.rc_context(PAPER):
         if ax is None:
             ax = new_axes()
-        tracking = [c for c in curves if c.kind == "tracking"]
         for curve in curves:
             if curve.kind == "tracking":
                 continue
@@ -420,6 +423,8 @@ def plot_status_bars(
         Tangential direction t1 or t2.
     title : str
     """
+    points = expect.wholes("points", points, most=len(status.parts) - 1)
+    direction = expect.whole("direction", direction, 0, 1)
     with plt.rc_context(PAPER):
         if ax is None:
             ax = new_axes(5.2, 0.9 + 0.32 * len(points))
@@ -492,6 +497,10 @@ def plot_status_map(
     direction : {0, 1}
     title : str
     """
+    expect.choice("interface", interface, [name for name in model.interfaces if name in status.interface])
+    direction = expect.whole("direction", direction, 0, 1)
+    if instant is not None:
+        instant = expect.whole("instant", instant, -len(status.theta), len(status.theta) - 1)
     with plt.rc_context(PAPER):
         if ax is None:
             ax = new_axes(5.2, 2.4)
@@ -683,8 +692,14 @@ def damper_picture(
 
     from bdamper.motion import contact_status, relative_motion, rigid_displacement, rigid_motion
 
+    frames = expect.whole("frames", frames, least=1)
+    if scale is not None:
+        scale = expect.number("scale", scale, above=0.0)
     model = study.coupling.model  # with united contact points, if the study asks for that
     name = rigid_motion(study, unknowns, body).body
+    if name not in study.model.meshes:
+        have = list(study.model.meshes)
+        raise SettingError(f"animation: expected a mesh of '{name}' in the model, found meshes of {have}")
     part, mesh = study.model.bodies[name], study.model.meshes[name]
     status = contact_status(study, unknowns, preload, frames)
     along, distance = relative_motion(study, unknowns, preload, status.theta)
@@ -980,6 +995,7 @@ def plot_mode(
         Magnification; by default the largest displacement is a twelfth of the body's size.
     backend : {"pyvista", "matplotlib"}, optional
     """
+    mode = expect.whole("mode (the path is the third argument)", mode, least=1)
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
     if body not in carriers:
@@ -1185,9 +1201,11 @@ def plot_over_measurement(
     -------
     matplotlib axes, and the goodness of fit (None without measured points)
     """
-    if quantity not in ("amplitude", "shift"):
-        raise SettingError(f'quantity: expected "amplitude" or "shift", found {quantity!r}')
+    expect.choice("quantity", quantity, ("amplitude", "shift"))
+    if not isinstance(curves, Mapping) or not curves:
+        raise expect.unfit("curves", "a mapping of one or more names to optimal curves", curves)
     for name, curve in curves.items():
+        expect.instance(f"curve '{name}'", curve, OptimalCurve)
         if not np.isfinite(curve.optimum.preload):
             raise SettingError(f"curves: expected some with an optimum, found '{name}': {curve.optimum}")
     styles = ("-", "--", ":", "-.")

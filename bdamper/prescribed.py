@@ -17,6 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.errors import SettingError
 from bdamper.preload import StaticSystem, static_state
 from bdamper.study import Study
@@ -51,9 +52,7 @@ def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, set
     names = study.coupling.interfaces
     kn = study._k[:, 2]
     target = -kn * study._gap
-    for name, value in loads.items():
-        if name not in names:
-            raise SettingError(f"prescribed loads: expected interfaces out of {list(names)}, found '{name}'")
+    for name, value in expect.mapping("prescribed loads", loads, names, "interfaces").items():
         rows = study.coupling.rows(name)
         n = rows.stop - rows.start
         try:

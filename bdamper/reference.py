@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from importlib import resources
 
+from bdamper import expect
 from bdamper.errors import SettingError
 from bdamper.io.model_file import load_model
 from bdamper.model import Model
@@ -30,8 +31,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Mode
     SettingError
         If there is no such model.
     """
-    if name not in CONTACT_POINTS:
-        raise SettingError(f"reference model: expected one of {sorted(CONTACT_POINTS)}, found '{name}'")
+    expect.choice("reference model", name, sorted(CONTACT_POINTS))
     if contact_points not in CONTACT_POINTS[name]:
         raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {contact_points}")
     with resources.as_file(resources.files("bdamper") / "data" / f"{name}_{contact_points}.h5") as path:

@@ -32,6 +32,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.coupling import Coordinate, Coupling, HarmonicBasis
 from bdamper.errors import ModelError, SettingError
@@ -63,10 +64,10 @@ class ResidualModes:
     inertia: bool = True
 
     def __post_init__(self) -> None:
-        if self.patterns != "all" and (int(self.patterns) != self.patterns or self.patterns < 1):
-            raise SettingError(f'patterns: expected a whole number >= 1 or "all", found {self.patterns!r}')
-        if not 0.0 < self.share <= 1.0:
-            raise SettingError(f"share: expected above 0 and at most 1, found {self.share}")
+        if not (isinstance(self.patterns, str) and self.patterns == "all"):
+            expect.fields(self, expect.whole, "patterns", least=1)
+        expect.fields(self, expect.number, "share", above=0.0, most=1.0)
+        expect.fields(self, expect.flag, "inertia")
 
 
 @brief

@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +21,7 @@ from bdamper.branches import LeftOut
 from bdamper.brief import brief
 from bdamper.errors import BdamperError
 from bdamper.estimates import ErrorEstimates, estimates_from_json
-from bdamper.resultfile import reading
+from bdamper.resultfile import reading, writing
 from bdamper.system import Cost
 
 if TYPE_CHECKING:
@@ -197,9 +196,7 @@ class Curve:
 
     def save(self, path: str | FilePath) -> None:
         """Write the curve to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-curve"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-curve") as file:
             for name in _ARRAYS:
                 file.create_dataset(name, data=getattr(self, name))
             for name in ("kind", "status", "reason", "model_hash"):

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
@@ -25,6 +24,7 @@ from bdamper.brief import brief
 from bdamper.coupling import Coupling
 from bdamper.errors import SettingError
 from bdamper.preload import OPEN, PreloadState
+from bdamper.resultfile import reading, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -240,9 +240,7 @@ class ContactMap:
 
     def save(self, path: str | Path) -> None:
         """Write the map to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-contact-map"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-contact-map") as file:
             file.attrs["load"] = self.load
             file.attrs["history"] = self.history
             file.attrs["interfaces"] = list(self.interfaces)
@@ -255,9 +253,7 @@ _ARRAYS = ("owner", "points", "frame", "area", "force", "distance", "status", "f
 
 def load_contact_map(path: str | Path) -> ContactMap:
     """Read a map that :meth:`ContactMap.save` wrote."""
-    with h5py.File(path, "r") as file:
-        if file.attrs.get("format") != "bdamper-contact-map":
-            raise SettingError(f"{path}: expected the format 'bdamper-contact-map', found '{file.attrs.get('format')}'")
+    with reading(path, "bdamper-contact-map", "a map written by ContactMap.save") as file:
         arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
         return ContactMap(
             load=float(file.attrs["load"]),

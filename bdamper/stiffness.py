@@ -30,6 +30,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.coupling import Coupling
 from bdamper.errors import ModelError, SettingError
@@ -90,6 +91,12 @@ class PerArea:
     """Contact stiffness per area, N/m3: one number, or three for t1, t2 and n."""
 
     stiffness: float | tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.stiffness) == 0:
+            expect.number("stiffness per area", self.stiffness, least=0.0, unit="N/m3")
+        else:
+            expect.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
 
 
 @brief
@@ -252,9 +259,8 @@ def contact_stiffness(
     ModelError
         If a flexibility that the method needs is missing or not positive.
     """
-    if isinstance(method, str) and method not in METHODS:
-        raise SettingError(f"contact_stiffness: expected one of {METHODS}, numbers or a mapping, found '{method}'")
-    if method == "residual_modes":
+    check_method(method)
+    if isinstance(method, str) and method == "residual_modes":
         method = ResidualModes()
     if isinstance(method, ResidualModes):
         return _with_residual_modes(coupling, method, friction)
@@ -272,6 +278,16 @@ def contact_stiffness(
             rows = coupling.rows(name)
             out[name] = paper_equations(left_out[rows], forces[rows], out[name], FAR)
     return Contact(out)
+
+
+def check_method(method: Any) -> None:
+    """Refuse what is neither a method nor the user's own values."""
+    if isinstance(method, ResidualModes | PerArea | Mapping) or (isinstance(method, str) and method in METHODS):
+        return
+    if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
+        expected = f'one of {(*METHODS, "model")}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping'
+        raise expect.unfit("contact_stiffness", f"{expected} of interface names to values", method)
+    expect.number("contact_stiffness", method, least=0.0, unit="N/m")
 
 
 def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
@@ -370,6 +386,7 @@ def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
 
 def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
     if isinstance(value, Mapping):
+        expect.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
         missing = [name for name in coupling.interfaces if name not in value]
         if missing:
             raise SettingError(f"contact_stiffness: expected values for interfaces {missing} as well")
@@ -381,11 +398,11 @@ def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray
             given = coupling.model.interfaces[name].area[:, None] * np.asarray(given.stiffness, float)
         try:
             k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
-        except ValueError as error:
-            raise SettingError(
-                f"contact_stiffness['{name}']: expected a shape that broadcasts to {(n, 3)}, found {np.shape(given)}"
-            ) from error
-        if not np.isfinite(k).all() or (k < 0.0).any():
-            raise SettingError(f"contact_stiffness['{name}']: expected finite non-negative N/m, found {k.min():.3g}")
+        except (TypeError, ValueError) as error:
+            expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
+            raise expect.unfit(f"contact_stiffness['{name}']", expected, given) from error
+        wrong = k[~(np.isfinite(k) & (k >= 0.0))]
+        if wrong.size:
+            raise expect.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
         out[name] = ContactStiffness(k, "user")
     return out

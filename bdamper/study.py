@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.aggregation import unite_contact_points, united_gap, united_stiffness
 from bdamper.branches import (
     LeftOut,
@@ -34,7 +35,7 @@ from bdamper.brief import brief, short
 from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
-from bdamper.effects import Effects, check_harmonics, harmonic_numbers, whole_harmonics
+from bdamper.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
 from bdamper.errors import BdamperError, SettingError
 from bdamper.excitation import Excitation, Response, direction_vector
 from bdamper.friction_axes import major_angles, turned
@@ -55,6 +56,7 @@ from bdamper.stiffness import (
     PerArea,
     StiffnessComparison,
     StiffnessReport,
+    check_method,
     contact_stiffness,
     literal_negative,
     report,
@@ -69,6 +71,7 @@ from bdamper.system import (
     HarmonicSystem,
     PointArrays,
     Sampled,
+    check_evaluation,
 )
 from bdamper.threads import one_thread
 from bdamper.timedomain import Verification, verify_solution
@@ -81,7 +84,9 @@ if TYPE_CHECKING:
     from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
 
 _SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
-LAWS = {"separable": LAW_SEPARABLE, "coupled": LAW_COUPLED, "bonded": LAW_BONDED}
+LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
+BLADE_MODES = 10
+"""By default; fewer where the model has no more."""
 
 
 @brief
@@ -107,7 +112,7 @@ class Study:
     contact_stiffness_factor : float
         On all contact stiffness, whatever its method; what residual modes carry is not changed.
     blade_modes : int
-        Modes of each constrained body (at most what the model has).
+        Modes of each constrained body, no more than the model has; the default stands for all of a model that has fewer.
     damper_modes : int
         Elastic modes of each free body.
     rigid_modes : sequence of str
@@ -130,7 +135,8 @@ class Study:
         Axes of the separable law: those of the interface, or at each point the major directions of its motion
         (:mod:`bdamper.friction_axes`).
     major_frequency : float, Hz, optional
-        At which the stuck response shows the major directions; by default its resonance with the largest response.
+        At which the stuck response shows the major directions; by default its resonance with the largest response.  Only
+        with ``friction_axes="major"``.
     residual_traction : {"static", "lower", "upper"}
         Friction force of points that never slip, which the equations leave open within an interval
         (``HarmonicSystem.slider_interval``): that of the static state, or that end of the interval at which friction
@@ -165,7 +171,7 @@ class Study:
     response: Response | None = None
     harmonics: int | tuple[int, ...] = 1
     contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] = "unit_traction"
-    blade_modes: int = 10
+    blade_modes: int = BLADE_MODES
     damper_modes: int = 0
     rigid_modes: tuple[str, ...] = RIGID_NAMES
     constraints: bool = True
@@ -190,35 +196,46 @@ class Study:
 
     def __post_init__(self) -> None:
         if self.effects is not None:
-            self._take_effects(self.effects)
+            self._take_effects(expect.instance("effects", self.effects, Effects))
         if not getattr(self.model, "_checked", False):
             check_model(self.model)
             object.__setattr__(self.model, "_checked", True)
-        self._check_friction()
-        for name in ("engine_order", "blade_modes", "damper_modes"):
-            object.__setattr__(self, name, _whole_number(name, getattr(self, name)))
-        check_harmonics(self.harmonics)
-        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
-        _ = Effects.of(self)
+        expect.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
+        if self.response is not None:
+            expect.instance("response", self.response, Response, "a Response(location, direction)")
         for name, place in (("excitation", self.excitation), ("response", self._response)):
-            if place.location not in self.model.locations:
-                raise SettingError(
-                    f"{name} location: expected one of {sorted(self.model.locations)}, found '{place.location}'"
-                )
-        _check_history(self.load_history)
+            expect.choice(f"{name} location", place.location, sorted(self.model.locations))
+        self._check_friction()
+        expect.fields(self, expect.whole, "engine_order", "damper_modes")
+        expect.fields(self, expect.whole, "blade_modes", least=1, most=max(BLADE_MODES, self._modes_of("constrained")))
+        expect.fields(self, expect.names, "rigid_modes", choices=RIGID_NAMES)
+        switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
+        expect.fields(self, expect.flag, *switches)
+        _ = Effects.of(self)
+        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
+        check_evaluation(self.evaluation, self.harmonic_numbers[-1])
+        object.__setattr__(self, "load_history", _check_history(self.load_history, "load_history"))
         if self.load_history[-1] != 1.0:
-            raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history[-1]}")
-        if self.damping_ratio is not None and not 0.0 <= self.damping_ratio < 1.0:
-            raise SettingError(f"damping_ratio: expected between 0 and 1, found {self.damping_ratio}")
-        if not (np.isfinite(self.contact_stiffness_factor) and self.contact_stiffness_factor > 0.0):
-            raise SettingError(
-                f"contact_stiffness_factor: expected a finite number > 0, found {self.contact_stiffness_factor}"
-            )
-        for name, mu in self._friction_by_interface().items():
-            if not (np.isfinite(mu) and mu >= 0.0):
-                raise SettingError(f"friction_coefficient of '{name}': expected a finite number >= 0, found {mu}")
+            raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history}")
+        if self.damping_ratio is not None:
+            expect.fields(self, expect.number, "damping_ratio", least=0.0, below=1.0)
+        expect.fields(self, expect.number, "contact_stiffness_factor", above=0.0)
         _ = self._modal_bases  # the nodal diameters that the harmonics need
         _ = self._gap
+        self._check_stiffness()
+
+    def _modes_of(self, kind: str) -> int:
+        """Modes that every body of a kind has at every nodal diameter; 0 without such a body."""
+        bodies = [body for body in self.model.bodies.values() if body.kind == kind]
+        return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
+
+    def _check_stiffness(self) -> None:
+        """Names and the user's own values; what a method needs of the model is found when it is used."""
+        method = self.contact_stiffness
+        if not (isinstance(method, str) and method == "model"):
+            check_method(method)
+        if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
+            _ = self._contact
 
     def _take_effects(self, effects: Effects) -> None:
         own = {f.name: f.default for f in fields(self)}
@@ -244,32 +261,27 @@ class Study:
         if given == "constant_normal_load":
             object.__setattr__(self, "friction_law", "separable")
             object.__setattr__(self, "variable_normal_load", False)
-        elif isinstance(given, str):
-            if given not in LAWS:
-                raise SettingError(
-                    f"friction_law: expected one of {(*LAWS, 'constant_normal_load')} or a mapping, found {given!r}"
-                )
         else:
+            check_law(given, (*LAW_NAMES, "constant_normal_load"))
             faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
-            if set(given) != set(faces) or not set(given.values()) <= set(LAWS):
-                raise SettingError(
-                    f"friction_law: expected one of {tuple(LAWS)} for each interface {faces}, found {dict(given)!r}"
-                )
-        if self.friction_axes not in ("contact", "major"):
-            raise SettingError(f'friction_axes: expected "contact" or "major", found {self.friction_axes!r}')
-        if self.residual_traction not in ("static", "lower", "upper"):
-            raise SettingError(
-                f'residual_traction: expected "static", "lower" or "upper", found {self.residual_traction!r}'
-            )
+            if isinstance(given, Mapping) and set(given) != set(faces):
+                raise expect.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+        expect.choice("friction_axes", self.friction_axes, ("contact", "major"))
+        expect.choice("residual_traction", self.residual_traction, TRACTIONS)
         laws = set(self._law_by_interface().values())
         if self.residual_traction != "static" and LAW_COUPLED in laws:
             raise SettingError('residual_traction: expected "static" with coupled friction, found an end of the interval')
-        if self.evaluation == "exact" and LAW_COUPLED in laws:
+        if isinstance(self.evaluation, str) and LAW_COUPLED in laws:
             raise SettingError(
                 'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
             )
-        if self.major_frequency is not None and not (np.isfinite(self.major_frequency) and self.major_frequency > 0.0):
-            raise SettingError(f"major_frequency: expected a finite number > 0 Hz, found {self.major_frequency!r}")
+        if self.major_frequency is not None:
+            expect.fields(self, expect.number, "major_frequency", above=0.0, unit="Hz")
+            if self.friction_axes != "major":
+                raise SettingError(
+                    f'major_frequency: expected friction_axes="major" with it, found friction_axes="{self.friction_axes}"'
+                )
+        _ = self._friction_by_interface()
 
     def _law_by_interface(self) -> dict[str, int]:
         """Law of each friction interface, before it is known which of them have friction."""
@@ -311,7 +323,7 @@ class Study:
 
     def with_effects(self, effects: Effects) -> Study:
         """The same study with other effects; what does not depend on them is shared."""
-        settings = self._settings_for(effects)
+        settings = self._settings_for(expect.instance("effects", effects, Effects))
         changed = {name for name, value in settings.items() if value != getattr(self, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
@@ -320,7 +332,7 @@ class Study:
             object.__setattr__(out, name, value)
         for name in ("bases", "_modal_bases", "_response_rows"):
             out.__dict__.pop(name, None)
-        check_harmonics(out.harmonics)
+        check_evaluation(out.evaluation, out.harmonic_numbers[-1])
         _ = out.bases
         return out
 
@@ -339,20 +351,16 @@ class Study:
         out = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
-            unknown = [name for name in given if name not in self.model.interfaces]
-            if unknown:
-                raise SettingError(
-                    f"friction_coefficient: expected interfaces out of {list(self.model.interfaces)}, found {unknown}"
-                )
+            expect.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
         for name in self._interfaces():
             if self.model.interfaces[name].kind == "constraint":
                 out[name] = 0.0
             elif isinstance(given, Mapping):
                 if name not in given:
                     raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
-                out[name] = float(given[name])
+                out[name] = expect.number(f"friction_coefficient of '{name}'", given[name], least=0.0)
             else:
-                out[name] = float(given)
+                out[name] = expect.number("friction_coefficient", given, least=0.0)
         return out
 
     @cached_property
@@ -448,6 +456,7 @@ class Study:
 
     def compare_stiffness(self, n_frequencies: int = 5) -> StiffnessComparison:
         """All methods of contact stiffness side by side: values, fallbacks, frequencies with the contact bonded."""
+        expect.whole("n_frequencies", n_frequencies, least=1)
         names = tuple(n for n in self.coupling.interfaces if self.coupling.model.interfaces[n].kind == "friction")
         faces = {name: self.coupling.model.interfaces[name] for name in names}
         stiffness, frequencies = {}, {}
@@ -472,19 +481,16 @@ class Study:
 
     @cached_property
     def _gap(self) -> NDArray:
-        given = self.gap or {}
-        unknown = [name for name in given if name not in self.coupling.interfaces]
-        if unknown:
-            raise SettingError(f"gap: expected interfaces out of {list(self.coupling.interfaces)}, found {unknown}")
+        given = {} if self.gap is None else expect.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
         parts = []
         for name in self.coupling.interfaces:
             face = self.coupling.model.interfaces[name]
-            gap = np.asarray(given.get(name, face.gap), float)
+            gap = expect.numbers(f"gap of '{name}'", given[name]) if name in given else face.gap
             whole = self.model.interfaces[name]
             if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
                 gap = united_gap(whole, self.contact_points, gap)
-            if gap.shape != (face.n_points,) or not np.isfinite(gap).all():
-                raise SettingError(f"gap of '{name}': expected {face.n_points} finite numbers, found shape {gap.shape}")
+            if gap.shape != (face.n_points,):
+                raise expect.unfit(f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
             if self._law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
                 raise SettingError(
                     f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
@@ -557,7 +563,7 @@ class Study:
         PreloadState
         """
         preload = self._check_preload(preload)
-        factors = _check_history(self.load_history if history is None else history)
+        factors = self.load_history if history is None else _check_history(history, "history")
         key = (preload, *factors)
         if key not in self._states:
             start = time.perf_counter()
@@ -592,7 +598,7 @@ class Study:
 
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
         """Pressure, gap and state over the faces in the static state; arguments as for :meth:`static`."""
-        factors = _check_history(self.load_history if history is None else history)
+        factors = self.load_history if history is None else _check_history(history, "history")
         return ContactMap.make(self.coupling, self.static(preload, factors), self.friction, factors)
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
@@ -616,12 +622,17 @@ class Study:
         return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
 
     def _check_preload(self, preload: float) -> float:
-        preload = float(preload)
-        if not np.isfinite(preload) or preload < 0.0:
-            raise SettingError(f"preload: expected a finite number >= 0 N, found {preload}")
+        preload = expect.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not np.any(self._load[0]):
-            raise SettingError(f"preload: expected 0, since no body of the model carries a load, found {preload}")
+            raise SettingError(f"preload: expected 0, since {self._why_no_load}, found {preload:g} N")
         return preload
+
+    @property
+    def _why_no_load(self) -> str:
+        loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
+        if not loaded:
+            return "no body of the model carries a load"
+        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.rigid_modes})"
 
     # ---- harmonic balance ----
 
@@ -741,9 +752,12 @@ class Study:
         LawComparison
             Prints the differences of the peaks to the last law.
         """
+        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
         curves = []
         for law in known_laws(laws):
             settings: dict[str, Any] = dict(CHOICES[law])
+            if law != "major":
+                settings["major_frequency"] = None
             if law == "coupled":
                 settings["residual_traction"] = "static"
                 if self.evaluation == "exact":
@@ -817,8 +831,17 @@ class Study:
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.  A branch that does not reach the other end is complemented by one from there.
         """
-        _check_auto(effects)
-        if effects == "auto":
+        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
+        for name, value in (("from_high", from_high), ("progress", progress), ("stability", stability)):
+            expect.flag(name, value)
+        ratios: tuple[float, ...] = (0.9, 1.2) if search_branches is True else ()
+        if not isinstance(search_branches, bool):
+            ratios = tuple(expect.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
+        if options is not None:
+            expect.instance("options", options, ContinuationOptions)
+        if tolerance is not None:
+            tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
+        if expect.choice("effects", effects, ("all", "auto")) == "auto":
             from bdamper.adaptive_curves import adaptive_curve
 
             if from_high or progress or search_branches is not False:
@@ -840,8 +863,7 @@ class Study:
             except InterruptedCurve as stop:
                 return stop.curve
         options = options or ContinuationOptions()
-        low, high = _check_interval(frequency)
-        preload = self._check_preload(preload)
+        low, high = (2.0 * np.pi * f for f in frequency)
         meter = CostMeter(time.perf_counter())
         system = self.system(preload)
         system.watched = linear_resonances(system, (None, self._stuck_springs(self.static(preload))), low, high)
@@ -864,8 +886,7 @@ class Study:
                     if finished(pieces, low, high):
                         break
                 fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
-                if search_branches:
-                    ratios = (0.9, 1.2) if search_branches is True else tuple(float(r) for r in search_branches)
+                if ratios:
                     starts = self._other_starts(preload, (low, high), ratios, options, meter)
                     for start in new_solutions(system, pieces, starts, options):
                         log.append(f"{start[-1] / (2 * np.pi):.6g} Hz: a solution apart from the branches so far")
@@ -911,7 +932,8 @@ class Study:
         if (study := self.of(curve)) is not self:
             return study.with_stability(curve, nodal_diameters, oscillating, every_point)
         self._check_curve(curve)
-        others = {int(d): self._bases_beside(int(d)) for d in nodal_diameters}
+        oscillating, every_point = expect.flag("oscillating", oscillating), expect.flag("every_point", every_point)
+        others = {int(d): self._bases_beside(int(d)) for d in expect.wholes("nodal_diameters", nodal_diameters)}
         omega = 2.0 * np.pi * curve.frequency
         result = stability_of_points(
             self.system(curve.preload),
@@ -980,9 +1002,10 @@ class Study:
         if (study := self.of(curve)) is not self:
             return study.verify(curve, index, periods=periods, steps_per_period=steps_per_period)
         self._check_curve(curve)
-        i = curve.peak.index if index is None else int(index)
-        if not -len(curve) <= i < len(curve):
-            raise SettingError(f"index: expected a point of the curve, 0 to {len(curve) - 1}, found {index}")
+        periods = expect.whole("periods", periods, least=1)
+        if steps_per_period is not None:
+            steps_per_period = expect.whole("steps_per_period", steps_per_period, least=1)
+        i = curve.peak.index if index is None else expect.whole("index of a point", index, -len(curve), len(curve) - 1)
         return verify_solution(
             self.system(curve.preload),
             curve.unknowns[i],
@@ -1000,6 +1023,7 @@ class Study:
         For any other curve it is the study itself.  The study's own functions find it by themselves; those that take
         ``curve.unknowns`` need it: ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
         """
+        expect.instance("curve", curve, Curve, "a tracking curve of this study")
         if "chosen" not in curve.settings:
             return self
         evaluation = curve.settings["evaluation"]
@@ -1134,6 +1158,7 @@ class Study:
     @one_thread
     def with_errors(self, curve: Curve, *, sources: Sequence[str] | None = None) -> Curve:
         """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
+        expect.instance("curve", curve, Curve)
         return replace(curve, error_estimates=self.estimate_errors(curve, sources=sources))
 
     # ---- peaks ----
@@ -1178,19 +1203,19 @@ class Study:
         With ``effects="auto"`` only those harmonics of the study are on that change it by more than the relative
         ``tolerance`` (0.01 by default); see :func:`bdamper.adaptive.adaptive_peak`.
         """
-        _check_auto(effects)
-        if effects == "all" and tolerance is not None:
+        auto = expect.choice("effects", effects, ("all", "auto")) == "auto"
+        if not auto and tolerance is not None:
             raise SettingError(
                 'tolerance: expected effects="auto" with it, found "all"; to a tolerance whatever harmonics the study has, '
                 "track a curve (Study.track)"
             )
-        if effects == "auto":
-            from bdamper.optimal import resonance_interval
+        if auto:
+            from bdamper.optimal import peak_interval
 
             if options is not None:
                 raise SettingError('effects: expected "all" with options, found "auto"')
             within = 0.01 if tolerance is None else tolerance
-            return self.adaptive_peak(preload, frequency or resonance_interval(self, mode), tolerance=within)
+            return self.adaptive_peak(preload, peak_interval(self, frequency, mode), tolerance=within)
         from bdamper.optimal import highest_peak
 
         return highest_peak(self, preload, frequency, mode=mode, options=options)
@@ -1254,6 +1279,10 @@ class Study:
         """Which of the effects that are off would change the highest peak; see :func:`bdamper.advice.advise`."""
         from bdamper.advice import advise
 
+        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
+        tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
+        if against is not None:
+            expect.instance("against", against, Effects)
         return advise(self, preload, frequency, against=against, tolerance=tolerance)
 
     @one_thread
@@ -1263,6 +1292,8 @@ class Study:
         """The highest peak with no more harmonics than it calls for; see :func:`bdamper.adaptive.adaptive_peak`."""
         from bdamper.adaptive import adaptive_peak
 
+        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
+        tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
         return adaptive_peak(self, preload, frequency, tolerance=tolerance)
 
     # ---- linear limits ----
@@ -1295,7 +1326,7 @@ class Study:
         return self._linear("stuck", preload, frequency, self._stuck_springs(state))
 
     def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
-        low, high = _check_interval(frequency)
+        low, high = (2.0 * np.pi * f for f in expect.interval("frequency", frequency))
         system, settings = self.system(preload), self._settings(None)
         return linear_curve(system, kind, (low, high), springs, preload, settings, self.model.hash)
 
@@ -1334,21 +1365,6 @@ class Study:
         return settings
 
 
-def _whole_number(name: str, value: Any) -> int:
-    if not isinstance(value, (str, bytes)):
-        try:
-            if int(value) == value and value >= 0:
-                return int(value)
-        except (TypeError, ValueError, OverflowError):
-            pass
-    raise SettingError(f"{name}: expected a whole number >= 0, found {value!r}")
-
-
-def _check_auto(effects: str) -> None:
-    if effects not in ("all", "auto"):
-        raise SettingError(f'effects: expected "all" or "auto", found {effects!r}')
-
-
 def _stiffness_setting(given: Any) -> Any:
     if isinstance(given, ResidualModes):
         return {"residual_modes": asdict(given)}
@@ -1366,19 +1382,5 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
-def _check_history(history: Sequence[float]) -> tuple[float, ...]:
-    factors = tuple(float(f) for f in history)
-    if not factors or not all(np.isfinite(f) and f >= 0.0 for f in factors):
-        raise SettingError(f"load history: expected finite factors >= 0, at least one, found {factors}")
-    return factors
-
-
-def _check_interval(frequency: tuple[float, float]) -> tuple[float, float]:
-    """Interval in rad/s."""
-    try:
-        low, high = (float(f) for f in frequency)
-    except (TypeError, ValueError) as error:
-        raise SettingError(f"frequency: expected (low, high) in Hz, found {frequency!r}") from error
-    if not (np.isfinite(high) and 0.0 < low < high):
-        raise SettingError(f"frequency: expected 0 < low < high in Hz, found ({low}, {high})")
-    return 2.0 * np.pi * low, 2.0 * np.pi * high
+def _check_history(history: Sequence[float], name: str) -> tuple[float, ...]:
+    return tuple(expect.numbers(f"{name}, load factors", history, least=0.0).tolist())

@@ -21,15 +21,15 @@ from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import BdamperError, SettingError
 from bdamper.model import Model, _feed
-from bdamper.optimal import highest_peak, optimal_curve
-from bdamper.resultfile import reading
+from bdamper.optimal import highest_peak, optimal_curve, preload_values
+from bdamper.resultfile import reading, writing
 from bdamper.system import Cost
 from bdamper.threads import one_thread
 from bdamper.vary import check_name, vary
@@ -45,6 +45,13 @@ Task = Callable[["Study", float | None], Values]
 
 An answer named ``"cost"`` that is a :class:`bdamper.system.Cost` is kept apart, as the cost of the point.
 """
+
+
+def _check_place(task: PeakTask | OptimalTask) -> None:
+    """Where peaks are looked for."""
+    expect.fields(task, expect.whole, "mode", least=1)
+    if task.frequency is not None:
+        expect.fields(task, expect.interval, "frequency")
 
 
 @dataclass(frozen=True)
@@ -63,6 +70,11 @@ class PeakTask:
     preload: float | None = None
     frequency: tuple[float, float] | None = None
     mode: int = 1
+
+    def __post_init__(self) -> None:
+        if self.preload is not None:
+            expect.fields(self, expect.number, "preload", least=0.0, unit="N")
+        _check_place(self)
 
     def __call__(self, study: Study, preload: float | None) -> Values:
         at = self.preload if preload is None else preload
@@ -94,6 +106,10 @@ class OptimalTask:
     n: int = 24
     frequency: tuple[float, float] | None = None
     mode: int = 1
+
+    def __post_init__(self) -> None:
+        preload_values(self.preload, self.n)
+        _check_place(self)
 
     def __call__(self, study: Study, preload: float | None) -> Values:
         curve = optimal_curve(study, self.preload, self.n, frequency=self.frequency, mode=self.mode)
@@ -193,9 +209,7 @@ class SweepResult:
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-sweep"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-sweep") as file:
             for name in ("names", "points", "values", "status", "shape", "settings", "model_hash"):
                 file.create_dataset(name, data=json.dumps(getattr(self, name), default=_plain))
             file.create_dataset("seconds", data=self.seconds)
@@ -489,6 +503,14 @@ def sweep(
         If the results file is of another sweep.
     """
     names, points, shape = _points(over, combine)
+    for name, value in (("evaluate", evaluate), ("model", model)):
+        if value is not None and not callable(value):
+            raise expect.unfit(name, "a callable (for evaluate: PeakTask(...), OptimalTask(...) or a function)", value)
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise expect.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
+    expect.flag("progress", progress)
+    for value in over.get("preload", ()):
+        expect.number("over 'preload'", value, unit="N")
     for name in names:
         if name.startswith("model."):
             if model is None:

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper import _core
+from bdamper import _core, expect
 from bdamper.brief import brief
 from bdamper.coupling import HarmonicBasis
 from bdamper.errors import SettingError
@@ -37,6 +37,10 @@ def norm2(x: NDArray) -> float:
     return math.sqrt(x.dot(x))
 
 
+MAX_SAMPLES = 1 << 20
+"""Samples per period that the core takes at most."""
+
+
 @dataclass(frozen=True)
 class Sampled:
     """Contact forces from samples in time (alternating frequency/time) instead of exact events.
@@ -53,8 +57,8 @@ class Sampled:
     interpolate: bool = True
 
     def __post_init__(self) -> None:
-        if isinstance(self.n_time, bool) or not isinstance(self.n_time, (int, np.integer)) or self.n_time < 8:
-            raise SettingError(f"n_time: expected a whole number of samples, at least 8, found {self.n_time!r}")
+        expect.fields(self, expect.whole, "n_time", least=8, most=MAX_SAMPLES)
+        expect.fields(self, expect.flag, "interpolate")
 
 
 @brief
@@ -557,16 +561,20 @@ def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) ->
         raise SettingError(
             'evaluation: expected Sampled(n_time) with coupled friction, which has no closed form, found "exact"'
         )
+    check_evaluation(evaluation, harmonics)
+    if isinstance(evaluation, Sampled):
+        return (1 if evaluation.interpolate else 2), evaluation.n_time
+    return 0, 0
+
+
+def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
+    """Refuse what is no evaluation, or too few samples for the highest harmonic."""
     if isinstance(evaluation, Sampled):
         if evaluation.n_time < 4 * harmonics + 4:
-            raise SettingError(
-                f"evaluation: expected Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics, "
-                f"found {evaluation.n_time}"
-            )
-        return (1 if evaluation.interpolate else 2), evaluation.n_time
-    if evaluation != "exact":
-        raise SettingError(f'evaluation: expected "exact" or Sampled(n_time), found {evaluation!r}')
-    return 0, 0
+            expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
+            raise expect.unfit("evaluation", expected, evaluation.n_time)
+    elif not isinstance(evaluation, str) or evaluation != "exact":
+        raise expect.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)
 
 
 @dataclass(frozen=True)

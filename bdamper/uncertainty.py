@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import BdamperError, SettingError
 from bdamper.optimal import preload_values
-from bdamper.resultfile import reading
+from bdamper.resultfile import reading, writing
 from bdamper.sweep import OptimalTask, sweep
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
-    if int(n) != n or n < 2:
-        raise SettingError(f"n: expected a whole number >= 2, found {n!r}")
+    n, seed = expect.whole("n", n, least=2), expect.whole("seed", seed)
+    expect.choice("method", method, METHODS)
     d = len(distributions)
     if method == "sobol":
         if n & (n - 1):
@@ -65,10 +65,8 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
         unit = qmc.Sobol(d, scramble=True, seed=seed).random(n)
     elif method == "latin":
         unit = qmc.LatinHypercube(d, seed=seed).random(n)
-    elif method == "random":
-        unit = np.random.default_rng(seed).random((n, d))
     else:
-        raise SettingError(f"method: expected one of {METHODS}, found {method!r}")
+        unit = np.random.default_rng(seed).random((n, d))
     # keep away from the ends, where a ppf may be infinite
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
     return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())}
@@ -135,8 +133,9 @@ class UncertainCurve:
 
         Draws without a peak at a preload are left out there.
         """
-        if quantity not in ("amplitude", "frequency"):
-            raise SettingError(f'quantity: expected "amplitude" or "frequency", found {quantity!r}')
+        expect.choice("quantity", quantity, ("amplitude", "frequency"))
+        for value in [q] if np.ndim(q) == 0 else expect.numbers("percentiles", q):
+            expect.number("percentile", value, least=0.0, most=100.0)
         return np.nanpercentile(getattr(self, quantity), q, axis=0)
 
     def __str__(self) -> str:
@@ -158,9 +157,7 @@ class UncertainCurve:
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-uncertain"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-uncertain") as file:
             for name in ("preload", "amplitude", "frequency"):
                 file.create_dataset(name, data=getattr(self, name))
             group = file.create_group("samples")
@@ -216,6 +213,7 @@ def uncertain_curve(
     executor, results, progress
         As in :func:`bdamper.sweep.sweep`.
     """
+    expect.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
     if "preload" in samples:
         raise SettingError("samples: expected settings other than the preload, found 'preload'")
     values = preload_values(preload, n)
@@ -273,12 +271,9 @@ def robust_optimum(
     BdamperError
         If a draw has no peak at any preload of a grid.
     """
-    if not 0.0 <= percentile <= 100.0:
-        raise SettingError(f"percentile: expected 0 to 100, found {percentile}")
-    if n < 5:
-        raise SettingError(f"n: expected at least 5, found {n}")
-    if not 0.0 < tolerance < 1.0:
-        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
+    percentile = expect.number("percentile", percentile, least=0.0, most=100.0)
+    n = expect.whole("n", n, least=5)
+    tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
     ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
     rounds = 0

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from bdamper import expect
 from bdamper.errors import SettingError
 from bdamper.model import Body, Model
 from bdamper.residual import ResidualModes
@@ -106,9 +107,7 @@ def _varied(study: Study, settings: Mapping[str, Any]) -> Study:
 
 
 def _scaled(study: Study, name: str, factor: float) -> Study:
-    factor = float(factor)
-    if not (np.isfinite(factor) and factor > 0.0):
-        raise SettingError(f"{name}: expected a finite number > 0, found {factor}")
+    factor = expect.number(name, factor, above=0.0)
     if name == "contact_stiffness_factor":
         return replace(study, contact_stiffness_factor=factor * study.contact_stiffness_factor)
     if name == "damping_factor":

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import datetime
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.checks import check_model
 from bdamper.errors import BdamperError, ModelError, SettingError, mismatch
@@ -25,7 +26,14 @@ from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.import_report import FaceSummary, ImportReport
 from bdamper.io.model_file import save_model
 from bdamper.io.modes_route import compare_modes, constrained_from_modes, free_from_modes
-from bdamper.io.plausible import check_frequencies_against, check_rigid_motion, check_sizes
+from bdamper.io.plausible import (
+    check_frequencies_against,
+    check_not_swapped,
+    check_one_scale,
+    check_radial,
+    check_rigid_motion,
+    check_sizes,
+)
 from bdamper.io.prepare import FaceSet, NodeSet, PreparedBody, placement
 from bdamper.model import Body, ContactStiffness, Interface, Location, Model, Port, SurfaceMesh
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
@@ -40,6 +48,11 @@ MATCH_TOLERANCE = 1e-5
 
 SMALLEST_OVERLAP = 0.05
 """Share of the smaller face that two faces must have in common."""
+
+FRAME_TOLERANCE = 1e-6
+MOST_POINTS = 400
+"""Contact points on one face: a study with more than some 200 is no longer one of seconds."""
+MOST_MODES = 1000
 
 T = TypeVar("T")
 
@@ -86,6 +99,35 @@ class ContactFaces:
     frame: NDArray | None = None
     patches: Patches | None = None
     stiffness: NDArray | tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        item = f"contact '{self.name}'"
+        expect.instance("name of a contact", self.name, str, "a text")
+        expect.choice(f"{item}: kind", self.kind, ("friction", "constraint"))
+        pair = isinstance(self.points, Sequence | np.ndarray) and not isinstance(self.points, str | bytes)
+        counts = tuple(self.points) if pair else (self.points,)  # type: ignore[arg-type]
+        if len(counts) != (2 if pair else 1):
+            raise expect.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
+        counts = tuple(expect.whole(f"{item}: points", n, 1, MOST_POINTS) for n in counts)
+        if int(np.prod(counts)) > MOST_POINTS:
+            raise expect.unfit(f"{item}: points", f"at most {MOST_POINTS} contact points on a face", self.points)
+        object.__setattr__(self, "points", counts if pair else counts[0])
+        if not (isinstance(self.gap, str) and self.gap == "measured"):
+            if isinstance(self.gap, str):
+                raise expect.unfit(f"{item}: gap", "a distance in metres or 'measured'", self.gap)
+            object.__setattr__(self, "gap", expect.number(f"{item}: gap", self.gap, unit="m"))
+        if self.sector_b is not None:
+            object.__setattr__(self, "sector_b", expect.whole(f"{item}: sector_b", self.sector_b, -1, 1))
+        if self.frame is not None:
+            _check_frame(self.frame, item)
+
+
+def _check_frame(frame: NDArray, item: str) -> None:
+    rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
+    axes = np.array([expect.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=FRAME_TOLERANCE) or np.linalg.det(axes) < 0.0:
+        expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
+        raise expect.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
 
 
 @brief
@@ -181,18 +223,35 @@ def build_model(
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
     place = placement(axis, radial, origin, units)
-    _check_settings(n_blades, n_modes, n_damper_modes, damping_ratio)
+    n_blades = expect.whole("n_blades", n_blades, least=1)
+    n_modes = expect.whole("n_modes", n_modes, 1, MOST_MODES)
+    n_damper_modes = expect.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)
+    damping_ratio = expect.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
+    expect.flag("check_units", check_units)
+    expect.instance("blade", blade, FEBody, "an FEBody, as read_arrays returns it")
+    if damper is not None:
+        expect.instance("damper", damper, FEBody, "an FEBody, as read_arrays returns it")
+    contacts = _given_contacts(contacts)
+    for name, mapping in (("locations", locations), ("expected_frequencies", expected_frequencies)):
+        if mapping is not None:
+            expect.instance(name, mapping, Mapping, "a mapping")
+    for d, known in (expected_frequencies or {}).items():
+        expect.numbers(f"expected_frequencies at nodal diameter {d}", known, above=0.0, unit="Hz")
     bodies = {"blade": PreparedBody("blade", blade, place)}
     if damper is not None:
         bodies["damper"] = PreparedBody("damper", damper, place)
     for body in bodies.values():
         body.check_repeated()
+    if check_units and "damper" in bodies:
+        check_one_scale(bodies["blade"], bodies["damper"])
+    check_radial(bodies["blade"], n_blades)
+    for body in bodies.values():
+        if body.has_matrices:
+            check_not_swapped(body)
     diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
     pitch = 2.0 * np.pi / n_blades
     left, right = _sector_faces(bodies["blade"], sector_faces, n_blades)
 
-    if not contacts:
-        raise SettingError("contacts: expected at least one pair of faces, found none")
     interfaces: dict[str, Interface] = {}
     faces: list[FaceSummary] = []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
@@ -200,8 +259,6 @@ def build_model(
     stiffness: dict[str, ContactStiffness] = {}
     for contact in contacts:
         interface, means, summary = _interface(contact, bodies, n_blades)
-        if contact.name in interfaces:
-            raise SettingError(f"contacts: expected each name once, found '{contact.name}' twice")
         interfaces[contact.name] = interface
         faces.append(summary)
         ports[contact.body_a].append((contact.name, "a"))
@@ -279,16 +336,15 @@ def build_model(
 # Settings
 
 
-def _check_settings(n_blades: int, n_modes: int, n_damper_modes: int, damping_ratio: float) -> None:
-    for name, value, smallest in (
-        ("n_blades", n_blades, 1),
-        ("n_modes", n_modes, 1),
-        ("n_damper_modes", n_damper_modes, 6),
-    ):
-        if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < smallest:
-            raise SettingError(f"{name}: expected a whole number >= {smallest}, found {value!r}")
-    if not 0.0 <= damping_ratio < 1.0:
-        raise SettingError(f"damping_ratio: expected between 0 and 1, found {damping_ratio}")
+def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
+    several = isinstance(given, Iterable) and not isinstance(given, str)
+    contacts = tuple(expect.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
+    if not contacts:
+        raise expect.unfit("contacts", "a sequence of one or more ContactFaces", given)
+    repeated = [c.name for k, c in enumerate(contacts) if c.name in [other.name for other in contacts[:k]]]
+    if repeated:
+        raise SettingError(f"contacts: expected each name once, found '{repeated[0]}' twice")
+    return contacts
 
 
 def _diameters(
@@ -303,11 +359,10 @@ def _diameters(
             else:
                 given = (0,)
         else:
-            given = needed_nodal_diameters(n_blades, int(engine_order), int(harmonics))
-    out = tuple(sorted({0, *(int(d) for d in given)}))
-    if out[0] < 0 or out[-1] > n_blades // 2:
-        raise SettingError(f"nodal_diameters: expected 0 to {n_blades // 2} with {n_blades} blades, found {out}")
-    return out
+            order, most = expect.whole("engine_order", engine_order), expect.whole("harmonics", harmonics, 1, 64)
+            given = needed_nodal_diameters(n_blades, order, most)
+    wanted = expect.wholes("nodal_diameters", given, most=n_blades // 2)
+    return tuple(sorted({0, *wanted}))
 
 
 def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int) -> tuple[NDArray, NDArray]:
@@ -316,6 +371,8 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
         return np.empty(0, int), np.empty(0, int)
     if given is None:
         raise SettingError("sector_faces: expected the two faces of the sector, since n_blades > 1; found none")
+    if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
+        raise expect.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
     first, second = (body.node_set(s, "sector_faces") for s in given)
     # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
     pitch = 2.0 * np.pi / n_blades
@@ -362,8 +419,6 @@ def _interface(
         raise SettingError(f"{item}: expected body_b out of {[*sorted(bodies), 'ground']}, found '{contact.body_b}'")
     if (contact.faces_b is None) != (contact.body_b == "ground"):
         raise SettingError(f"{item}: expected faces_b on '{contact.body_b}' (none on the ground)")
-    if contact.kind not in ("friction", "constraint"):
-        raise SettingError(f"{item}: expected the kind 'friction' or 'constraint', found '{contact.kind}'")
     a = bodies[contact.body_a]
     face_a = a.faces(contact.faces_a, item)
     sector = 0
@@ -406,11 +461,12 @@ def _interface(
             "faces that lie on each other",
             f"a distance of {distance[np.abs(distance).argmax()]:.4g} m with faces {reach:.4g} m wide",
         )
-    if contact.gap == "measured":
+    if isinstance(contact.gap, str):  # "measured"
         gap = distance.copy()
-    elif isinstance(contact.gap, str) or not np.isfinite(contact.gap):
-        raise SettingError(f"{item}: expected a gap in metres or 'measured', found {contact.gap!r}")
     else:
+        if abs(contact.gap) > 0.2 * reach:
+            found = f"{contact.gap:.4g} m on a face {reach:.4g} m wide"
+            raise mismatch(f"{item}: gap", "metres, much less than the width of the face", found)
         gap = np.full(len(means.area), float(contact.gap))
     interface = Interface(
         contact.name, contact.kind, contact.body_a, 0, contact.body_b, sector, means.points_a, means.area, means.frame, gap
@@ -540,7 +596,7 @@ def _constrained(
             "fixed nodes alike on both sector faces",
             lambda: CyclicSector(structure, left, right, mask, n_blades, d),
         )
-        _check_held(body, made[d], d)
+        _check_held(body, made[d], d, bool(mask.any()))
         return made[d]
 
     built = _library(
@@ -559,10 +615,16 @@ def _constrained(
     return built
 
 
-def _check_held(body: PreparedBody, sector: CyclicSector, d: int) -> None:
+def _check_held(body: PreparedBody, sector: CyclicSector, d: int, held: bool) -> None:
     """The pivots of the factorisation show a stiffness that is indefinite, or a body that is not held."""
     factor = sector.solver
     pivots = factor.U.diagonal().real
+    if not held and np.abs(pivots).min() < 1e-9 * np.median(np.abs(pivots)):
+        raise mismatch(
+            f"{body.where}: stiffness matrix, nodal diameter {d}",
+            "a body that is held: fixed=(a set of nodes), or components without rows in the matrices",
+            "neither, and some motion costs no force: nothing holds the sector",
+        )
     if np.array_equal(factor.perm_r, factor.perm_c) and np.any(pivots <= 0.0):
         raise mismatch(
             f"{body.where}: stiffness matrix, nodal diameter {d}",
@@ -625,8 +687,7 @@ def _free(
         return free_from_modes(body, ports, contact, locations, n_modes, damping_ratio, missing)
     mask = body.fixed(None)
     if mask.any():
-        used = np.unique(np.concatenate([e.ravel() for e in body.elements])) if body.elements else np.arange(len(mask))
-        wrong = used[mask[used].any(axis=1)]
+        wrong = body.used[mask[body.used].any(axis=1)]
         if len(wrong):
             raise mismatch(
                 f"{body.where}: matrices",

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper import expect
 from bdamper.brief import brief
 from bdamper.errors import mismatch
 
@@ -31,6 +32,9 @@ class Units:
 
     length: float = 1.0
     mass: float = 1.0
+
+    def __post_init__(self) -> None:
+        expect.fields(self, expect.number, "length", "mass", above=0.0)
 
 
 UNITS = {

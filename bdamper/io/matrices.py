@@ -96,8 +96,11 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     n = out.shape[0]
     if out.nnz and (out.row.min() < 0 or out.col.min() < 0 or out.row.max() >= n or out.col.max() >= n):
         raise mismatch(item, f"indices 0 to {n - 1}", f"{max(out.row.max(), out.col.max())}")
-    if not np.isfinite(out.data).all():
-        raise mismatch(item, "finite numbers", "others")
+    wrong = np.flatnonzero(~np.isfinite(out.data))
+    if len(wrong):
+        k = wrong[0]
+        found = f"{out.data[k]} in row {out.row[k] + 1}, column {out.col[k] + 1} and {len(wrong)} such in all"
+        raise mismatch(item, "finite numbers", found)
     return out.astype(float).tocsr()
 
 
@@ -240,11 +243,11 @@ def read_arrays(
         What messages call the body; the file of the stiffness by default.
     """
     found: list[tuple[sp.csr_matrix, NDArray | None]] = []
-    for given in (stiffness, mass):
+    for key, given in (("stiffness", stiffness), ("mass", mass)):
         if isinstance(given, str | os.PathLike):
             found.append(_with_table(given))
         else:
-            found.append((square_matrix(given, source or "matrix"), None))
+            found.append((square_matrix(given, f"{source or 'the given arrays'}: {key} matrix"), None))
     (k, k_dofs), (m, m_dofs) = found
     if dofs is None:
         dofs = k_dofs

@@ -6,12 +6,12 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.errors import BdamperError, SettingError, mismatch
+from bdamper.errors import SettingError, mismatch
+from bdamper.resultfile import reading, writing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,9 +96,7 @@ class Measurement:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it to an HDF5 file."""
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = "bdamper-measurement"
-            file.attrs["version"] = 1
+        with writing(path, "bdamper-measurement") as file:
             file["frequency"], file["response"] = self.frequency, self.response
             for key in ("name", "node", "direction", "unit", "source"):
                 file.attrs[key] = getattr(self, key)
@@ -112,14 +110,7 @@ def load_measurement(path: str | os.PathLike[str]) -> Measurement:
     BdamperError
         If the file is not such a file.
     """
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != "bdamper-measurement":
-                raise mismatch(str(path), "a file of the format 'bdamper-measurement'", file.attrs.get("format", "none"))
-            text: dict[str, Any] = {key: str(file.attrs[key]) for key in ("name", "unit", "source")}
-            where: dict[str, Any] = {key: int(file.attrs[key]) for key in ("node", "direction")}
-            return Measurement(frequency=file["frequency"][()], response=file["response"][()], **text, **where)
-    except (FileNotFoundError, BdamperError):
-        raise
-    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise mismatch(str(path), "a readable HDF5 file", error) from error
+    with reading(path, "bdamper-measurement", "a measurement written by Measurement.save") as file:
+        text: dict[str, Any] = {key: str(file.attrs[key]) for key in ("name", "unit", "source")}
+        where: dict[str, Any] = {key: int(file.attrs[key]) for key in ("node", "direction")}
+        return Measurement(frequency=file["frequency"][()], response=file["response"][()], **text, **where)

@@ -37,6 +37,7 @@ from bdamper.model import (
     StaticContact,
     SurfaceMesh,
 )
+from bdamper.resultfile import check_folder
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -101,11 +102,14 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     ------
     ModelError
         If the model does not pass :func:`~bdamper.checks.check_model`.
+    BdamperError
+        If its directory does not exist.
     OSError
         If the file cannot be written; an existing file is then unchanged.
     """
     check_model(model)
     _check_attribute_lengths(model)
+    check_folder(path)
     target = Path(path)
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:

@@ -23,6 +23,17 @@ DENSITY = (200.0, 30000.0)
 FREQUENCY = (0.1, 5e6)
 """Lowest elastic frequency, Hz."""
 
+WAVE_SPEED = (1000.0, 15000.0)
+"""Of longitudinal waves in solids of which machines are made, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
+
+DAMPER_SIZE = (1e-3, 10.0)
+"""Extent of a damper over that of the sector."""
+
+RADIAL_ANGLE = 15.0
+"""Angle (degrees) between ``radial`` and the middle of a narrow sector that passes for a matter of its shape."""
+
+OVERRIDE = "pass check_units=False if they are right"
+
 AGREEMENT = 0.01
 """Relative difference up to which two programs are said to agree on a frequency."""
 
@@ -114,17 +125,95 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
     body.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
 
 
+def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
+    """A damper is smaller than the sector, but not a thousand times: both bodies come in the same unit of length."""
+    ratio = damper.size / max(blade.size, 1e-300)
+    if not DAMPER_SIZE[0] <= ratio <= DAMPER_SIZE[1]:
+        raise mismatch(
+            f"{blade.where} and {damper.where}: positions",
+            "bodies in the same unit of length",
+            f"extents of {blade.size:.4g} m and {damper.size:.4g} m, a ratio of {ratio:.3g}: millimetres beside metres "
+            f"suspected; {OVERRIDE}",
+        )
+
+
+def check_radial(body: PreparedBody, n_blades: int) -> None:
+    """The sector stands where ``radial`` points, which only a sector narrower than a half circle can tell."""
+    pitch = 360.0 / n_blades
+    limit = max(pitch, RADIAL_ANGLE)
+    nodes = body.nodes[body.used]
+    x, y, _ = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
+    if limit >= 180.0 or np.hypot(x, y) < 0.05 * body.size:
+        return
+    angle = np.rad2deg(np.arctan2(x, y))
+    if abs(angle) > limit:
+        along = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y)
+        raise mismatch(
+            f"{body.where}: radial",
+            f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
+            f"({', '.join(f'{a:.3g}' for a in along)}) in the axes of the file",
+            f"({', '.join(f'{r:.3g}' for r in body.place.radial)}), {abs(angle):.3g} degrees off",
+        )
+    body.checks.append(f"{body.name}: the middle of the sector stands {abs(angle):.2g} degrees from radial")
+
+
+def check_not_swapped(body: PreparedBody) -> None:
+    """A mass matrix resists a translation of all nodes; a stiffness matrix does not, but where it is held."""
+    along = np.tile(np.eye(3), (len(body.nodes), 1))
+    stiffness, mass = (
+        float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
+        for matrix in (body.structure.stiffness, body.structure.mass)
+    )
+    if mass < 0.1 and stiffness > 0.5:
+        raise mismatch(
+            f"{body.where}: matrices",
+            "a stiffness matrix, then a mass matrix",
+            "one that resists translations as a mass does, then one that does not: they came swapped",
+        )
+
+
+def wave_speed(body: PreparedBody) -> float:
+    """Speed (m/s) of longitudinal waves in the material: the energy of a uniform stretch against the mass.
+
+    ``u^T K u = (lambda + 2 mu) V`` for the displacements ``u`` of a unit strain along one axis, ``1^T M 1 = rho V``.  The
+    least over the axes, about the middle of the nodes without rows: what they hold is strained more.
+    """
+    structure = body.structure
+    held = body.fixed(None).any(axis=1)
+    centre = body.nodes[held].mean(axis=0) if held.any() else body.nodes.mean(axis=0)
+    arm = body.nodes - centre
+    speeds = []
+    for axis in np.eye(3):
+        stretch, along = (arm * axis).ravel(), np.tile(axis, len(arm))
+        mass = float(along @ (structure.mass @ along))
+        speeds.append(float(stretch @ (structure.stiffness @ stretch)) / mass if mass > 0.0 else np.inf)
+    return float(np.sqrt(max(min(speeds), 0.0)))
+
+
+def _check_wave_speed(body: PreparedBody, given: str) -> str:
+    speed = wave_speed(body)
+    high = np.inf if body.fixed(None).any() else WAVE_SPEED[1]
+    if not WAVE_SPEED[0] <= speed <= high:
+        raise mismatch(
+            f"{body.where}: stiffness and mass matrix",
+            f"a material in which longitudinal waves travel at {WAVE_SPEED[0]:g} to {WAVE_SPEED[1]:g} m/s (some 6000 in "
+            "metals)",
+            f"{speed:.3g} m/s with units='{given}': a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that "
+            f"of a metal, other units of the stiffness or the mass matrix suspected; {OVERRIDE}",
+        )
+    return f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material"
+
+
 def check_sizes(body: PreparedBody, made: Body) -> list[str]:
     """Refuse sizes, densities and frequencies far from anything built; the texts of the checks otherwise."""
     texts = []
     given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
-    override = "pass check_units=False if they are right"
     if not SIZE[0] <= body.size <= SIZE[1]:
         factor = "millimetres" if body.size > SIZE[1] else "another unit of length"
         raise mismatch(
             f"{body.where}: positions",
             f"an extent of {SIZE[0]:g} to {SIZE[1]:g} m",
-            f"{body.size:.4g} m with units='{given}': {factor} suspected; {override}",
+            f"{body.size:.4g} m with units='{given}': {factor} suspected; {OVERRIDE}",
         )
     texts.append(f"{body.name}: extent {body.size:.4g} m")
     if body.volume is not None and body.has_matrices:
@@ -139,9 +228,11 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
             raise mismatch(
                 f"{body.where}: mass matrix",
                 f"a density of {DENSITY[0]:g} to {DENSITY[1]:g} kg/m3",
-                f"{density:.4g} kg/m3 with units='{given}': {hint}; {override}",
+                f"{density:.4g} kg/m3 with units='{given}': {hint}; {OVERRIDE}",
             )
         texts.append(f"{body.name}: mass {mass:.6g} kg on free nodes, volume {body.volume:.6g} m3, {density:.4g} kg/m3")
+    if body.has_matrices:
+        texts.append(_check_wave_speed(body, given))
     for d, basis in made.bases.items():
         elastic = basis.omega2[basis.omega2 > 0.0]
         if len(elastic):
@@ -151,6 +242,6 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
                     f"{body.where}: nodal diameter {d}",
                     f"a lowest frequency of {FREQUENCY[0]:g} to {FREQUENCY[1]:g} Hz",
                     f"{lowest:.4g} Hz with units='{given}': units of mass or stiffness off by powers of 10 suspected; "
-                    f"{override}",
+                    f"{OVERRIDE}",
                 )
     return texts

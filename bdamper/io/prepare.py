@@ -15,8 +15,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from bdamper import expect
 from bdamper.errors import ModelError, SettingError, mismatch
 from bdamper.io.fe_body import UNITS, FEBody, Units
+from bdamper.io.matrices import square_matrix
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
 
@@ -60,22 +62,13 @@ def placement(axis: object, radial: object, origin: object, units: str | Units) 
     ------
     SettingError
     """
-    vectors = {}
-    for name, value in (("axis", axis), ("radial", radial), ("origin", origin)):
-        vector = np.asarray(value, float)
-        if vector.shape != (3,) or not np.isfinite(vector).all():
-            raise SettingError(f"{name}: expected three finite numbers, found {value!r}")
-        vectors[name] = vector
-    z, y = vectors["axis"], vectors["radial"]
+    given = {"axis": axis, "radial": radial, "origin": origin}
+    z, y, start = (expect.numbers(name, value, 3) for name, value in given.items())
     if not np.linalg.norm(z) or abs(z @ y) > 1e-6 * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
         raise SettingError(f"axis and radial: expected two directions at right angles, found {axis!r} and {radial!r}")
-    if isinstance(units, str):
-        if units not in UNITS:
-            raise SettingError(f"units: expected one of {sorted(UNITS)} or Units(...), found '{units}'")
-        units = UNITS[units]
-    if not (np.isfinite(units.length) and np.isfinite(units.mass) and units.length > 0 and units.mass > 0):
-        raise SettingError(f"units: expected factors > 0, found {units}")
-    return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), vectors["origin"], units)
+    if not isinstance(units, Units):
+        units = UNITS[expect.choice("units (or Units(...))", units, sorted(UNITS))]
+    return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), start, units)
 
 
 @dataclass
@@ -160,6 +153,13 @@ class PreparedBody:
         return tuple(self.index(e, "elements") for e in self.given.elements)
 
     @cached_property
+    def used(self) -> NDArray:
+        """Indices of the nodes of the elements; of all nodes without elements."""
+        if not self.elements:
+            return np.arange(len(self.nodes))
+        return np.unique(np.concatenate([e.ravel() for e in self.elements]))
+
+    @cached_property
     def boundary(self) -> Facets:
         """Outer faces of the solid elements."""
         try:
@@ -207,9 +207,7 @@ class PreparedBody:
 
     def check_repeated(self) -> None:
         """Nodes at the same place are usually a mesh that was not merged."""
-        used = np.arange(len(self.nodes))
-        if self.elements:
-            used = np.unique(np.concatenate([e.ravel() for e in self.elements]))
+        used = self.used
         pairs = cKDTree(self.nodes[used]).query_pairs(1e-9 * max(self.size, 1e-30), output_type="ndarray")
         if len(pairs):
             a, b = self.given.numbers[used[pairs[0]]]
@@ -273,8 +271,7 @@ class PreparedBody:
         n_eq = len(rows)
         if matrix.shape != (n_eq, n_eq):
             raise mismatch(item, f"shape ({n_eq}, {n_eq})", matrix.shape)
-        if matrix.dtype.kind not in "fiu" or not np.isfinite(matrix.data).all():
-            raise mismatch(item, "finite real numbers", f"{matrix.dtype}")
+        matrix = square_matrix(matrix, item)
         scale = float(abs(matrix).max())
         if scale == 0.0:
             raise mismatch(item, "numbers other than 0", "none")

@@ -140,7 +140,7 @@ def test_user_values():
     np.testing.assert_array_equal(s.stiffness["left"].stiffness, np.tile([1e6, 2e6, 3e6], (4, 1)))
     with pytest.raises(bd.SettingError, match=r"contact_stiffness.*\['right'\]"):
         _ = study({"left": 1e6}).stiffness
-    with pytest.raises(bd.SettingError, match=r"contact_stiffness\['left'\]: expected finite non-negative"):
+    with pytest.raises(bd.SettingError, match=r"contact_stiffness\['left'\]: expected finite numbers >= 0"):
         _ = study({"left": -1.0, "right": 1.0}).stiffness
     with pytest.raises(bd.SettingError, match="contact_stiffness: expected one of"):
         _ = study("eq5").stiffness

@@ -25,7 +25,7 @@ C_LEVELS = [
 ]
 # every Python module may import from lower levels and its own
 PYTHON_LEVELS = [
-    {"errors", "brief", "model", "_core", "resultfile", "threads"},
+    {"errors", "brief", "expect", "model", "_core", "resultfile", "threads"},
     {"excitation"},
     {"checks", "wedge", "fe", "reduction", "aggregation"},
     {"io"},

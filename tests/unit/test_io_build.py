@@ -22,7 +22,9 @@ from bdamper.fe.mesh import MeshDensity, damper_mesh
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.sets import damper_sets
-from bdamper.io import ContactFaces, FEBody, build_model, load_model
+from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
+from bdamper.io.plausible import wave_speed
+from bdamper.io.prepare import PreparedBody, placement
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
 
@@ -363,14 +365,14 @@ BAD_BLADES = [
     (table(set_row(5, [101, 1])), "each pair once, found node 101, component 1 repeated"),
     (lambda b: replace(b, mass=b.mass[:-3, :-3]), r"mass matrix: expected shape \(4383, 4383\), found \(4380, 4380\)"),
     (lambda b: replace(b, mass=-b.mass), "mass matrix: expected a diagonal without negative numbers"),
-    (lambda b: replace(b, stiffness=b.stiffness * np.nan), "stiffness matrix: expected finite real numbers"),
+    (lambda b: replace(b, stiffness=b.stiffness * np.nan), "stiffness matrix: expected finite numbers, found nan in row 1"),
     (lambda b: replace(b, stiffness=b.stiffness[:-3, :-3]), "expected 4383 rows for 1461 nodes, or a table"),
     (lambda b: replace(b, nodes=np.full_like(b.nodes, np.inf)), "nodes: expected finite positions"),
     (lambda b: replace(b, nodes=b.nodes[:-1]), "nodes: expected numbers .n,. and positions"),
     (lambda b: replace(b, mass=None), "expected a stiffness and a mass|modes of nodal diameter 0"),
     (lambda b: replace(b, elements=(b.elements[0][:, :19],)), "elements: expected solid elements, found .*not 19"),
     (lambda b: replace(b, elements=()), "contact 'left': expected faces, or elements besides the set of nodes"),
-    (lambda b: replace(b, nodes=b.nodes * 1e3), "sector_faces|lie on each other|no area in common|position on the body"),
+    (lambda b: replace(b, nodes=b.nodes * 1e3), "the same unit of length, found extents of 319.* m and 0.036 m"),
 ]
 
 
@@ -413,24 +415,42 @@ def test_bad_damper(bodies, tip, change, message):
 BAD_SETTINGS = [
     ({"n_blades": 0}, "n_blades: expected a whole number >= 1"),
     ({"n_blades": 64}, "sector_faces: expected two sets of nodes of which a rotation by 2 pi/64"),
-    ({"n_modes": 0}, "n_modes: expected a whole number >= 1"),
+    ({"n_modes": 0}, "n_modes: expected a whole number from 1"),
     ({"damping_ratio": 1.0}, "damping_ratio"),
-    ({"contacts": []}, "contacts: expected at least one pair"),
-    ({"units": "furlong"}, "units: expected one of"),
+    ({"contacts": []}, "contacts: expected a sequence of one or more"),
+    ({"units": "furlong"}, r"units \(or Units\(...\)\): expected one of"),
     ({"axis": (0, 0, 0)}, "axis and radial"),
     ({"axis": (0, 1, 1)}, "axis and radial"),
-    ({"nodal_diameters": (40,)}, "nodal_diameters: expected 0 to 32"),
+    ({"nodal_diameters": (40,)}, "nodal_diameters: expected a whole number from 0 to 32, found 40"),
     ({"nodal_diameters": None}, "expected engine_order or nodal_diameters"),
     ({"sector_faces": None}, "sector_faces: expected the two faces"),
-    ({"fixed": None}, "expected a body that is held|positive definite"),
+    ({"fixed": None}, "found neither, and some motion costs no force: nothing holds the sector"),
     ({"locations": {"tip": 7}}, "location 'tip': expected numbers of existing nodes, found 7"),
     ({"locations": {"tip": [1.0, 1.0, 1.0]}}, "location 'tip': expected a position on the body"),
     ({"locations": {"tip": ("vane", 101)}}, r"location 'tip': expected a body out of \['blade', 'damper'\]"),
     ({"contacts": [ContactFaces("left", "LEFT", "BORE")]}, "normals that point at each other|no area"),
     ({"contacts": [ContactFaces("left", "LEFT", None)]}, "contact 'left': expected faces_b"),
     ({"contacts": [ContactFaces("left", np.array([101, 102]), "BORE")]}, "at least one whole face"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=np.nan)]}, "a gap in metres or 'measured'"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=0)]}, "points must be at least 1"),
+    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=0.2)]}, "gap: expected metres, much less than"),
+    ({"contacts": ["left"]}, "contacts: expected a ContactFaces, found 'left'"),
+    ({"contacts": None}, "contacts: expected a sequence of one or more ContactFaces, found None"),
+    ({"units": None}, r"units \(or Units\(...\)\): expected one of .*, found None"),
+    ({"axis": "z"}, "axis: expected 3 finite numbers, found 'z'"),
+    ({"origin": (0, 0)}, "origin: expected 3 finite numbers"),
+    ({"radial": (1, 0, 0)}, r"radial: .*, 1, .*\) in the axes of the file, found \(1, 0, 0\), (89|9\d).*degrees off"),
+    ({"radial": (0, -1, 0)}, r"radial: expected .*, found \(0, -1, 0\), 1[78]\d.*degrees off"),
+    ({"locations": [344]}, r"locations: expected a mapping, found \[344\]"),
+    ({"expected_frequencies": [285.0]}, "expected_frequencies: expected a mapping"),
+    ({"expected_frequencies": {5: 285.0}}, "expected_frequencies at nodal diameter 5: expected a sequence"),
+    ({"sector_faces": ("LOW", "HIGH", "BORE")}, "sector_faces: expected two sets of nodes"),
+    ({"sector_faces": "LOW"}, "sector_faces: expected two sets of nodes"),
+    ({"damping_ratio": "0.2%"}, "damping_ratio: expected a finite number >= 0 and < 1, found '0.2%'"),
+    ({"nodal_diameters": [2.5]}, "nodal_diameters: expected a whole number from 0 to 32, found 2.5"),
+    ({"nodal_diameters": "5"}, "nodal_diameters: expected a sequence of whole numbers, found '5'"),
+    ({"nodal_diameters": None, "engine_order": "5"}, "engine_order: expected a whole number >= 0, found '5'"),
+    ({"nodal_diameters": None, "engine_order": 5, "harmonics": 2.5}, "harmonics: expected a whole number .*, found 2.5"),
+    ({"n_modes": 10**5}, "n_modes: expected a whole number from 1 to 1000, found 100000"),
+    ({"check_units": "no"}, "check_units: expected True or False"),
     ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", stiffness=(1e8, -1.0, 0))]}, "stiffness"),
     ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", sector_b=1)]}, "normals|no area|lie on each other"),
     ({"contacts": 2 * [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE")]}, "each name once"),
@@ -444,8 +464,80 @@ def test_bad_settings(bodies, tip, change, message):
         build_model(*bodies, **settings)
 
 
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ({"gap": np.nan}, "contact 'left': gap: expected a finite number in m, found nan"),
+        ({"gap": "wide"}, "contact 'left': gap: expected a distance in metres or 'measured', found 'wide'"),
+        ({"points": 0}, "contact 'left': points: expected a whole number from 1 to 400, found 0"),
+        ({"points": 500}, "contact 'left': points: expected a whole number from 1 to 400, found 500"),
+        ({"points": (30, 30)}, "contact 'left': points: expected at most 400 contact points"),
+        ({"points": (3, 3, 7)}, "contact 'left': points: expected a number of contact points or two"),
+        ({"points": "9"}, "contact 'left': points: expected a whole number .*, found '9'"),
+        ({"kind": "glue"}, "contact 'left': kind: expected one of"),
+        ({"sector_b": 2}, "contact 'left': sector_b: expected a whole number from -1 to 1, found 2"),
+        ({"frame": np.eye(2)}, "contact 'left': frame: expected three rows t1, t2, n"),
+        ({"frame": np.eye(3) + 0.01}, "contact 'left': frame: expected three rows t1, t2, n"),
+        ({"frame": np.diag([1.0, 1.0, -1.0])}, "contact 'left': frame: expected three rows .* right-handed"),
+        ({"frame": "xyz"}, "contact 'left': frame: expected three rows t1, t2, n"),
+    ],
+)
+def test_bad_contact_faces_are_refused_at_once(setting, message):
+    with pytest.raises(SettingError, match=message):
+        ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", **setting)
+
+
 # -----------------------------------------------------------------------------------------------------------
 # Units
+
+
+def softer(body, factor):
+    return replace(body, stiffness=factor * body.stiffness)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda b: (softer(b[0], 1e-6), b[1]), "blade .*: expected a material .*, found 6 m/s"),
+        (lambda b: (b[0], softer(b[1], 1e-4)), r"damper .*: expected a material .*, found \d\d\.?\d* m/s"),
+        (lambda b: (b[0], softer(b[1], 1e3)), r"damper .*: expected a material .*, found 1\.\d+e\+05 m/s"),
+        (lambda b: (scaled(b[0], 1e-3, 1.0), b[1]), "the same unit of length, found extents of 319.* m and .*millimetres"),
+        (lambda b: (b[0], scaled(b[1], 1e-3, 1.0)), r"the same unit of length, found extents of 0\.319.* m and .*millim"),
+    ],
+)
+def test_materials_and_sizes_that_no_machine_has_are_named(bodies, tip, change, message):
+    with pytest.raises(ModelError, match=message):
+        build_model(*change(bodies), contacts=contacts(), **SETTINGS)
+
+
+def test_waves_travel_as_in_the_material(bodies, fe, built):
+    """Speed of longitudinal waves sqrt((lambda + 2 mu)/rho), from matrices alone."""
+    steel = fe.material
+    e, nu, rho = steel.youngs_modulus, steel.poisson_ratio, steel.density
+    exact = np.sqrt(e * (1 - nu) / ((1 + nu) * (1 - 2 * nu)) / rho)
+    for body in bodies:
+        prepared = PreparedBody("body", body, placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s"))
+        assert wave_speed(prepared) == pytest.approx(exact, rel=1e-6)
+    assert re.search(r"damper: longitudinal waves travel at \d{4} m/s", str(built))
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_swapped_matrices_are_named(bodies, tip, which):
+    given = list(bodies)
+    given[which] = replace(given[which], stiffness=given[which].mass, mass=given[which].stiffness)
+    with pytest.raises(ModelError, match=r"expected a stiffness matrix, then a mass matrix, found .* swapped"):
+        build_model(*given, contacts=contacts(), **SETTINGS)
+
+
+def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies, tip):
+    bad = bodies[0].mass.tocoo(copy=True)
+    bad.data[7] = np.nan
+    found = rf"nan in row {bad.row[7] + 1}, column {bad.col[7] + 1} and 1 such in all"
+    with pytest.raises(ModelError, match=rf"blade \(sector arrays\): mass matrix: expected finite numbers, found {found}"):
+        build_model(replace(bodies[0], mass=bad), bodies[1], contacts=contacts(), **SETTINGS)
+    numbers, nodes = bodies[0].numbers, bodies[0].nodes
+    with pytest.raises(ModelError, match=rf"sector: mass matrix: expected finite numbers, found {found}"):
+        read_arrays(bodies[0].stiffness, bad, (numbers, nodes), source="sector")
 
 
 @pytest.mark.parametrize(

@@ -28,13 +28,40 @@ def test_points_are_read(tmp_path):
     [
         ("", "found nothing"),
         ("force,amplitude\n1,2\n", "line 1: expected the columns"),
-        ("load,amplitude\n1,2\n2,x\n", "line 3: expected a number in column 'amplitude', found 'x'"),
-        ("load,amplitude\n-1,2\n", "at least 0 in every row"),
+        ("load,amplitude\n1,2\n2,x\n", "line 3: expected a finite number of at least 0 in column 'amplitude', found 'x'"),
+        ("load,amplitude\n-1,2\n", "line 2: expected a finite number of at least 0 in column 'load', found '-1'"),
+        ("load,amplitude\n,2\n", "line 2: expected a finite number of at least 0 in column 'load', found ''"),
+        ("load,amplitude\n1,-2\n", "line 2: expected .* in column 'amplitude', found '-2'"),
+        ("load,amplitude\n1,inf\n", "line 2: expected .* in column 'amplitude', found 'inf'"),
+        ("load,amplitude\n10,0,5\n", "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'"),
+        ("load,amplitude\n", "expected rows of numbers after the header, found none"),
     ],
 )
 def test_bad_files_are_named(tmp_path, text, message):
     with pytest.raises(BdamperError, match=message):
         load_measured(write(tmp_path, text))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_header(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_bytes("load,amplitude\n0,2\n10,1\n".encode("utf-8-sig"))
+    assert load_measured(path).load.tolist() == [0.0, 10.0]
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_other_encodings_are_named(tmp_path, encoding):
+    path = tmp_path / "points.csv"
+    path.write_bytes("# Prüfstand\nload,amplitude\n0,2\n".encode(encoding))
+    with pytest.raises(BdamperError, match=r"points\.csv: expected text in UTF-8, found another encoding"):
+        load_measured(path)
+
+
+def test_a_reference_of_zero_is_named():
+    points = Measured(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.ones(2), "rig")
+    with pytest.raises(BdamperError, match="rig: expected a reference amplitude above 0 at the least load, 0, found 0"):
+        points.normalised("amplitude")
+    with pytest.raises(BdamperError, match="quantity: expected one of"):
+        points.normalised("phase")
 
 
 def test_missing_quantity_is_named():

@@ -73,5 +73,5 @@ def test_results_and_bad_input(curves, tmp_path):
         np.testing.assert_array_equal(file["displacement"][()], curve.displacement)
     assert curve.plot().axes
     for forces in ((), (2.0, 1.0), (0.0, 1.0), (np.nan,)):
-        with pytest.raises(SettingError, match="expected increasing forces"):
+        with pytest.raises(SettingError, match="microslip forces: expected"):
             microslip(study("unit_traction"), LOAD, forces)
