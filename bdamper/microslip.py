@@ -136,7 +136,7 @@ def microslip(
     kn = study._k[:, 2]
     system = StaticSystem(
         basis.omega2, basis.G.real, study._kt, kn, study.friction,
-        kn * (preload * x0[:, 2] - study._gap), d.real, np.zeros_like(x0), preload * f,
+        kn * (preload * x0[:, 2] - study._gap), d.real, np.zeros_like(x0), preload * f, study._bonded,
     )  # fmt: skip
     # the constant part of the motion stands in n0 and in the sliders
     state = replace(seat, load=0.0, slider=seat.slider - preload * x0[:, :2])

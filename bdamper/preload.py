@@ -9,7 +9,7 @@ The load grows in steps from a small fraction to its full value. Within a step e
 one of two senses, open, for each tangential direction); the equations are then linear, and the states are updated from
 the law until they repeat themselves. At the first step all points that touch are taken as stuck, and again where the
 states of the step before lead nowhere. Sliders are carried from step to step, so the result depends on the history of
-loading, as friction does.
+loading, as friction does. Bonded points always stick, with springs that push and pull.
 
 Friction acts along each of the two contact axes on its own here, whatever law the vibration follows: the states are those
 of lines, which is what keeps the equations linear between their changes. Where a point slips along both axes its friction
@@ -50,6 +50,8 @@ class StaticSystem:
         Part of (u1, u2, v) per newton of load that the modes do not carry.
     constant_force : (n_modes,) float
         Modal force that does not scale with the load.
+    bonded : (n_points,) bool, optional
+        Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
     """
 
     stiffness: NDArray
@@ -61,6 +63,7 @@ class StaticSystem:
     force: NDArray
     shift: NDArray
     constant_force: NDArray
+    bonded: NDArray | None = None
 
 
 @brief
@@ -126,6 +129,9 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     status[open_] = OPEN
     safe = np.where(system.kt > 0.0, system.kt, 1.0)
     slider = np.where(system.kt > 0.0, x[:, :2] - tangential / safe, x[:, :2])
+    if system.bonded is not None:
+        b = system.bonded
+        tangential[b], normal[b], status[b], slider[b] = trial[b], level[b], STICK, w[b]
     closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
     return np.column_stack([tangential, normal]), status, slider, closing
 
@@ -292,7 +298,8 @@ def static_state(
     """
     n, m = system.G.shape[0], system.G.shape[2]
     if start is None:
-        status = np.where((system.n0 < 0.0)[:, None], OPEN, np.full((n, 2), STICK))
+        apart = system.n0 < 0.0 if system.bonded is None else (system.n0 < 0.0) & ~system.bonded
+        status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
         if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
             status[:] = STICK
         state = PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)

@@ -82,6 +82,7 @@ def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, set
             np.zeros(len(basis.omega2)),
             np.zeros((len(kn), 3)),
             np.zeros(len(basis.omega2)),
+            study._bonded,
         )
         state = static_state(soft, 0.0)
         if not state.converged:

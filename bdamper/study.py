@@ -509,6 +509,11 @@ class Study:
         return law
 
     @cached_property
+    def _bonded(self) -> NDArray:
+        """(n_points,) bool: points of linear springs."""
+        return self._law == LAW_BONDED
+
+    @cached_property
     def _kt(self) -> NDArray:
         return self._k[:, :2] * (self._law != LAW_NORMAL)[:, None]
 
@@ -573,11 +578,12 @@ class Study:
                 self._static_basis.G.real,
                 self._kt,
                 self._k[:, 2],
-                np.where(self._law == LAW_BONDED, 1e9, self.friction),
+                self.friction,
                 -self._k[:, 2] * self._gap,
                 force,
                 shift,
                 np.zeros_like(force),
+                self._bonded,
             )
             state = None
             if len(factors) == 1:
@@ -619,6 +625,8 @@ class Study:
             return ()
         faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
         holders = {self.coupling.model.interfaces[name].body_a for name in faces}
+        springs = {name for name, law in self._law_by_interface().items() if law == LAW_BONDED}
+        holders -= {self.coupling.model.interfaces[name].body_a for name in springs}
         return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
 
     def _check_preload(self, preload: float) -> float:
@@ -655,7 +663,7 @@ class Study:
             kn=self._k[:, 2],
             mu=self.friction,
             n0=-self._k[:, 2] * self._gap,
-            slider=np.where(self._law[:, None] == LAW_BONDED, 0.0, state.slider),
+            slider=np.where(self._bonded[:, None], 0.0, state.slider),
             law=self._law.copy(),
             shift=shift,
         )
@@ -696,7 +704,7 @@ class Study:
 
     def _stuck_springs(self, state: PreloadState) -> NDArray:
         """(n_points, 3) linear springs: points that the preload has closed do not slip."""
-        closed = ~(state.status == OPEN).any(axis=1) | (self._law == LAW_BONDED)
+        closed = ~(state.status == OPEN).any(axis=1)
         springs = np.concatenate([self._kt, self._k[:, 2:]], axis=1)
         return springs * closed[:, None]
 

@@ -11,7 +11,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.friction_axes import major_angles, turned
+from bdamper.preload import STICK
 from bdamper.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, PointArrays
+from tests.models import acyclic_model, wedge_model
 
 INTERVAL = (250.0, 400.0)
 
@@ -64,6 +66,40 @@ def test_bonded_points_give_the_stuck_response(study):
     assert bonded.shares[:, 0].min() > 0.999
     assert bonded.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-4)
     assert bonded.peak.frequency == pytest.approx(stuck.peak.frequency, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [acyclic_model(4), acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0), wedge_model(3), wedge_model(9)],
+    ids=["damper modes", "acyclic", "wedge 3", "wedge 9"],
+)
+def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
+    """Statics, solved as one linear system: the wedge pulls at points where it would open, and nothing slips."""
+    study = bd.Study(
+        model,
+        bd.Excitation("tip", "tangential", 40.0),
+        engine_order=2 if model.n_blades > 1 else 0,
+        contact_stiffness="model",
+        damping_ratio=0.02,
+        friction_law="bonded",
+        constraints=False,
+    )
+    load = 2000.0
+    state = study.static(load)
+    assert state.converged
+    basis, (force, shift) = study._static_basis, study._load
+    G = basis.G.real.reshape(-1, basis.n_modes)
+    k = np.concatenate([study._kt, study._k[:, 2:]], axis=1).ravel()
+    K = np.diag(basis.omega2) + G.T @ (k[:, None] * G)
+    q = np.linalg.solve(K, load * (force - G.T @ (k * shift.ravel())))
+    springs = (k * (G @ q + load * shift.ravel())).reshape(-1, 3)
+    np.testing.assert_allclose(state.force, springs, atol=1e-8 * np.abs(springs).max())
+    assert springs[:, 2].min() < 0.0
+    assert (state.status == STICK).all()
+    assert study.self_locking == ()
+    curve = study.track(load, (250.0, 400.0))
+    assert curve.complete
+    assert curve.shares[:, 0].min() > 0.999
 
 
 def test_comparison_of_laws(study, tmp_path):
