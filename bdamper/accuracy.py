@@ -313,7 +313,7 @@ def sweep_peak(study: Study, preload: float, interval: tuple[float, float], n: i
     Points at which Newton fails from the point before and from the stuck response are left out.
     """
     system = study.system(preload)
-    state = study.static(preload)
+    state = study._at_rest(preload)
     springs = study._stuck_springs(state)
     omegas = 2.0 * np.pi * np.linspace(*interval, n)
     best = (np.nan, np.nan)

@@ -15,6 +15,10 @@ class SettingError(BdamperError, ValueError):
     """A setting of a study is out of range or does not fit the model."""
 
 
+class StaticError(BdamperError):
+    """No static state was found under a load, so there is nothing to vibrate about."""
+
+
 _LONGEST_FOUND = 300
 
 

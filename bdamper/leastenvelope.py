@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.errors import BdamperError, SettingError
+from bdamper.errors import BdamperError, SettingError, StaticError
 from bdamper.optimalcurve import OptimumPoint
 from bdamper.peakbranch import PeakFollower
 from bdamper.peaksearch import Peak
@@ -105,7 +105,7 @@ class LeastEnvelope:
                 return OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", 0.0)
             far = (float(x[k + side]), *self.envelope(float(x[k + side])))
             return self._narrow(near, far)
-        except (ArithmeticError, SettingError) as error:
+        except (ArithmeticError, SettingError, StaticError) as error:
             width = float(np.max(np.abs(np.diff(x))))
             return OptimumPoint(best.parameter, best.amplitude, best.frequency, "smooth", width, str(error))
 

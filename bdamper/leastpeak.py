@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bdamper.brief import brief
-from bdamper.errors import SettingError
+from bdamper.errors import SettingError, StaticError
 from bdamper.peakbranch import PeakFollower
 from bdamper.peaksearch import Family, Peak, PeakOptions
 from bdamper.peaksensitivity import amplitude_sensitivity
@@ -113,6 +113,6 @@ def least_peak(
                 f_a = 0.5 * f_a if side == 1 else f_a
                 side = 1
         return Optimum(peak.parameter, peak.amplitude, peak.frequency, "smooth", min(abs(x - last), b - a), peak)
-    except (ArithmeticError, SettingError) as error:
+    except (ArithmeticError, SettingError, StaticError) as error:
         best = min(nearest.values(), key=lambda p: p.amplitude)
         return Optimum(best.parameter, best.amplitude, best.frequency, "smooth", np.inf, best, str(error))

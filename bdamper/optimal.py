@@ -88,7 +88,6 @@ def optimal_curve(
     known = PeakSet(study, values, frequency, options or FOLLOWING, meter)
     known.run(checks)
     optimum = LeastEnvelope(known).point()
-    n_unknowns = study.system(float(values[0])).n_unknowns
     leaders = [known.leader(k) for k in range(len(values))]
 
     def column(get: Any, fill: Any) -> NDArray:
@@ -110,7 +109,7 @@ def optimal_curve(
         residual=column(lambda item: item[1].residual, np.nan),
         rank_deficiency=column(lambda item: item[1].rank_deficiency, 0),
         branch=column(lambda item: item[0].number, -1),
-        unknowns=column(lambda item: item[1].y[:-1], np.full(n_unknowns, np.nan)),
+        unknowns=column(lambda item: item[1].y[:-1], np.full(study.n_unknowns, np.nan)),
         status=tuple(status),
         peak_preload=np.array([q.parameter for _, q in every]),
         peak_amplitude=np.array([q.amplitude for _, q in every]),

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.errors import SettingError
+from bdamper.errors import SettingError, StaticError
 from bdamper.peaksearch import Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
 from bdamper.peaksensitivity import sensitivities
 from bdamper.system import norm2
@@ -132,13 +132,16 @@ class PeakFollower:
 
     def _attempt(self, value: float, walk: bool, thorough: bool) -> Peak | None:
         last = self.known[-1]
-        predictions = self._predictions(value)
+        try:
+            predictions, system = self._predictions(value), self.family(value)
+        except StaticError as error:
+            self.reason = str(error)
+            return None
         order = int(np.argmin(self.errors[: len(predictions)]))
         guess = predictions[order]
         if not guess[-1] > 0.0:
             self.reason = "frequency not positive"
             return None
-        system = self.family(value)
         self.n_mean = system.n_mean
         width = vibration_width(last.y, last.tangent, last.scale, system.n_mean)
         scale = peak_scale(system, guess, width)

@@ -100,7 +100,7 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = study._stuck_springs(study.static(1.0 if np.any(study._load[0]) else 0.0))
+    springs = study._stuck_springs(study._at_rest(1.0 if np.any(study._load[0]) else 0.0))
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free
@@ -109,8 +109,13 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
 
 
 def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
-    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none."""
-    system = study.system(preload)
+    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
+
+    NaN too for the stuck one at a preload without a static state.
+    """
+    if stuck and not study.static(preload).converged:
+        return Limit(np.nan, np.nan)
+    system = study.system(preload if stuck else 0.0)
     springs = study._stuck_springs(study.static(preload)) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
     tops = [linear_maximum(system, springs, w, width) for w, width, _ in linear_resonances(system, (springs,), low, high)]
@@ -153,9 +158,12 @@ def scan(
 ) -> Scan:
     """The same from the ends of the interval, with points of the curve; arguments as for :func:`peaks_at`."""
     curve = uninterrupted(study.track(preload, frequency, options=continuation or coarse_options()))
-    system = study.system(preload)
     if meter is not None:
         meter.add(curve.cost)
+    if not len(curve):
+        return Scan((), f"{curve.status} ({curve.reason})", np.zeros((0, curve.unknowns.shape[1] + 1)))
+    system = study.system(preload)
+    if meter is not None:
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])

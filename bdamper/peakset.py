@@ -97,6 +97,11 @@ class PeakSet:
         if k in self.scanned:
             return
         p = float(self.preload[k])
+        state = self.study.static(p)
+        if not state.converged:
+            self.scanned[k] = f"not made: static state: {state.note}"
+            self.events.append(f"{p:.6g} N: static state: {state.note}")
+            return
         found = self.look(k, p)
         peaks, ending = found.peaks, found.ending
         self.scanned[k], self.points[k] = ending, found.some

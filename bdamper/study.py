@@ -36,7 +36,7 @@ from bdamper.checks import check_model
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
-from bdamper.errors import BdamperError, SettingError
+from bdamper.errors import SettingError, StaticError
 from bdamper.excitation import Excitation, Response, direction_vector
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
@@ -602,10 +602,17 @@ class Study:
             self._states[key] = replace(state, cost=Cost(time.perf_counter() - start, iterations=state.iterations))
         return self._states[key]
 
+    def _at_rest(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+        """The static state that a result is built on, an error where there is none."""
+        state = self.static(preload, history)
+        if not state.converged:
+            raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
+        return state
+
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
         """Pressure, gap and state over the faces in the static state; arguments as for :meth:`static`."""
         factors = self.load_history if history is None else _check_history(history, "history")
-        return ContactMap.make(self.coupling, self.static(preload, factors), self.friction, factors)
+        return ContactMap.make(self.coupling, self._at_rest(preload, factors), self.friction, factors)
 
     def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
@@ -644,9 +651,21 @@ class Study:
 
     # ---- harmonic balance ----
 
+    @property
+    def n_unknowns(self) -> int:
+        """Of the harmonic balance."""
+        n = [len(b.omega2) for b in self.bases]
+        return n[0] + 2 * sum(n[1:])
+
     def system(self, preload: float) -> HarmonicSystem:
-        """Harmonic balance equations at one preload (N)."""
-        state = self.static(preload)
+        """Harmonic balance equations at one preload (N).
+
+        Raises
+        ------
+        StaticError
+            If no static state was found under it.
+        """
+        state = self._at_rest(preload)
         load, shift = self._load
         e = self._force_rows
         n_mode = [len(b.omega2) for b in self.bases]
@@ -722,7 +741,7 @@ class Study:
         """
         if preload in self._angles:
             return self._angles[preload]
-        springs = self._stuck_springs(self.static(preload))
+        springs = self._stuck_springs(self._at_rest(preload))
         plain = copy(self)  # shares all that was made
         object.__setattr__(plain, "friction_axes", "contact")
         system = plain.system(preload)
@@ -849,7 +868,12 @@ class Study:
             expect.instance("options", options, ContinuationOptions)
         if tolerance is not None:
             tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
-        if expect.choice("effects", effects, ("all", "auto")) == "auto":
+        effects = expect.choice("effects", effects, ("all", "auto"))
+        state = self.static(preload)
+        if not state.converged:
+            reason = f"static state: {state.note}"
+            return self._without_points(preload, reason, options or ContinuationOptions(), state.cost)
+        if effects == "auto":
             from bdamper.adaptive_curves import adaptive_curve
 
             if from_high or progress or search_branches is not False:
@@ -874,7 +898,7 @@ class Study:
         low, high = (2.0 * np.pi * f for f in frequency)
         meter = CostMeter(time.perf_counter())
         system = self.system(preload)
-        system.watched = linear_resonances(system, (None, self._stuck_springs(self.static(preload))), low, high)
+        system.watched = linear_resonances(system, (None, self._stuck_springs(state)), low, high)
         meter.watch(system)
         pieces: list[Piece] = []
         log: list[str] = []
@@ -1094,6 +1118,8 @@ class Study:
         """Solutions at other preloads, spread over the frequency interval."""
         out: list[NDArray] = []
         for ratio in ratios:
+            if not self.static(ratio * preload).converged:
+                continue
             found: list[Piece] = []
             system = self.system(ratio * preload)
             meter.watch(system)
@@ -1103,6 +1129,28 @@ class Study:
             points = [p for piece in found for p in piece.path.points]
             out += [p.y for p in points[:: max(1, len(points) // 40)]]
         return out
+
+    def _without_points(self, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
+        """Where there is not even a static state."""
+        return Curve(
+            kind="tracking",
+            frequency=np.zeros(0),
+            harmonics=np.zeros((0, len(self.bases)), complex),
+            unknowns=np.zeros((0, self.n_unknowns)),
+            residual=np.zeros(0),
+            shares=np.zeros((0, 3)),
+            backward=np.zeros(0, bool),
+            rank_deficiency=np.zeros(0, int),
+            branch=np.zeros(0, int),
+            point_kind=(),
+            preload=preload,
+            status="no start",
+            reason=reason,
+            cost=cost,
+            settings=self._settings(options),
+            model_hash=self.model.hash,
+            start_log=(reason,),
+        )
 
     def _curve(
         self,
@@ -1328,10 +1376,7 @@ class Study:
         """
         if not np.any(self._load[0]):
             preload = 0.0
-        state = self.static(preload)
-        if not state.converged:
-            raise BdamperError(f"stuck response: expected a static state under {preload:g} N, found none: {state.note}")
-        return self._linear("stuck", preload, frequency, self._stuck_springs(state))
+        return self._linear("stuck", preload, frequency, self._stuck_springs(self._at_rest(preload)))
 
     def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
         low, high = (2.0 * np.pi * f for f in expect.interval("frequency", frequency))
