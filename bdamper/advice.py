@@ -264,11 +264,11 @@ def _advice_on(
     tolerance: float,
     own_time: float,
 ) -> EffectAdvice:
-    state = richer.static(preload)
+    if not richer.static(preload).converged:
+        size = richer.n_unknowns, richer.coupling.n_points
+        return EffectAdvice(name, np.nan, np.nan, np.inf, "must be on", *size, np.nan, "no static state")
     system, rich = study.system(preload), richer.system(preload)
     size = rich.n_unknowns, rich.n_points
-    if not state.converged:
-        return EffectAdvice(name, np.nan, np.nan, np.inf, "must be on", *size, np.nan, "no static state")
 
     def moved(y: NDArray) -> NDArray:
         return embed_between(study, richer, system, rich, preload, y)

@@ -58,7 +58,7 @@ class LeastEnvelope:
                 near.sort(key=lambda q: -abs(np.log(q.parameter) - x))
                 exact = [q for q in near if abs(np.log(q.parameter) - x) < 1e-13]
                 peak = exact[-1] if exact else self._reach(near, p)
-                if peak is not None:
+                if peak is not None and self.known.within(peak):
                     found.append((branch.number, peak))
             if not found:
                 raise ArithmeticError(f"no peak found at {p:.8g} N")
@@ -101,8 +101,12 @@ class LeastEnvelope:
         try:
             near = (float(x[k]), *self.envelope(float(x[k])))
             side = -1 if near[3] > 0.0 else 1
-            if not 0 <= k + side < n or not np.isfinite(height[k + side]):
+            if not 0 <= k + side < n:
                 return OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", 0.0)
+            if not np.isfinite(height[k + side]):
+                width = float(abs(x[k + side] - x[k]))
+                why = f"the amplitude falls toward {self.known.preload[k + side]:.6g} N, where no peak was found"
+                return OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", width, why)
             far = (float(x[k + side]), *self.envelope(float(x[k + side])))
             return self._narrow(near, far)
         except (ArithmeticError, SettingError, StaticError) as error:

@@ -44,8 +44,8 @@ class OptimumPoint:
     frequency : float, Hz
     kind : {"smooth", "crossing", "jump", "end", "flat"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads; or none, since the preload does not matter (nothing
-        slips, or all of it is bonded).
+        the side on which it is gone; the end of the range of preloads, or of those with a peak; or none, since the preload
+        does not matter (nothing slips, or all of it is bonded).
     uncertainty : float
         Relative, of the preload.
     status : str
@@ -63,6 +63,8 @@ class OptimumPoint:
         if self.kind == "flat":
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
         least = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
+        if self.status != "converged":
+            return f"least {least}, not converged: {self.status}; known to a relative {self.uncertainty:.2g}"
         if self.kind == "end":
             return f"least {least} (end of the range, the optimum may lie beyond)"
         return f"optimum {least} ({self.kind})"
@@ -90,7 +92,8 @@ class OptimalCurve:
         "followed"; "scanned" if the whole response over frequency was followed at this preload too; "scan incomplete ..."
         if that failed, so that there may be a higher peak; or what went wrong.
     peak_preload, peak_amplitude, peak_frequency : (m,) float
-        All peaks found, also those that are not the highest.
+        All peaks found, also those that are not the highest, and those of a branch that was followed beyond the interval of
+        frequency, which do not count for the optimal curve.
     peak_branch : (m,) int
     peak_detached : (m,) bool
         Not on the response curve that a sweep of frequency follows, where that is known; such a peak does not count for
@@ -138,6 +141,13 @@ class OptimalCurve:
         return bool(np.isfinite(self.amplitude).all())
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the curve and its optimum leave open: preloads without a peak or a whole scan, a coarse optimum."""
+        out = [f"{p:.6g} N: {s}" for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned")]
+        o = self.optimum
+        return (*out, *([] if o.status == "converged" or o.kind == "flat" else [f"optimum to a relative {o.uncertainty:.2g}: {o.status}"]))
+
+    @property
     def shift_percent(self) -> NDArray:
         """(n,) float: frequency relative to that of the free resonance, in percent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
@@ -164,6 +174,9 @@ class OptimalCurve:
             f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "
             f"{self.cost.iterations} iterations",
         ]
+        open_ = [w for w in self.warnings if not w.startswith("optimum")]
+        if open_:
+            lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
         return "\n".join(lines)
 
     def plot(self, ax: Axes | None = None, **style: Any) -> Any:

@@ -21,17 +21,29 @@ from bdamper.errors import SettingError
 from bdamper.peaksearch import Family, Peak, PeakOptions, amplitude_at, slope_along, squared_gradient
 from bdamper.system import HarmonicSystem
 
+NOTHING = 1e-14
+"""Rows of the Jacobian below this share of the largest are those of coordinates on which no force depends."""
+
 
 class _Bordered:
-    """``B = [J r_omega; t^T]`` in scaled unknowns, factorised; least norm if it is singular."""
+    """``B = [J r_omega; t^T]`` in scaled unknowns, factorised; least norm if it is singular.
 
-    def __init__(self, J: NDArray, r_omega: NDArray, tangent: NDArray, scale: NDArray) -> None:
+    Coordinates on which no force depends are held: ``idle``, those of another ``B`` if they are given.
+    """
+
+    def __init__(
+        self, J: NDArray, r_omega: NDArray, tangent: NDArray, scale: NDArray, idle: NDArray | None = None
+    ) -> None:
         n = len(r_omega)
         B = np.empty((n + 1, n + 1))
         B[:n, :n] = J * scale[:n]
         B[:n, n] = r_omega * scale[n]
         B[n] = tangent
-        self.row = 1.0 / np.maximum(np.abs(B).max(axis=1), 1e-300)
+        size = np.abs(B).max(axis=1)
+        self.idle = size <= NOTHING * size.max() if idle is None else idle
+        B[self.idle] = 0.0
+        B[:, self.idle] = 0.0
+        self.row = np.where(self.idle, 0.0, 1.0 / np.where(self.idle, 1.0, size))
         B *= self.row[:, None]
         getrf, self.getrs, gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), (B,))
         self.lu, self.pivot, info = getrf(B)
@@ -47,12 +59,12 @@ class _Bordered:
         return x * self.row
 
 
-def _slope_at(system: HarmonicSystem, y: NDArray, reference: NDArray, scale: NDArray) -> float:
+def _slope_at(system: HarmonicSystem, y: NDArray, reference: NDArray, scale: NDArray, idle: NDArray) -> float:
     """Slope of ln(amplitude) along the curve through any point (on which the residual need not vanish)."""
     _, J, r_omega = system.evaluate(y[:-1], y[-1])
     b = np.zeros(len(y))
     b[-1] = 1.0
-    t = _Bordered(J, r_omega, reference, scale).solve(b)
+    t = _Bordered(J, r_omega, reference, scale, idle).solve(b)
     return slope_along(system, y, t / np.linalg.norm(t), scale)
 
 
@@ -110,20 +122,24 @@ def sensitivities(
             bordered = _Bordered(J, r_omega, t, scale)
             g, square = squared_gradient(system, y)
             adjoint = bordered.solve_transposed(g * scale / np.sqrt(square))[:-1]
-            along = (_slope_at(system, y + h * t * scale, t, scale) - _slope_at(system, y - h * t * scale, t, scale)) / (
-                2.0 * h
-            )
+            idle = bordered.idle
+            ahead, behind = (_slope_at(system, y + a * t * scale, t, scale, idle) for a in (h, -h))
+            along = (ahead - behind) / (2.0 * h)
         dp = h * (abs(value) if value != 0.0 else 1.0)
-        low, high = family(value - dp), family(value + dp)
-        r_p = (high.evaluate(y[:-1], y[-1])[0] - low.evaluate(y[:-1], y[-1])[0]) / (2.0 * dp)
+        high = family(value + dp)
+        try:
+            low, back = family(value - dp), dp
+        except SettingError:  # values end here, as a coefficient of friction does at zero: derivative to the right
+            low, back = system, 0.0
+        r_p = (high.evaluate(y[:-1], y[-1])[0] - low.evaluate(y[:-1], y[-1])[0]) / (dp + back)
         z_p = bordered.solve(np.append(-r_p, 0.0))
         direction = z_p * scale
         across = (
-            _slope_at(high, y + dp * direction, t, scale) - _slope_at(low, y - dp * direction, t, scale)
-        ) / (2.0 * dp)  # fmt: skip
+            _slope_at(high, y + dp * direction, t, scale, idle) - _slope_at(low, y - back * direction, t, scale, idle)
+        ) / (dp + back)  # fmt: skip
         dy = (z_p - across / along * t) * scale
         # amplitude: explicit change of the response row (a parameter may scale the modes), then of the solution
-        explicit = (amplitude_at(high, y) - amplitude_at(low, y)) / (2.0 * dp)
+        explicit = (amplitude_at(high, y) - amplitude_at(low, y)) / (dp + back)
         out[name] = PeakSensitivity(
             name, value, explicit - float(adjoint @ r_p), float(dy[-1]) / (2.0 * np.pi), dy
         )  # fmt: skip

@@ -65,6 +65,7 @@ class PeakSet:
         self.study = study
         self.preload = preload
         self.frequency = frequency
+        # beyond the interval, so that a peak that leaves it and comes back is not lost
         self.limits = (0.5 * frequency[0], 1.5 * frequency[1])
         self.options = options
         self.meter = meter
@@ -90,8 +91,12 @@ class PeakSet:
         return sorted(found, key=lambda item: -item[1].amplitude)
 
     def leader(self, k: int) -> tuple[Branch, Peak] | None:
-        """The highest peak that is not known to be detached from the curve that a sweep of frequency follows."""
-        return next(((b, q) for b, q in self.at(k) if k not in b.detached), None)
+        """The highest peak of the interval that is not known to be detached from the curve a sweep of frequency follows."""
+        return next(((b, q) for b, q in self.at(k) if k not in b.detached and self.within(q)), None)
+
+    def within(self, peak: Peak) -> bool:
+        """Whether a peak counts; a branch is followed beyond the interval, from where it may come back."""
+        return self.frequency[0] <= peak.frequency <= self.frequency[1]
 
     def scan(self, k: int) -> None:
         if k in self.scanned:
@@ -245,7 +250,8 @@ class PeakSet:
             if a is None or b is None or a[0] is b[0]:
                 continue
             for j, one, other in ((k + 1, a, b), (k, b, a)):
-                ended = j not in one[0].peaks and one[1].amplitude >= other[1].amplitude
+                there = one[0].peaks.get(j)
+                ended = (there is None or not self.within(there)) and one[1].amplitude >= other[1].amplitude
                 if ended and j not in self.scanned:
                     return j
         return None

@@ -1,6 +1,7 @@
 """Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -21,8 +22,10 @@ from bdamper.optimal import (
 from bdamper.peaks import PeakFollower, PeakOptions, find_peak, follow_peak, peak_scale
 from bdamper.peakscan import scan_from, solution_near
 from bdamper.peaksearch import amplitude_at, slope_along
+from bdamper.peakset import Branch, PeakSet
 from bdamper.system import CostMeter
 from bdamper.vary import vary
+from tests.models import wedge_model
 
 INTERVAL = (250.0, 400.0)
 
@@ -446,3 +449,84 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         assert amplitude_at(s.system(500.0), peak.y) == peak.amplitude
     with pytest.raises(SettingError, match="evaluation"):
         s.peak_sensitivities(peak)
+
+
+@pytest.fixture(scope="module")
+def left():
+    """At 23 N the only peak lies at 188 Hz, below the interval; none at 114 and 256 N."""
+    study = bd.Study(
+        wedge_model(4060, 25, 1, n_points=4, n_blade_modes=2),
+        bd.Excitation("tip", "tangential", 2.557047220534526),
+        engine_order=1,
+        friction_coefficient=0.5838489437083092,
+        contact_stiffness="model",
+        damping_ratio=0.0076329541358424145,
+    )
+    return study.optimal_curve(2.557047220534526 * np.geomspace(4.0, 100.0, 5), frequency=(200.0, 450.0))
+
+
+class TestPeaksOutsideTheInterval:
+    """A branch of peaks is followed beyond the interval, but what is found there does not count."""
+
+    def test_they_are_no_points_of_the_curve(self, left):
+        known = np.isfinite(left.frequency)
+        assert known.any()
+        assert ((left.frequency[known] >= 200.0) & (left.frequency[known] <= 450.0)).all()
+        assert (left.peak_frequency < 200.0).any()
+        assert not left.complete
+
+    def test_nor_the_optimum(self, left):
+        o = left.optimum
+        assert 200.0 <= o.frequency <= 450.0
+        assert o.amplitude <= np.nanmin(left.amplitude) * (1.0 + 1e-6)
+
+    def test_an_optimum_beside_a_preload_without_a_peak_is_as_coarse_as_the_grid(self, left):
+        o = left.optimum
+        assert o.kind == "end"
+        assert "where no peak was found" in o.status
+        assert o.uncertainty == pytest.approx(np.log(5.0**0.5))
+        assert left.warnings[-1].startswith("optimum to a relative 0.8: the amplitude falls toward")
+        assert "not converged: the amplitude falls toward" in str(left)
+        assert f"{len(left.warnings) - 1} preloads with a warning" in str(left)
+
+    def test_a_curve_of_two_leaders_takes_the_one_inside(self, study):
+        known = PeakSet(study, np.array([900.0, 1000.0]), (300.0, 320.0), PeakOptions(), CostMeter(0.0))
+        inside, outside = SimpleNamespace(frequency=310.0, amplitude=1.0), SimpleNamespace(frequency=290.0, amplitude=2.0)
+        known.branches = [Branch(0, {0: inside, 1: inside}), Branch(1, {0: outside})]
+        assert known.leader(0) == (known.branches[0], inside)
+        known.branches[1].detached.add(0)
+        assert known.leader(0) == (known.branches[0], inside)
+
+
+@pytest.fixture(scope="module")
+def smooth(study):
+    return replace(study, friction_coefficient=0.0)
+
+
+@pytest.fixture(scope="module")
+def found(smooth):
+    peak = smooth.peak(300.0)
+    return peak, smooth.peak_sensitivities(peak)
+
+
+class TestNoFriction:
+    """A coefficient of friction of zero, with a damper that slides freely along its faces."""
+
+    def test_sensitivities_are_those_of_neighbouring_peaks(self, smooth, found):
+        sensitivity = found[1]
+        up, down = smooth.peak(300.3), smooth.peak(299.7)
+        assert sensitivity["preload"].amplitude == pytest.approx((up.amplitude - down.amplitude) / 0.6, rel=1e-3)
+        assert sensitivity["preload"].frequency == pytest.approx((up.frequency - down.frequency) / 0.6, rel=1e-3)
+        assert sensitivity["excitation.amplitude"].amplitude > 0.0
+
+    def test_that_to_friction_is_the_derivative_to_the_right(self, smooth, found):
+        """Extrapolated from two steps upward, since the forces are of first order in the coefficient."""
+        peak, sensitivity = found
+        one, two = (replace(smooth, friction_coefficient=mu).peak(300.0) for mu in (1e-4, 2e-4))
+        for name in ("amplitude", "frequency"):
+            a, b, c = (getattr(p, name) for p in (peak, one, two))
+            slope = (4.0 * (b - a) - (c - a)) / 2e-4
+            assert getattr(sensitivity["friction_coefficient"], name) == pytest.approx(slope, rel=5e-3)
+
+    def test_optimal_curve(self, smooth):
+        assert smooth.optimal_curve((100.0, 1000.0), 3).complete
