@@ -43,7 +43,8 @@ Values = Mapping[str, Any]
 Task = Callable[["Study", float | None], Values]
 """The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers.
 
-An answer named ``"cost"`` that is a :class:`bdamper.system.Cost` is kept apart, as the cost of the point.
+An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts them.  One named ``"cost"``
+that is a :class:`bdamper.system.Cost` is kept apart, as the cost of the point.
 """
 
 
@@ -84,7 +85,8 @@ class PeakTask:
         stick, slip, separation = (float(s) for s in peak.shares)
         return {
             "amplitude": peak.amplitude, "frequency": peak.frequency, "residual": peak.residual, "stick": stick,
-            "slip": slip, "open": separation, "cost": peak.cost,
+            "slip": slip, "open": separation, "scan": peak.scan,
+            "warning": "" if peak.scan == "complete" else f"scan {peak.scan}", "cost": peak.cost,
         }  # fmt: skip
 
 
@@ -117,9 +119,10 @@ class OptimalTask:
         return {
             "curve_preload": curve.preload.tolist(), "curve_amplitude": curve.amplitude.tolist(),
             "curve_frequency": curve.frequency.tolist(), "optimum_preload": o.preload, "optimum_amplitude": o.amplitude,
-            "optimum_frequency": o.frequency, "optimum_kind": o.kind, "free_frequency": curve.free.frequency,
-            "free_amplitude": curve.free.amplitude, "stuck_frequency": curve.stuck.frequency,
-            "stuck_amplitude": curve.stuck.amplitude, "cost": curve.cost,
+            "optimum_frequency": o.frequency, "optimum_kind": o.kind, "optimum_uncertainty": o.uncertainty,
+            "optimum_status": o.status, "free_frequency": curve.free.frequency, "free_amplitude": curve.free.amplitude,
+            "stuck_frequency": curve.stuck.frequency, "stuck_amplitude": curve.stuck.amplitude,
+            "warning": "; ".join(curve.warnings), "cost": curve.cost,
         }  # fmt: skip
 
 
@@ -164,7 +167,13 @@ class SweepResult:
 
     @property
     def complete(self) -> bool:
+        """Whether there is an answer at every point; what it leaves open stands in ``warnings``."""
         return all(s == "done" for s in self.status)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the answer at each point leaves open, empty where nothing."""
+        return tuple(str(value.get("warning", "")) for value in self.values)
 
     @property
     def quantities(self) -> tuple[str, ...]:
@@ -190,8 +199,10 @@ class SweepResult:
 
     def __str__(self) -> str:
         failed = [s for s in self.status if s != "done"]
+        warned = [w for w in self.warnings if w]
         lines = [
             f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
+            f"{len(warned)} with a warning, "
             f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
         ]
         for name in self.quantities:
@@ -199,6 +210,8 @@ class SweepResult:
             if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
                 lines.append(f"  {name}: {np.nanmin(array):.6g} to {np.nanmax(array):.6g}")
         lines += [f"  {text}" for text in dict.fromkeys(failed)]
+        if warned:
+            lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
 
     def plot(self, quantity: str = "amplitude", ax: Axes | None = None, **style: Any) -> Axes:
@@ -528,7 +541,7 @@ def sweep(
     records: dict[int, dict[str, Any]] = {}
     if results is not None:
         header = {
-            "format": "bdamper-sweep-results", "version": 1, "study": study_fingerprint(study),
+            "format": "bdamper-sweep-results", "version": 2, "study": study_fingerprint(study),
             "evaluate": _named(evaluate), "model": _named(model) if model is not None else None, "combine": combine,
             "over": {name: list(over[name]) for name in names},
         }  # fmt: skip

@@ -89,6 +89,8 @@ class RobustOptimum:
         Whether the preload lies within the range or at one end of it.
     rounds : int
         Refinements of the grid of preloads.
+    warnings : int
+        Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
     """
 
     preload: float
@@ -97,6 +99,7 @@ class RobustOptimum:
     uncertainty: float
     kind: str
     rounds: int
+    warnings: int = 0
 
 
 @brief
@@ -115,6 +118,8 @@ class UncertainCurve:
     settings : mapping
         Of the study that was varied.
     model_hash : str
+    warnings : tuple of str
+        What the optimal curve of each draw leaves open, empty where nothing.
     """
 
     preload: NDArray
@@ -124,6 +129,7 @@ class UncertainCurve:
     status: tuple[str, ...]
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
+    warnings: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.amplitude)
@@ -142,9 +148,11 @@ class UncertainCurve:
         low, mid, high = self.percentile([5.0, 50.0, 95.0])
         k = int(np.nanargmin(high))
         missing = int(np.count_nonzero(~np.isfinite(self.amplitude)))
+        warned = sum(bool(w) for w in self.warnings)
         return (
             f"optimal curves of {len(self)} draws of {', '.join(self.samples)}, {self.preload[0]:g} to "
-            f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}\n"
+            f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
+            f"{f', {warned} draws with a warning' if warned else ''}\n"
             f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, median "
             f"{mid[k]:.6g} m)"
         )
@@ -165,6 +173,7 @@ class UncertainCurve:
                 group.create_dataset(name, data=values)
             file.attrs["names"] = json.dumps(list(self.samples))
             file.attrs["status"] = json.dumps(self.status)
+            file.attrs["warnings"] = json.dumps(self.warnings)
             file.attrs["settings"] = json.dumps(self.settings)
             file.attrs["model_hash"] = self.model_hash
 
@@ -186,6 +195,7 @@ def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
             status=tuple(json.loads(file.attrs["status"])),
             settings=json.loads(file.attrs.get("settings", "{}")),
             model_hash=str(file.attrs.get("model_hash", "")),
+            warnings=tuple(json.loads(file.attrs.get("warnings", "[]"))),
         )
 
 
@@ -231,6 +241,7 @@ def uncertain_curve(
         status=done.status,
         settings=done.settings,
         model_hash=done.model_hash,
+        warnings=done.warnings,
     )
 
 
@@ -291,5 +302,6 @@ def robust_optimum(
         width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
         if width <= tolerance or rounds >= 30:
             kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
-            return RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds)
+            warned = sum(bool(w) for w in curve.warnings)
+            return RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned)
         low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])

@@ -17,7 +17,9 @@ import pytest
 from scipy import stats
 
 import bdamper as bd
-from bdamper.optimal import highest_peak
+from bdamper import peakscan
+from bdamper.continuation import ContinuationOptions
+from bdamper.optimal import highest_peak, optimal_curve
 from bdamper.sweep import OptimalTask, PeakTask, study_fingerprint
 from tests.models import ground_model, wedge_model
 
@@ -270,6 +272,55 @@ def samples():
 @pytest.fixture(scope="module")
 def curve(study, samples):
     return bd.uncertain_curve(study, samples, (200.0, 10e3), 8, frequency=INTERVAL)
+
+
+class TestWarnings:
+    """What an answer leaves open reaches the result of a sweep, and what is made of sweeps."""
+
+    @pytest.fixture
+    def short(self, monkeypatch):
+        """Scans that stop early."""
+        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, searches=0, max_points=50)
+        monkeypatch.setattr(peakscan, "coarse_options", lambda: options)
+
+    def test_a_peak_of_an_incomplete_scan(self, study, short):
+        wide = (200.0, 1200.0)
+        peak = study.peak(3000.0, wide)
+        assert peak.scan.startswith("incomplete")
+        result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
+        assert result.complete
+        assert result.array("scan").tolist() == [peak.scan]
+        assert result.warnings == (f"scan {peak.scan}",)
+        assert "0 failed, 1 with a warning" in str(result)
+        assert f"first warning: scan {peak.scan}" in str(result)
+
+    def test_none_of_a_whole_scan(self, serial):
+        assert set(serial.array("scan").ravel()) == {"complete"}
+        assert serial.warnings == ("",) * len(serial)
+        assert "0 with a warning" in str(serial)
+
+    def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
+        whole = optimal_curve
+
+        def coarse(*args, **options):
+            curve = whole(*args, **options)
+            coarse_optimum = replace(curve.optimum, status="bracket not narrowed further", uncertainty=0.1)
+            return replace(curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:]))
+
+        monkeypatch.setattr(sys.modules["bdamper.sweep"], "optimal_curve", coarse)
+        samples = {"friction_coefficient": [0.3]}
+        result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
+        assert result.values[0]["optimum_status"] == "bracket not narrowed further"
+        assert result.values[0]["optimum_uncertainty"] == 0.1
+        expected = "500 N: scan incomplete (lost); optimum to a relative 0.1: bracket not narrowed further"
+        assert result.warnings == (expected,)
+        curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
+        assert curve.warnings == (expected,)
+        assert "1 draws with a warning" in str(curve)
+        curve.save(tmp_path / "curve.h5")
+        assert bd.load_uncertain_curve(tmp_path / "curve.h5").warnings == (expected,)
+        robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
+        assert robust.warnings == 1
 
 
 class TestUncertainty:
