@@ -1,13 +1,13 @@
 """Linear limits of a response: no contact at all, or every closed point stuck.
 
 With springs K_c in place of the contact the first harmonic solves Z(omega) q = f, Z = K + K_c + i omega D - omega^2 M.  Its
-poles give the resonances; the response is sampled in equal steps of phase around each, and its maximum is searched for.
+poles give the resonances; the response is sampled in equal steps of phase around each, and its maxima are searched for.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -35,6 +35,11 @@ def linear_resonances(
                 width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), 1e-9 * float(omega))
                 out.append((float(omega), width, vector.conj() * basis.mass))
     return out
+
+
+def around(low: float, high: float) -> tuple[float, float]:
+    """Interval in which a pole may lie of which the maximum is in (low, high)."""
+    return 0.8 * low, 1.25 * high
 
 
 def linear_maximum(system: HarmonicSystem, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
@@ -74,18 +79,23 @@ def linear_curve(
     meter = CostMeter(time.perf_counter())
     low, high = frequency
     omega = np.linspace(low, high, 201)
-    for w, width, _ in linear_resonances(system, (springs,), low, high):
+    for w, width, _ in linear_resonances(system, (springs,), *around(low, high)):
         # equal steps of phase around each resonance
         omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161))])
         omega = np.append(omega, linear_maximum(system, springs, w, width)[0])
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
+
+    def height(w: float) -> float:
+        return float(abs(system.linear_response(w, springs) @ system.response_rows[1]))
+
+    tops = _maxima(height, omega)
+    omega = np.unique(np.concatenate([omega, tops]))
     q = np.array([system.linear_response(w, springs) for w in omega])
     u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
     n = len(omega)
     c, s = system.slices(1)
     force = system.force[c] - 1j * system.force[s]
     error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
-    at_peak = int(np.argmax(np.abs(q @ system.response_rows[1])))
     return Curve(
         kind=kind,
         frequency=omega / (2.0 * np.pi),
@@ -96,7 +106,7 @@ def linear_curve(
         backward=np.zeros(n, bool),
         rank_deficiency=np.zeros(n, int),
         branch=np.zeros(n, int),
-        point_kind=tuple("maximum" if i == at_peak else "regular" for i in range(n)),
+        point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
         preload=preload,
         status="complete",
         reason="linear",
@@ -104,3 +114,25 @@ def linear_curve(
         settings=settings,
         model_hash=model_hash,
     )
+
+
+FLAT = 1e-9
+"""Dips between two maxima below this share of the lower one are rounding."""
+
+
+def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
+    """Places (rad/s) of the maxima within the ends of an ascending sample of frequencies."""
+    a = np.array([height(w) for w in omega])
+    rises, falls = a[1:-1] > a[:-2], a[1:-1] >= a[2:]
+    found: list[int] = []
+    for i in (np.flatnonzero(rises & falls) + 1).tolist():
+        if found and a[found[-1] : i + 1].min() >= (1.0 - FLAT) * min(a[found[-1]], a[i]):
+            found[-1] = max(found[-1], i, key=a.item)
+        else:
+            found.append(i)
+    out = []
+    for i in found:
+        ends = (float(omega[i - 1]), float(omega[i + 1]))
+        best = minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
+        out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
+    return out

@@ -17,7 +17,7 @@ from bdamper.branches import Piece, follow_both
 from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
-from bdamper.linear import linear_maximum, linear_resonances
+from bdamper.linear import around, linear_maximum, linear_resonances
 from bdamper.optimalcurve import Limit
 from bdamper.peaksearch import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
 from bdamper.response import uninterrupted
@@ -118,8 +118,10 @@ def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *,
     system = study.system(preload if stuck else 0.0)
     springs = study._stuck_springs(study.static(preload)) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
-    tops = [linear_maximum(system, springs, w, width) for w, width, _ in linear_resonances(system, (springs,), low, high)]
-    omega, amplitude = max(tops, key=lambda top: top[1], default=(np.nan, np.nan))
+    poles = linear_resonances(system, (springs,), *around(low, high))
+    tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
+    within = [top for top in tops if low <= top[0] <= high]
+    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
     return Limit(omega / (2.0 * np.pi), amplitude)
 
 

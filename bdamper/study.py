@@ -110,7 +110,8 @@ class Study:
     contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
         Method (see :mod:`bdamper.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
     contact_stiffness_factor : float
-        On all contact stiffness, whatever its method; what residual modes carry is not changed.
+        On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
+        divided by it.
     blade_modes : int
         Modes of each constrained body, no more than the model has; the default stands for all of a model that has fewer.
     damper_modes : int
@@ -957,7 +958,10 @@ class Study:
             the modes of these nodal diameters; those of their harmonics are used where it has them.
         oscillating : bool
             Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes some
-            times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are.
+            times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are if all
+            harmonics from the mean on are there, up to the highest (neither ``bias=False`` nor ``harmonics=(1, 3)``), with
+            the same modes and without residual modes: all disturbances are judged then.  The note of the curve says which
+            were.
         every_point : bool
             Count oscillating growth at every point, instead of only where :mod:`bdamper.wavestability` asks for it.
         """

@@ -13,7 +13,7 @@ from bdamper.errors import StaticError
 from bdamper.peakscan import linear_peak
 
 LAST = 500.0
-INTERVAL = (330.0, 380.0)
+INTERVAL = (250.0, 400.0)
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_the_equations_are_not_those_of_another_load(study):
         lambda load: study.stuck(INTERVAL, load),
         replace(study, friction_axes="major").system,
     ):
-        with pytest.raises(StaticError, match="expected a static state under 800 N, found none: no equilibrium beyond 500 N"):
+        with pytest.raises(StaticError, match="under 800 N, found none: no equilibrium beyond 500 N"):
             ask(800.0)
 
 
@@ -59,7 +59,7 @@ def test_branches_are_looked_for_from_other_loads_that_have_a_state(study):
 
 
 def test_a_peak_is_not_that_of_another_load(study):
-    with pytest.raises(bd.BdamperError, match="no peak found at 800 N .* no equilibrium beyond 500 N"):
+    with pytest.raises(bd.BdamperError, match=r"no peak found at 800 N .* no equilibrium beyond 500 N"):
         study.peak(800.0, INTERVAL)
     done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
     assert done.status[0] == "done"
@@ -74,7 +74,7 @@ def test_an_optimal_curve_has_no_peak_there(study):
     assert not curve.complete
     assert curve.optimum.preload <= LAST
     assert np.isnan(curve.stuck.amplitude)
-    assert linear_peak(study, INTERVAL, 800.0, stuck=False) == curve.free
+    assert linear_peak(study, (250.0, 350.0), 800.0, stuck=False).amplitude == study.free((250.0, 350.0)).peak.amplitude
     none = study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL)
     assert not np.isfinite(none.amplitude).any()
     assert "no peak" in none.optimum.status
