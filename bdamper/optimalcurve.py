@@ -145,7 +145,9 @@ class OptimalCurve:
         """What the curve and its optimum leave open: preloads without a peak or a whole scan, a coarse optimum."""
         out = [f"{p:.6g} N: {s}" for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned")]
         o = self.optimum
-        return (*out, *([] if o.status == "converged" or o.kind == "flat" else [f"optimum to a relative {o.uncertainty:.2g}: {o.status}"]))
+        if o.status != "converged" and o.kind != "flat":
+            out.append(f"optimum to a relative {o.uncertainty:.2g}: {o.status}")
+        return tuple(out)
 
     @property
     def shift_percent(self) -> NDArray:
