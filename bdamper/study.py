@@ -869,7 +869,7 @@ class Study:
             expect.instance("options", options, ContinuationOptions)
         if tolerance is not None:
             tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
-        effects = expect.choice("effects", effects, ("all", "auto"))
+        expect.choice("effects", effects, ("all", "auto"))
         state = self.static(preload)
         if not state.converged:
             reason = f"static state: {state.note}"
