@@ -411,7 +411,7 @@ def test_whole_numbers_of_other_kinds_are_taken(full):
 
 
 def test_a_study_is_printed_without_its_model(full):
-    assert "engine_order=2" in repr(full) and len(repr(full)) < 2000
+    assert "engine order 2" in repr(full) and len(repr(full)) < 2000
 
 
 def test_no_stuck_response_without_a_static_state(full):
