@@ -18,6 +18,11 @@ from scipy.optimize import minimize_scalar
 from bdamper.response import Curve
 from bdamper.system import Cost, CostMeter, HarmonicSystem
 
+UNDAMPED = 1e-9
+"""Ratio of half-width to frequency of a resonance without damping."""
+NEAREST = 1e-4
+"""Distance, relative to its frequency, at which the response beside a resonance without damping is still solved for."""
+
 
 def linear_resonances(
     system: HarmonicSystem, springs: Sequence[NDArray | None], low: float, high: float
@@ -32,7 +37,7 @@ def linear_resonances(
         frequencies, vectors = system.linear_modes(k)
         for omega, vector in zip(frequencies, vectors.T):
             if low < omega < high:
-                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), 1e-9 * float(omega))
+                width = max(0.5 * float(np.abs(vector) ** 2 @ basis.damping), UNDAMPED * float(omega))
                 out.append((float(omega), width, vector.conj() * basis.mass))
     return out
 
@@ -43,7 +48,12 @@ def around(low: float, high: float) -> tuple[float, float]:
 
 
 def linear_maximum(system: HarmonicSystem, springs: NDArray | None, omega: float, width: float) -> tuple[float, float]:
-    """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width."""
+    """Frequency (rad/s) and amplitude (m) of the maximum at a resonance of so many rad/s and half-width.
+
+    Without damping the response is unbounded, and the amplitude infinite.
+    """
+    if width <= UNDAMPED * omega:
+        return omega, np.inf
 
     def negative(w: float) -> float:
         return -abs(system.linear_response(w, springs) @ system.response_rows[1])
@@ -79,16 +89,24 @@ def linear_curve(
     meter = CostMeter(time.perf_counter())
     low, high = frequency
     omega = np.linspace(low, high, 201)
+    unbounded = []
     for w, width, _ in linear_resonances(system, (springs,), *around(low, high)):
-        # equal steps of phase around each resonance
-        omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161))])
-        omega = np.append(omega, linear_maximum(system, springs, w, width)[0])
+        at, amplitude = linear_maximum(system, springs, w, width)
+        if np.isinf(amplitude):
+            unbounded.append(w)
+            omega = np.concatenate([omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())])
+        else:
+            # equal steps of phase around each resonance
+            omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161)), [at]])
+    infinite = [w / (2.0 * np.pi) for w in unbounded if low < w < high]
+    for w in unbounded:
+        omega = omega[np.abs(omega - w) >= 0.5 * NEAREST * w]
     omega = np.unique(omega[(omega >= low) & (omega <= high)])
 
     def height(w: float) -> float:
         return float(abs(system.linear_response(w, springs) @ system.response_rows[1]))
 
-    tops = _maxima(height, omega)
+    tops = [w for w in _maxima(height, omega) if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)]
     omega = np.unique(np.concatenate([omega, tops]))
     q = np.array([system.linear_response(w, springs) for w in omega])
     u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
@@ -109,7 +127,7 @@ def linear_curve(
         point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
         preload=preload,
         status="complete",
-        reason="linear",
+        reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
         cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
         settings=settings,
         model_hash=model_hash,
