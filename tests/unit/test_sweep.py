@@ -172,7 +172,9 @@ class TestResultsFile:
     def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
         """20 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
         assert hasattr(os, "fork")
+        begin = time.monotonic()
         quiet = answers(self.run(study, tmp_path / "quiet.jsonl"))
+        span = time.monotonic() - begin
         path = tmp_path / "killed.jsonl"
         rng = random.Random(1)
         finished = 0
@@ -183,7 +185,7 @@ class TestResultsFile:
                     self.run(study, path)
                 finally:
                     os._exit(0)
-            time.sleep(rng.uniform(0.0, 0.03))
+            time.sleep(rng.uniform(0.0, 0.7 * span))
             os.kill(child, signal.SIGKILL)
             os.waitpid(child, 0)
             lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
