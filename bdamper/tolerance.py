@@ -10,9 +10,11 @@
 
 What is spent on a decision is bound by what it could save: carrying a point to all harmonics may take as much work
 (:class:`bdamper.system.Cost`) as 1.4 curves with the shortest series that is still in question.  Where this runs out, the
-longest series reached must do, with what it differs from the one before as the error that may be left.
+longest series reached must do, with what it differs from the one before as the error that may be left.  If this error alone
+keeps a curve from being accepted, the point is carried to all harmonics after all, for 1.4 times the work of that curve.
 
-Where the highest point cannot be followed to more harmonics, the first curve is one with 2, 4, 7, 13 harmonics; where two
+Where the highest point cannot be followed to more harmonics (a point lost twice is given up), or what it becomes with all
+is not found with fewer, the next first curve is one with 2, 4, 7, 13 harmonics; where points are lost and two
 of these agree within a third of the tolerance, the longer one is taken.
 
 A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.  Where the
@@ -61,6 +63,8 @@ WALKING = 1e-6
 """Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
 WORTH = 1.4
 """Work that carrying a point to all harmonics may take, in curves with the shortest series that is still in question."""
+MAY_BE_LOST = 2
+"""Series of harmonics at which a point carried may be lost before it is given up."""
 SAME = 1e-3
 """Relative difference of amplitude and frequency below which two points of one series are the same."""
 WAY = (3, 7, 9)
@@ -180,7 +184,7 @@ class _Choice:
         before: _Top | None = None
         target: _Top | None = None
         for first in (*(n for n in STAGES if n < self.most), self.most):
-            if first < self.least and self.curves:
+            if self.curves and first < max(self.least, max(self.curves) + 1):
                 continue
             tops = self.tops(first)
             if not tops:
@@ -194,13 +198,15 @@ class _Choice:
                     text = f"harmonics 1 to {target.harmonics} differ by {percent(rest)}, what more may change included"
                     self.reasons.append(f"{text}; 1 to {self.most} would take too much work")
                     return first, rest
-                shorter = self.shortest(target, first)
-                if shorter < self.most:
-                    return self.settled(shorter, target)
-            elif target is not None:
-                return self.settled(first, target)
+            found = None if target is None else self.settled(first, target)
+            if found is not None:
+                return found
             if first == self.most:
                 break
+            if target is not None and not target.guessed:
+                before = None
+                self.reasons.append(f"{tops[0].frequency:.5g} Hz: not the peak that harmonics 1 to {self.most} have")
+                continue
             if before is not None and tops[0].difference(before) <= self.tolerance / 3.0:
                 rest = tops[0].difference(before)
                 self.reasons.append(f"the series before agrees to {percent(rest)}")
@@ -216,13 +222,15 @@ class _Choice:
         self.reasons.append(f"harmonics 1 to {self.most} are {why}; what more would change is not estimated")
         return self.most, float("nan")
 
-    def settled(self, first: int, target: _Top) -> tuple[int, float]:
-        """A series whose curve has the highest point that is known with all harmonics."""
+    def settled(self, first: int, target: _Top) -> tuple[int, float] | None:
+        """A series whose curve has the highest point that is known with all harmonics; None if none is found."""
         harmonics = first
         for _ in range(3):
             tops = self.tops(harmonics)
             if tops:
                 target = target if target.guessed else self.exact(target, tops[0])
+                if target.guessed:
+                    target = self.completed(target, tops[0])
                 rest = target.difference(tops[0])
                 if rest + target.missed <= self.tolerance:
                     return harmonics, rest
@@ -236,10 +244,10 @@ class _Choice:
                         target = self.exact(other, tops[0])
                         if target.difference(tops[0]) + target.missed <= self.tolerance:
                             continue
-            harmonics = self.shortest(target, harmonics)
+            harmonics = self.shortest(target)
             if harmonics == self.most:
                 break
-        return self.all_of_them()
+        return None
 
     # ---- what there is ----
 
@@ -326,7 +334,7 @@ class _Choice:
     def lifted(self, top: _Top) -> _Top | None:
         """A point as it is with all harmonics."""
         first = top
-        least, last = first.harmonics, np.inf
+        least, last, lost = first.harmonics, np.inf, 0
         for harmonics in WAY:
             if not top.harmonics < harmonics < self.most:
                 continue
@@ -336,6 +344,9 @@ class _Choice:
                     return found
             found = self.carried(top, harmonics)
             if found is None:
+                lost += 1
+                if lost == MAY_BE_LOST:
+                    break
                 continue
             for shorter in (first, top):
                 if shorter.difference(found) > self.tolerance + found.missed:
@@ -344,6 +355,7 @@ class _Choice:
             top = found
             self.limit = max(self.limit, self.begin + WORTH * self.expected(first.harmonics, least))
         again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
+        again = again or lost == MAY_BE_LOST
         for start in (top, first) if first.harmonics >= STAGES[-1] else () if again else (top,):
             found = self.carried(start, self.most)
             if found is not None:
@@ -354,18 +366,33 @@ class _Choice:
         return self.stand_in(top, last)
 
     def stand_in(self, top: _Top, last: float) -> _Top | None:
-        """The longest series reached, where the work ran out or no longer curve is left to ask; None if it still moves."""
-        asked = self.limited(self.most).spent or max(self.curves) >= STAGES[-1]
-        return replace(top, missed=last, guessed=True) if asked and last <= self.tolerance else None
+        """The longest series reached, where the work ran out or no longer curve is left to ask; None if it still moves.
 
-    def shortest(self, target: _Top, tried: int) -> int:
+        What the first step to more harmonics changes says nothing of those left out: after it, nothing stands in.
+        """
+        asked = self.limited(self.most).spent or max(self.curves) >= STAGES[-1]
+        known = top.harmonics > WAY[0] and last <= self.tolerance
+        return replace(top, missed=last, guessed=True) if asked and known else None
+
+    def completed(self, target: _Top, top: _Top) -> _Top:
+        """What stands in for a point with all harmonics solved after all, where a curve waits for this to be accepted."""
+        rest = target.difference(top)
+        if not rest <= self.tolerance < rest + target.missed:
+            return target
+        self.limit = self.meter.work + WORTH * self.curves[top.harmonics].cost.work
+        found = self.carried(target, self.most)
+        return target if found is None else replace(found, guessed=False)
+
+    def shortest(self, target: _Top) -> int:
         """The shortest series, other than those with curves, that has the point to the tolerance."""
         self.limit = np.inf
+        lost = 0
         for harmonics in range(2, self.most):
-            if harmonics in self.curves:
+            if harmonics in self.curves or lost == MAY_BE_LOST:
                 continue
             found = self.carried(target, harmonics)
             if found is None:
+                lost += 1
                 continue
             found = self.exact(found, target)
             away = target.difference(found)
