@@ -318,6 +318,7 @@ def test_peak_expected_stands_in_where_all_harmonics_would_take_too_much(monkeyp
     case = accuracy_cases.draw(22)
     one = replace(accuracy_cases.study_of(case), harmonics=1, damper_modes=0)
     place = accuracy_cases.scene(one, case)
+    monkeypatch.setattr("bdamper.tolerance.WORTH", 0.8)
     curve = one.track(*place, tolerance=0.03)
     chosen = curve.settings["chosen"]
     assert chosen["harmonics"] == [1, 2, 3] and chosen["curves"] == 2
