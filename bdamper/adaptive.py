@@ -13,7 +13,8 @@ The settings of the study are the answer that counts; what they would cost is sp
    curve may have other maxima close by: it is followed to both sides, over folds, as long as it stays near the top;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
-   estimate cannot be relied on, the curve through the peak found is followed to both sides.
+   estimate cannot be relied on, the curve through the peak found is followed to both sides.  Between those points a
+   harmonic that is off may resonate in a narrow interval: near linear modes the full response is solved for as well.
 
 If a peak cannot be carried over, if the first curve has a summit which is no peak, no maximum at all, or does not reach
 through the interval, the search starts anew with three harmonics on a curve followed from above, which may have other
@@ -39,7 +40,16 @@ from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, amplitude_and_phase, as_located, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
 from bdamper.response import uninterrupted
-from bdamper.rivals import Place, near_top, place_of_peak, place_on_curve, summits
+from bdamper.rivals import (
+    NEAR,
+    Place,
+    amplitude_of,
+    near_top,
+    place_of_peak,
+    place_on_curve,
+    summits,
+    superharmonic_points,
+)
 from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -477,8 +487,33 @@ class Search:
                     if not peak.converged:
                         raise LostError(f"{where}, but no peak is found")
                     self._take(_Found(peak, self.everything, None), where)
+        unknown |= self._take_superharmonics(curve, on)
         if unknown:
             self.walk()
+
+    def _take_superharmonics(self, curve: Curve, on: On) -> bool:
+        """Takes what is higher in narrow resonances of the harmonics that are off; whether there was anything."""
+        assert self.best is not None
+        (study, rich), cheap = self.variant(self.everything), self.variant(on)[1]
+        springs = (study._stuck_springs(study.static(self.preload)), None)
+        before = self.best
+
+        def moved(y: NDArray) -> NDArray:
+            return self.moved(y, on, self.everything)
+
+        for points in superharmonic_points(curve, cheap, rich, springs, moved, before.peak.amplitude):
+            limit = self.best.peak.amplitude * (1.0 + self.tolerance)
+            top, height = None, NEAR * self.best.peak.amplitude
+            for start in map(moved, points):
+                c = rich.correct_at(start[:-1], start[-1], peak_scale(rich, start, start[-1]), 1e-6, 25, True)
+                if c.status == OK and amplitude_of(rich, c.y) > height:
+                    top, height = c.y, amplitude_of(rich, c.y)
+            if top is not None:
+                peak = find_peak(rich, top, options=LOOSE, walk=False)
+                if peak.converged and peak.amplitude > limit:
+                    where = f"{top[-1] / (2.0 * np.pi):.5g} Hz: a higher harmonic resonates"
+                    self._take(_Found(peak, self.everything, None), where)
+        return self.best is not before
 
     def walk(self) -> None:
         """Follows the curve through the best peak, unless that has been done, and takes what is higher."""

@@ -25,7 +25,7 @@ from bdamper.indicator import Estimate, change_or_unknown, embed_between, highes
 from bdamper.peaks import Peak, coarse_options
 from bdamper.response import uninterrupted
 from bdamper.resultfile import reading, writing
-from bdamper.rivals import Rival, place_of_peak, rivals, summits
+from bdamper.rivals import Rival, place_at, place_of_peak, rivals, summits, superharmonic_points
 from bdamper.system import HarmonicSystem
 
 if TYPE_CHECKING:
@@ -278,7 +278,12 @@ def _advice_on(
 
     top = place_of_peak(peaks[0], ask)
     e = top.estimate
-    others = list(rivals(curve, peaks, ask, top, tolerance)) if np.isfinite(e.size) else []
+    others: list[Rival] = []
+    if np.isfinite(e.size):
+        springs = (richer._stuck_springs(state), None)
+        parts = superharmonic_points(curve, system, rich, springs, moved, top.amplitude)
+        between = [place_at(system, y, ask) for part in parts for y in part]
+        others = list(rivals(curve, peaks, ask, top, tolerance, between))
     defect, reliability, reason = judged(e, others, tolerance)
     cost = _iteration_time(rich, moved(peaks[0].y)) / own_time
     return EffectAdvice(name, e.amplitude, e.frequency, defect, reliability, *size, cost, reason)

@@ -138,6 +138,20 @@ def test_advice_sees_that_another_resonance_may_become_the_highest():
     assert [e.reliability for e in free.effects] == ["small"]
 
 
+def test_a_narrow_superharmonic_resonance_is_found():
+    """The second harmonic resonates at half of a stuck frequency, 0.4 Hz wide, and makes the response 2.5 times as high."""
+    full = study_of(draw(300183))
+    preload, interval = scene(full, draw(300183))
+    found = full.adaptive_peak(preload, interval)
+    stuck, _ = full.system(preload).linear_modes(full._stuck_springs(full.static(preload)), 2)
+    assert np.abs(stuck / (4.0 * np.pi * found.frequency) - 1.0).min() < 1e-3
+    truth = full.track(preload, (447.5, 449.5), from_high=True).peak
+    assert found.amplitude == pytest.approx(truth.amplitude, rel=TOLERANCE), found.log
+    assert found.frequency == pytest.approx(truth.frequency, rel=TOLERANCE)
+    one = study_of(draw(300183), replace(everything_on(draw(300183)), harmonics=1)).track(preload, interval)
+    assert found.amplitude > 2.0 * one.amplitude.max()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "why"),

@@ -12,7 +12,7 @@ from bdamper.advice import fullest, judged
 from bdamper.branches import LeftOut
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
-from bdamper.rivals import Place, Rival, rivals, summits
+from bdamper.rivals import Place, Rival, excited, point_between, rivals, summits, superharmonics
 from tests import models
 
 INTERVAL = (720.0, 880.0)
@@ -155,6 +155,43 @@ def rivals_of(full, amplitude, changes, maxima):
 
 def find_peak_like(place):
     return SimpleNamespace(y=place.y, frequency=place.frequency, amplitude=place.amplitude)
+
+
+def test_superharmonic_resonances_have_the_frequency_width_and_height_of_the_linear_response(full):
+    """Half of the power at the half-width, at fractions of the frequency, for harmonics that the cheap system lacks."""
+    cheap = full.with_effects(replace(bd.Effects.of(full), harmonics=1))
+    rich = full.system(40.0)
+    springs = full._stuck_springs(full.static(40.0))
+    found = list(superharmonics(cheap.system(40.0), rich, (springs,), 100.0, 1e5))
+    assert {r.harmonic for r in found} == {2, 3} and not list(superharmonics(rich, rich, (springs,), 100.0, 1e5))
+    for l, omega, half_width, mode in found:
+
+        def height(w, l=l, mode=mode):
+            return np.linalg.norm(np.linalg.solve(rich.linear_matrix(w, springs, l), rich.bases[l].mass * mode))
+
+        top = height(omega)
+        assert height(omega - half_width) == pytest.approx(top / np.sqrt(2.0), rel=0.05)
+        assert height(omega + half_width) == pytest.approx(top / np.sqrt(2.0), rel=0.05)
+    r = found[0]
+    y = np.zeros(rich.n_unknowns + 1)
+    y[: rich.n_mean], y[-1] = full.static(40.0).q, r.omega
+    y[rich.slices(1)[0]] = 1e-9  # all sticks: nothing excites the second harmonic but what is put there
+    assert excited(rich, y, r) < 1e-6
+    force = np.zeros(rich.n_unknowns)
+    force[rich.slices(r.harmonic)[0]] = rich.bases[r.harmonic].mass * r.mode.real
+    force[rich.slices(r.harmonic)[1]] = -rich.bases[r.harmonic].mass * r.mode.imag
+    q = np.linalg.solve(rich.linear_matrix(r.omega, springs, r.harmonic), rich.bases[r.harmonic].mass * r.mode)
+    expected = np.abs(rich.bases[r.harmonic].G @ q).max() / np.abs(rich.bases[1].G @ rich.amplitudes(y[:-1], 1)).max()
+    assert excited(rich.with_force(rich.force + force), y, r) == pytest.approx(expected, rel=0.05)
+
+
+def test_a_curve_is_interpolated_on_its_highest_part(full):
+    curve = synthetic(full, [0.5, 1.0, 0.6, 0.9, 0.4], branch=[0, 0, 0, 1, 1])
+    f = 2.0 * np.pi * curve.frequency
+    y = point_between(curve, 0.25 * f[0] + 0.75 * f[1])
+    assert y == pytest.approx(np.append(0.25 * curve.unknowns[0] + 0.75 * curve.unknowns[1], 0.25 * f[0] + 0.75 * f[1]))
+    assert point_between(curve, 0.5 * (f[2] + f[3])) is None  # no part of a branch passes
+    assert point_between(curve, 2.0 * f[-1]) is None
 
 
 def test_another_maximum_may_overtake_by_the_most_it_can_have(full):
