@@ -280,7 +280,7 @@ def _advice_on(
     e = top.estimate
     others: list[Rival] = []
     if np.isfinite(e.size):
-        springs = (richer._stuck_springs(state), None)
+        springs = (richer._stuck_springs(richer.static(preload)), None)
         parts = superharmonic_points(curve, system, rich, springs, moved, top.amplitude)
         between = [place_at(system, y, ask) for part in parts for y in part]
         others = list(rivals(curve, peaks, ask, top, tolerance, between))
