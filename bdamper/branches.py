@@ -191,7 +191,7 @@ def beyond_ends(
 ) -> None:
     """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there."""
     margin = BEYOND * (limits[1] - limits[0])
-    look = replace(options, locate=False, max_points=LOOK, patience=LOOK, tolerance=1e-6, step=0.5, max_step=1.0)
+    look = replace(options, locate=False, max_points=LOOK, patience=LOOK, step=0.5, max_step=1.0)
     seen: list[PathPoint] = []
     while len(seen) < 2 * ENTRIES:
         paths = [piece.path.points for piece in pieces if piece.path.status in ARRIVED]
