@@ -439,13 +439,13 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         friction_law="coupled",
         evaluation=bd.Sampled(128),
     )
-    interval = (320.0, 360.0)
+    interval = (270.0, 380.0)
     for friction in (0.38, 0.39, 0.40, 0.41, 0.42):
         s = replace(study, friction_coefficient=friction)
         peak, curve = s.peak(500.0, interval), s.track(500.0, interval)
         assert peak.converged
         assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
-        assert amplitude_at(s.system(500.0), peak.y) == peak.amplitude
+        assert amplitude_at(s.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
     with pytest.raises(SettingError, match="evaluation"):
         s.peak_sensitivities(peak)
 
