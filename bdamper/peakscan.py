@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.branches import Piece, follow_both
+from bdamper.branches import Piece
+from bdamper.branchsearch import BranchSearch
 from bdamper.brief import brief
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.errors import SettingError
@@ -210,8 +211,9 @@ def scan_from(
     """
     low, high = (2.0 * np.pi * f for f in frequency)
     system.watched = linear_resonances(system, (None, study._stuck_springs(study.static(preload))), low, high)
-    pieces: list[Piece] = []
-    follow_both(system, start, (low, high), FROM_WITHIN, meter, None, pieces)
+    search = BranchSearch(system, (low, high), FROM_WITHIN, meter)
+    search.both_ways(start)
+    pieces = search.pieces
     points = [p for i, piece in enumerate(pieces) for p in (piece.path.points if i else piece.path.points[::-1])]
     ends = {_end(piece) for piece in pieces}
     height = [float(np.hypot(*(row @ p.y[:-1] for row in system.response_parts))) for p in points]

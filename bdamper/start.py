@@ -24,6 +24,8 @@ from bdamper.system import OK, STATUS_TEXT, CostMeter, HarmonicSystem
 
 RAMP_POINTS = 2000
 """Points of a path on which the excitation is raised, or bodies are let go."""
+FEW_POINTS = 300
+"""Points that each way of letting go gets before any of them gets all."""
 SUPPORTS = (
     (10.0, 0.1, False),
     (1.0, 0.1, False),
@@ -121,36 +123,43 @@ def _let_go(
     """Free bodies (all, if none is free) held by springs and dampers, which fade along the curve and around its folds.
 
     Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
-    solutions, and some of them past ranges of excitation in which the body walks off.
+    solutions, and some of them past ranges of excitation in which the body walks off.  Which of them gets through soon is
+    not known beforehand: each gets few points first, and all it may take only where none arrives with those.
     """
     first = 1e-2
     held = [np.where(system.held_coordinates[1], 0.0, q) for q in linear]
     walked = 0
-    for drag, spring, raising in SUPPORTS:
-        supported = system.letting_go(omega, drag, spring, raising)
-        guesses = [system.pack(mean, first * linear[1])] if raising else [system.pack(mean, q) for q in held]
-        for u in guesses:
-            scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-            c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
-            meter.iterations += c.iterations
-            if c.status == OK:
-                break
-        else:
-            continue
-        path = _homotopy(supported, c.y, replace(options, patience=RAMP_POINTS), meter)
-        if path.status == "complete":
-            log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
-            return np.append(path.points[-1].y[:-1], omega)
-        walked += path.status == "walked off"
+    supports: tuple[tuple[float, float, bool], ...] = SUPPORTS
+    for points in (FEW_POINTS, RAMP_POINTS):
+        longer = []
+        for drag, spring, raising in supports:
+            supported = system.letting_go(omega, drag, spring, raising)
+            guesses = [system.pack(mean, first * linear[1])] if raising else [system.pack(mean, q) for q in held]
+            for u in guesses:
+                scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
+                c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
+                meter.iterations += c.iterations
+                if c.status == OK:
+                    break
+            else:
+                continue
+            path = _homotopy(supported, c.y, replace(options, patience=points), meter, points)
+            if path.status == "complete":
+                log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
+                return np.append(path.points[-1].y[:-1], omega)
+            walked += path.status == "walked off"
+            if path.status == "too many points":
+                longer.append((drag, spring, raising))
+        supports = tuple(longer)
     log.append("bodies held and let go: no solution" + (f", {WALKS} ({walked} supports)" if walked else ""))
     return None
 
 
 def _homotopy(
-    system: HarmonicSystem, start: NDArray, options: ContinuationOptions, meter: CostMeter
+    system: HarmonicSystem, start: NDArray, options: ContinuationOptions, meter: CostMeter, points: int = RAMP_POINTS
 ) -> Path:
     """Along the last unknown, from where the start has it to 1."""
-    one = replace(options, locate=False, max_points=RAMP_POINTS)
+    one = replace(options, locate=False, max_points=points)
     path = follow(system, start, (0.5 * float(start[-1]), 1.0), options=one)
     meter.iterations += path.iterations
     meter.failed_steps += path.failed_steps

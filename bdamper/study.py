@@ -6,10 +6,10 @@ Everything is made once and kept: the bases of the harmonics, contact stiffness,
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 import numpy as np
@@ -17,39 +17,25 @@ from numpy.typing import NDArray
 
 from bdamper import expect
 from bdamper.aggregation import unite_contact_points, united_gap, united_stiffness
-from bdamper.branches import (
-    LeftOut,
-    Piece,
-    beyond_ends,
-    ending,
-    fill,
-    finished,
-    follow_both,
-    follow_one,
-    leap,
-    new_solutions,
-    notes,
-    why_no_solution,
-)
 from bdamper.brief import brief, short
 from bdamper.checks import check_model
-from bdamper.continuation import ContinuationOptions, Path, PathPoint
+from bdamper.continuation import ContinuationOptions
 from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
 from bdamper.errors import SettingError, StaticError
 from bdamper.excitation import Excitation, Response, direction_vector
 from bdamper.friction_axes import major_angles, turned
 from bdamper.laws import CHOICES, LawComparison, known_laws
-from bdamper.linear import linear_curve, linear_resonances
+from bdamper.linear import linear_curve
+from bdamper.meanposition import why_no_solution
 from bdamper.model import ContactStiffness, Model
 from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
-from bdamper.progress import progress_bar
 from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve, InterruptedCurve, uninterrupted
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.stability import stability_of_points
-from bdamper.start import WALKS, first_point
+from bdamper.start import first_point
 from bdamper.stiffness import (
     METHODS,
     Contact,
@@ -75,6 +61,7 @@ from bdamper.system import (
 )
 from bdamper.threads import one_thread
 from bdamper.timedomain import Verification, verify_solution
+from bdamper.tracking import track_curve
 
 if TYPE_CHECKING:
     from bdamper.adaptive import AdaptivePeak
@@ -870,72 +857,29 @@ class Study:
         if tolerance is not None:
             tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
         expect.choice("effects", effects, ("all", "auto"))
-        state = self.static(preload)
-        if not state.converged:
-            reason = f"static state: {state.note}"
-            return self._without_points(preload, reason, options or ContinuationOptions(), state.cost)
-        if effects == "auto":
+        if effects == "auto" and (from_high or progress or search_branches is not False):
+            raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
+        if self.static(preload).converged and (effects == "auto" or tolerance is not None):
             from bdamper.adaptive_curves import adaptive_curve
-
-            if from_high or progress or search_branches is not False:
-                raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
-            judged = self.with_effects(replace(Effects.of(self), stability=True)) if stability else self
-            within = 0.01 if tolerance is None else tolerance
-            try:
-                return adaptive_curve(judged, preload, frequency, tolerance=within, options=options)
-            except InterruptedCurve as stop:
-                return stop.curve
-        if tolerance is not None:
             from bdamper.tolerance import track_to_tolerance
 
             try:
+                if effects == "auto":
+                    judged = self.with_effects(replace(Effects.of(self), stability=True)) if stability else self
+                    within = 0.01 if tolerance is None else tolerance
+                    return adaptive_curve(judged, preload, frequency, tolerance=within, options=options)
+                assert tolerance is not None
                 return track_to_tolerance(
                     self, preload, frequency, tolerance, options=options, from_high=from_high, progress=progress,
                     search_branches=search_branches, stability=stability,
                 )  # fmt: skip
             except InterruptedCurve as stop:
                 return stop.curve
-        options = options or ContinuationOptions()
-        low, high = (2.0 * np.pi * f for f in frequency)
-        meter = CostMeter(time.perf_counter())
-        system = self.system(preload)
-        system.watched = linear_resonances(system, (None, self._stuck_springs(state)), low, high)
-        meter.watch(system)
-        pieces: list[Piece] = []
-        log: list[str] = []
-
-        def start_within(omega: float) -> NDArray | None:
-            start, tried = self.find_start(preload, omega, options, meter)
-            log.extend(f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in tried)
-            return start
-
-        try:
-            with progress_bar(progress, low, high) as on_point:
-                follow_on = partial(self._follow_from, system, preload, (low, high), options, meter, on_point)
-                for at_high in (from_high, not from_high):
-                    follow_on(high if at_high else low, (not at_high,), pieces, log)
-                    leap(system, (low, high), options, meter, on_point, pieces, log)
-                    beyond_ends(system, (low, high), options, meter, on_point, pieces, log)
-                    if finished(pieces, low, high):
-                        break
-                fill(system, (low, high), options, meter, on_point, pieces, log, start_within)
-                if ratios:
-                    starts = self._other_starts(preload, (low, high), ratios, options, meter)
-                    for start in new_solutions(system, pieces, starts, options):
-                        log.append(f"{start[-1] / (2 * np.pi):.6g} Hz: a solution apart from the branches so far")
-                        follow_both(system, start, (low, high), options, meter, on_point, pieces)
-        except KeyboardInterrupt:
-            if not any(piece.path.status == "interrupted" for piece in pieces):
-                pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        status, reason, left_out = ending(pieces, low, high)
-        if status in ("incomplete", "no start"):
-            if any(WALKS in line for line in log):
-                reason += f"; bodies that were held and let go {WALKS}, constraint planes would hold them"
-            if 0.0 < preload < 2.0 * self.excitation.amplitude:
-                ratio = preload / self.excitation.amplitude
-                reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
-        curve = self._curve(system, pieces, (status, reason, left_out), preload, meter, options, tuple(log))
-        if len(curve) and status != "interrupted" and (stability or self.stability):
+        curve = track_curve(
+            self, preload, frequency, from_high=from_high, options=options or ContinuationOptions(), progress=progress,
+            ratios=ratios,
+        )  # fmt: skip
+        if len(curve) and curve.status != "interrupted" and (stability or self.stability):
             return self.with_stability(curve)
         return curve
 
@@ -1087,112 +1031,6 @@ class Study:
             raise SettingError(
                 f"curve: expected one of this study, found one with other settings (residual {error:.2g} at its peak)"
             )
-
-    def _follow_from(
-        self,
-        system: HarmonicSystem,
-        preload: float,
-        limits: tuple[float, float],
-        options: ContinuationOptions,
-        meter: CostMeter,
-        on_point: Callable[[PathPoint], None] | None,
-        omega: float,
-        senses: tuple[bool, ...],
-        pieces: list[Piece],
-        log: list[str],
-    ) -> None:
-        """The branch through the solution that the chain finds at one frequency, upward, downward or both."""
-        start, tried = self.find_start(preload, omega, options, meter)
-        log += [f"{omega / (2 * np.pi):.6g} Hz: {line}" for line in tried]
-        if start is None:
-            pieces.append(Piece(Path((), "no start", log[-1], 0, 0), senses[0]))
-        elif len(senses) == 2:
-            follow_both(system, start, limits, options, meter, on_point, pieces)
-        else:
-            follow_one(system, start, limits, senses[0], options, meter, on_point, pieces)
-
-    def _other_starts(
-        self,
-        preload: float,
-        limits: tuple[float, float],
-        ratios: Sequence[float],
-        options: ContinuationOptions,
-        meter: CostMeter,
-    ) -> list[NDArray]:
-        """Solutions at other preloads, spread over the frequency interval."""
-        out: list[NDArray] = []
-        for ratio in ratios:
-            if not self.static(ratio * preload).converged:
-                continue
-            found: list[Piece] = []
-            system = self.system(ratio * preload)
-            meter.watch(system)
-            self._follow_from(
-                system, ratio * preload, limits, replace(options, locate=False), meter, None, limits[0], (True,), found, []
-            )
-            points = [p for piece in found for p in piece.path.points]
-            out += [p.y for p in points[:: max(1, len(points) // 40)]]
-        return out
-
-    def _without_points(self, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
-        """Where there is not even a static state."""
-        return Curve(
-            kind="tracking",
-            frequency=np.zeros(0),
-            harmonics=np.zeros((0, len(self.bases)), complex),
-            unknowns=np.zeros((0, self.n_unknowns)),
-            residual=np.zeros(0),
-            shares=np.zeros((0, 3)),
-            backward=np.zeros(0, bool),
-            rank_deficiency=np.zeros(0, int),
-            branch=np.zeros(0, int),
-            point_kind=(),
-            preload=preload,
-            status="no start",
-            reason=reason,
-            cost=cost,
-            settings=self._settings(options),
-            model_hash=self.model.hash,
-            start_log=(reason,),
-        )
-
-    def _curve(
-        self,
-        system: HarmonicSystem,
-        pieces: list[Piece],
-        ending: tuple[str, str, tuple[LeftOut, ...]],
-        preload: float,
-        meter: CostMeter,
-        options: ContinuationOptions,
-        log: tuple[str, ...],
-    ) -> Curve:
-        points = [p for piece in pieces for p in piece.path.points]
-        y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-        onward = [1.0 if piece.up else -1.0 for piece in pieces for _ in piece.path.points]
-        backward = np.array([p.kind != "walk" and s * p.tangent[-1] < 0.0 for s, p in zip(onward, points)], bool)
-        branch = np.repeat([piece.branch for piece in pieces], [len(p.path.points) for p in pieces])
-        return Curve(
-            kind="tracking",
-            frequency=y[:, -1] / (2.0 * np.pi),
-            harmonics=system.response(y[:, :-1]),
-            unknowns=y[:, :-1],
-            residual=np.array([p.residual for p in points]),
-            shares=np.array([p.shares for p in points]).reshape(-1, 3),
-            backward=backward,
-            rank_deficiency=np.array([p.rank_deficiency for p in points], int),
-            branch=branch.astype(int),
-            point_kind=tuple(p.kind for p in points),
-            preload=preload,
-            status=ending[0],
-            reason=ending[1],
-            left_out=ending[2],
-            cost=meter.read(time.perf_counter()),
-            settings=self._settings(options),
-            model_hash=self.model.hash,
-            start_log=log,
-            notes=notes(system, self.coupling.model, self.bases[0].coordinates, points)
-            + tuple(f"{name} is self-locking: its static normal load is not unique" for name in self.self_locking),
-        )
 
     # ---- accuracy ----
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core, continuation
-from bdamper import study as study_module
-from bdamper.branches import Piece, ending, fill, follow_both, new_solutions, uncovered
+from bdamper import _core, continuation, tracking
+from bdamper.branches import Piece, ending, uncovered
+from bdamper.branchsearch import BranchSearch
 from bdamper.continuation import ContinuationOptions, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
@@ -31,7 +31,7 @@ def study(**settings):
 def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
     seen = []
 
-    class Stop(study_module.progress_bar):
+    class Stop(tracking.progress_bar):
         def __enter__(self):
             def update(point):
                 seen.append(point)
@@ -41,7 +41,7 @@ def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
             return update
 
     whole = study().track(200.0, (250.0, 450.0))
-    monkeypatch.setattr(study_module, "progress_bar", Stop)
+    monkeypatch.setattr(tracking, "progress_bar", Stop)
     curve = study().track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert curve.reason == "by the user"
@@ -126,7 +126,7 @@ def test_interrupted_before_the_first_point(monkeypatch):
         raise KeyboardInterrupt
 
     s = study()
-    monkeypatch.setattr(study_module.Study, "find_start", stop)
+    monkeypatch.setattr(bd.Study, "find_start", stop)
     curve = s.track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert len(curve) == 0
@@ -141,17 +141,17 @@ def test_search_finds_a_branch_that_was_not_followed_and_no_other():
     assert len(folds) == 2
     first, last = path.points[: folds[0] + 1], path.points[folds[1] + 1 :]
     pieces = [Piece(replace(path, points=first, status="stalled", reason="cut off"), True)]
-    options = ContinuationOptions()
-    assert not list(new_solutions(system, pieces, [p.y for p in first[1:-1:3]], options))  # known
+    search = BranchSearch(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    assert not list(search.new_solutions([p.y for p in first[1:-1:3]]))  # known
     beyond = [p.y for p in last if p.y[-1] < first[-1].y[-1]]
     assert beyond  # two solutions at these frequencies
-    (start,) = [found for found, _ in zip(new_solutions(system, pieces, beyond, options), range(1))]
+    (start,) = [found for found, _ in zip(search.new_solutions(beyond), range(1))]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
-    follow_both(system, start, (1.0, 3.5), options, CostMeter(0.0), None, pieces)
+    search.both_ways(start)
     assert len({p.branch for p in pieces}) == 2
     assert [p.path.status for p in pieces[1:]] == ["complete", "complete"]  # through to both ends of the interval
     # what is followed by now is known
-    assert not list(new_solutions(system, pieces, beyond, options))
+    assert not list(search.new_solutions(beyond))
 
 
 def test_search_on_a_curve_of_one_branch_adds_none():
@@ -225,9 +225,9 @@ def test_a_gap_between_known_solutions_is_filled():
         for branch, points in enumerate((low, high))
     ]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
-    log = []
-    fill(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), None, pieces, log, lambda omega: None)
-    assert len(log) == 1
+    search = BranchSearch(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search.fill(lambda omega: None)
+    assert len(search.log) == 1
     assert not uncovered(pieces, 1.0, 3.5)
 
 

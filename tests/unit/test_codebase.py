@@ -32,9 +32,10 @@ PYTHON_LEVELS = [
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "start", "progress", "disturbances", "wavestability", "stability", "timedomain"},
+    {"continuation", "branches", "branchsearch", "meanposition", "start", "progress", "disturbances", "wavestability"}
+    | {"stability", "timedomain"},
     {"estimates"},
-    {"response", "linear"},
+    {"response", "linear", "tracking"},
     {"peaksearch"},
     {"peaksensitivity"},
     {"peakbranch"},

@@ -8,9 +8,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.aggregation import group_patches, unite_contact_points
-from bdamper.branches import notes, why_no_solution
 from bdamper.continuation import PathPoint
 from bdamper.linear import linear_resonances
+from bdamper.meanposition import notes, why_no_solution
 from bdamper.peaks import PeakOptions, walked
 from bdamper.preload import OPEN
 from bdamper.system import LAW_CONSTANT

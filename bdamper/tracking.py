@@ -1,0 +1,166 @@
+"""A tracking curve of a study: all branches that are found over a frequency interval at one preload.
+
+From the end where it starts; from the other end if it does not lead through; from within what is then left; on demand from
+solutions at other preloads, which may lie on branches apart.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.branches import TWO_PI, LeftOut, Piece, ending
+from bdamper.branchsearch import BranchSearch
+from bdamper.continuation import ContinuationOptions, Path
+from bdamper.linear import linear_resonances
+from bdamper.meanposition import notes
+from bdamper.progress import progress_bar
+from bdamper.response import Curve
+from bdamper.start import WALKS
+from bdamper.system import Cost, CostMeter
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+
+def track_curve(
+    study: Study,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    from_high: bool,
+    options: ContinuationOptions,
+    progress: bool,
+    ratios: Sequence[float],
+) -> Curve:
+    """The tracking curve under given settings; :meth:`bdamper.Study.track` explains the arguments.
+
+    Parameters
+    ----------
+    ratios : sequence of float
+        Of the other preloads, whose solutions are starts for branches apart, to this one.
+    """
+    state = study.static(preload)
+    if not state.converged:
+        return _without_points(study, preload, f"static state: {state.note}", options, state.cost)
+    low, high = limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
+    system = study.system(preload)
+    system.watched = linear_resonances(system, (None, study._stuck_springs(state)), low, high)
+    search = BranchSearch(system, limits, options, CostMeter(time.perf_counter()))
+    search.meter.watch(system)
+    try:
+        with progress_bar(progress, low, high) as search.on_point:
+            for at_high in (from_high, not from_high):
+                _from_end(study, preload, search, high if at_high else low)
+                search.leap()
+                search.beyond_ends()
+                if search.finished:
+                    break
+            search.fill(lambda omega: _start(study, preload, search, omega))
+            if ratios:
+                for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
+                    search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
+                    search.both_ways(start)
+    except KeyboardInterrupt:
+        if not any(piece.path.status == "interrupted" for piece in search.pieces):
+            search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
+    status, reason, left_out = ending(search.pieces, low, high)
+    if status in ("incomplete", "no start"):
+        if any(WALKS in line for line in search.log):
+            reason += f"; bodies that were held and let go {WALKS}, constraint planes would hold them"
+        if 0.0 < preload < 2.0 * study.excitation.amplitude:
+            ratio = preload / study.excitation.amplitude
+            reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
+    return _curve(study, search, (status, reason, left_out), preload)
+
+
+def _start(study: Study, preload: float, search: BranchSearch, omega: float) -> NDArray | None:
+    start, tried = study.find_start(preload, omega, search.options, search.meter)
+    search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
+    return start
+
+
+def _from_end(study: Study, preload: float, search: BranchSearch, omega: float) -> None:
+    """The branch through the solution that the chain finds at an end of the interval."""
+    up = omega == search.limits[0]
+    start = _start(study, preload, search, omega)
+    if start is None:
+        search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
+    else:
+        search.from_end(start, up)
+
+
+def _other_starts(study: Study, preload: float, ratios: Sequence[float], search: BranchSearch) -> list[NDArray]:
+    """Solutions at other preloads, spread over the frequency interval."""
+    out: list[NDArray] = []
+    for other in (ratio * preload for ratio in ratios):
+        if not study.static(other).converged:
+            continue
+        options = replace(search.options, locate=False)
+        elsewhere = BranchSearch(study.system(other), search.limits, options, search.meter)
+        search.meter.watch(elsewhere.system)
+        _from_end(study, other, elsewhere, search.limits[0])
+        points = [p for piece in elsewhere.pieces for p in piece.path.points]
+        out += [p.y for p in points[:: max(1, len(points) // 40)]]
+    return out
+
+
+def _without_points(study: Study, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
+    """Where there is not even a static state."""
+    return Curve(
+        kind="tracking",
+        frequency=np.zeros(0),
+        harmonics=np.zeros((0, len(study.bases)), complex),
+        unknowns=np.zeros((0, study.n_unknowns)),
+        residual=np.zeros(0),
+        shares=np.zeros((0, 3)),
+        backward=np.zeros(0, bool),
+        rank_deficiency=np.zeros(0, int),
+        branch=np.zeros(0, int),
+        point_kind=(),
+        preload=preload,
+        status="no start",
+        reason=reason,
+        cost=cost,
+        settings=study._settings(options),
+        model_hash=study.model.hash,
+        start_log=(reason,),
+    )
+
+
+def _curve(
+    study: Study, search: BranchSearch, end: tuple[str, str, tuple[LeftOut, ...]], preload: float
+) -> Curve:
+    system, pieces = search.system, search.pieces
+    points = [p for piece in pieces for p in piece.path.points]
+    y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
+    onward = [1.0 if piece.up else -1.0 for piece in pieces for _ in piece.path.points]
+    backward = np.array([p.kind != "walk" and s * p.tangent[-1] < 0.0 for s, p in zip(onward, points)], bool)
+    branch = np.repeat([piece.branch for piece in pieces], [len(p.path.points) for p in pieces])
+    return Curve(
+        kind="tracking",
+        frequency=y[:, -1] / TWO_PI,
+        harmonics=system.response(y[:, :-1]),
+        unknowns=y[:, :-1],
+        residual=np.array([p.residual for p in points]),
+        shares=np.array([p.shares for p in points]).reshape(-1, 3),
+        backward=backward,
+        rank_deficiency=np.array([p.rank_deficiency for p in points], int),
+        branch=branch.astype(int),
+        point_kind=tuple(p.kind for p in points),
+        preload=preload,
+        status=end[0],
+        reason=end[1],
+        left_out=end[2],
+        cost=search.meter.read(time.perf_counter()),
+        settings=study._settings(search.options),
+        model_hash=study.model.hash,
+        start_log=tuple(search.log),
+        notes=notes(system, study.coupling.model, study.bases[0].coordinates, points)
+        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in study.self_locking),
+    )
