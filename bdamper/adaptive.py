@@ -50,7 +50,7 @@ from bdamper.rivals import (
     summits,
     superharmonic_points,
 )
-from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
+from bdamper.system import OK, Correction, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
     from bdamper.response import Curve
@@ -478,11 +478,11 @@ class Search:
             elif place.expected > limit:
                 start = self.moved(place.y, on, self.everything)
                 found = next(solutions_near(rich, [place.estimate.y], start, peaks[0].scale[-1], quick=True), None)
-                height = 0.0 if found is None else amplitude_and_phase(rich, found[:-1])[2]
+                height = 0.0 if found is None else amplitude_and_phase(rich, found.y[:-1])[2]
                 if found is None or place.expected > (1.0 + SURPRISE) * height:
                     unknown = True
                 if found is not None and height > limit:
-                    peak = find_peak(rich, found, options=LOOSE, walk=False)
+                    peak = find_peak(rich, found.y, options=LOOSE, walk=False)
                     where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
                     if not peak.converged:
                         raise LostError(f"{where}, but no peak is found")
@@ -589,16 +589,13 @@ def _spread(indices: NDArray, most: int) -> list[int]:
 
 def solutions_near(
     system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
-) -> Iterator[NDArray]:
+) -> Iterator[Correction]:
     """Solutions of a system near that of a simpler one, ``start``.
 
     Newton is tried at the phase of the simpler one, which follows a resonance that moves, from each guess and then with
     line search; then, unless ``quick``, at its frequency.
     """
-    _, normal, _ = amplitude_and_phase(system, start[:-1])
-    scale = peak_scale(system, start, width)
-    phase = np.append(normal, 0.0) * scale
-    phase /= np.linalg.norm(phase)
+    phase, scale = phase_plane(system, start, width)
     fixed = np.zeros(len(start))
     fixed[-1] = 1.0
     tries = [(guess, phase, False) for guess in guesses]
@@ -606,15 +603,23 @@ def solutions_near(
     for guess, plane, search in tries:
         c = system.correct(guess, plane, scale, 1e-6, 25 if search else LOOSE.max_iterations, search)
         if c.status == OK and _near(c.y, start, scale):
-            yield c.y
+            yield c
+
+
+def phase_plane(system: HarmonicSystem, y: NDArray, width: float) -> tuple[NDArray, NDArray]:
+    """Normal of the plane in which the phase of the response is that of a point, and the units that it is in."""
+    _, normal, _ = amplitude_and_phase(system, y[:-1])
+    scale = peak_scale(system, y, width)
+    phase = np.append(normal, 0.0) * scale
+    return phase / np.linalg.norm(phase), scale
 
 
 def carried_over(
     system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
 ) -> Peak | None:
     """The peak of a system that one of the solutions near that of a simpler one leads to (:func:`solutions_near`)."""
-    for y in solutions_near(system, guesses, start, width, quick):
-        peak = find_peak(system, y, options=LOOSE, walk=False)
+    for solution in solutions_near(system, guesses, start, width, quick):
+        peak = find_peak(system, solution.y, options=LOOSE, walk=False)
         if peak.converged:
             return peak
     return None

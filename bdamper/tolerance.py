@@ -30,20 +30,22 @@ of them would change.
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.adaptive import carried_over
-from bdamper.continuation import ContinuationOptions
+from bdamper.adaptive import carried_over, phase_plane, solutions_near
+from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.estimates import percent
 from bdamper.estimation import finer_evaluation, missing_harmonics
 from bdamper.indicator import embed_between, estimate_change
-from bdamper.peaks import peak_scale
+from bdamper.peaks import PeakOptions, find_peak, peak_scale
+from bdamper.peaksearch import slope_along
 from bdamper.response import Curve, uninterrupted
 from bdamper.system import OK, CostMeter, HarmonicSystem
 
@@ -59,14 +61,30 @@ ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
 STAGES = (1, 2, 4, 7)
 """Series of harmonics for a first curve."""
+ODD = 4
+"""Shortest of them whose agreement with the one before says something: friction acts on odd harmonics first."""
 WALKING = 1e-6
 """Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
-WORTH = 1.4
-"""Work that carrying a point to all harmonics may take, in curves with the shortest series that is still in question."""
+WORTH = 1.0
+"""Work that carrying points to more harmonics may take in all, in curves with the shortest series still in question."""
+WORTH_IN_ALL = 1.4
+"""The same with what it takes to find the shortest series, and to make sure of a curve that waits to be accepted."""
+FLAT = 4.0
+"""How much farther a peak may be than where a resonance of one degree of freedom has it, from the slope of a curve."""
 MAY_BE_LOST = 2
-"""Series of harmonics at which a point carried may be lost before it is given up."""
+"""Series of harmonics at which a point carried may be lost before it is given up; at the first one it is at once."""
 SAME = 1e-3
 """Relative difference of amplitude and frequency below which two points of one series are the same."""
+NEARLY = PeakOptions(tolerance=1e-6, position_tolerance=1e-2)
+"""How exactly a peak is found that decides for a series of harmonics."""
+LOWER = (0.98, 0.95, 0.85)
+"""Shares of the highest amplitude at which the curve with more harmonics is looked for where its peak is not found."""
+PASSED = 0.97
+"""Share of the highest amplitude at which a piece of a curve has passed it."""
+PIECE = ContinuationOptions(
+    tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=40
+)
+"""How it is followed."""
 WAY = (3, 7, 9)
 """Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
 
@@ -132,6 +150,10 @@ def track_to_tolerance(
     )
 
 
+class _Passed(Exception):
+    """A piece of a curve has passed its highest point."""
+
+
 @dataclass(frozen=True)
 class _Top:
     """A highest point: a solution with so many harmonics, or what a Newton step makes of it (``missed`` > 0)."""
@@ -145,6 +167,8 @@ class _Top:
     missed: float = 0.0
     walk: NDArray | None = None
     """Direction of the mean position in which nothing holds it, if the point is in the middle of a walk."""
+    index: int = -1
+    """Of the point on its curve, if it is one of a curve."""
     guessed: bool = False
     """Whether it stands in for one with all harmonics, which would have taken too much work."""
 
@@ -170,9 +194,8 @@ class _Choice:
 
     least: int = 1
     """The shortest series that points carried to more harmonics leave in question."""
-    begin: float = 0.0
     limit: float = np.inf
-    """Work of the meter at which carrying points begins and at which it ends."""
+    """Work of the meter at which carrying points ends."""
     lost: list[_Top] = field(default_factory=list)
     """Points that have not led to one with all harmonics."""
 
@@ -207,7 +230,7 @@ class _Choice:
                 before = None
                 self.reasons.append(f"{tops[0].frequency:.5g} Hz: not the peak that harmonics 1 to {self.most} have")
                 continue
-            if before is not None and tops[0].difference(before) <= self.tolerance / 3.0:
+            if before is not None and first >= ODD and tops[0].difference(before) <= self.tolerance / 3.0:
                 rest = tops[0].difference(before)
                 self.reasons.append(f"the series before agrees to {percent(rest)}")
                 return first, rest
@@ -224,10 +247,11 @@ class _Choice:
 
     def settled(self, first: int, target: _Top) -> tuple[int, float] | None:
         """A series whose curve has the highest point that is known with all harmonics; None if none is found."""
-        harmonics = first
+        harmonics, longer = first, 2
         for _ in range(3):
             tops = self.tops(harmonics)
             if tops:
+                self.limit = self.end_of(harmonics, harmonics, WORTH_IN_ALL)
                 target = target if target.guessed else self.exact(target, tops[0])
                 if target.guessed:
                     target = self.completed(target, tops[0])
@@ -236,7 +260,6 @@ class _Choice:
                     return harmonics, rest
                 if harmonics != first and tops[0].amplitude > target.amplitude:
                     other = self.target(tops[:1])
-                    self.limit = np.inf
                     if other is None:
                         break
                     if other.amplitude > target.amplitude:
@@ -244,7 +267,8 @@ class _Choice:
                         target = self.exact(other, tops[0])
                         if target.difference(tops[0]) + target.missed <= self.tolerance:
                             continue
-            harmonics = self.shortest(target)
+            harmonics = self.shortest(target, longer)
+            longer = harmonics + 1
             if harmonics == self.most:
                 break
         return None
@@ -299,7 +323,7 @@ class _Choice:
                 df = [abs(curve.frequency[j] - f) for j in (i - 1, i + 1)]
                 width = 2.0 * np.pi * sum(df) * float(np.linalg.norm(curve.unknowns[i])) / max(sum(moved), 1e-300)
                 width = float(np.clip(width, 1e-7 * y[-1], 0.2 * y[-1]))
-            out.append(_Top(harmonics, y, float(a[i]), f, width, not inside))
+            out.append(_Top(harmonics, y, float(a[i]), f, width, not inside, index=i))
         return sorted(out, key=lambda t: -t.amplitude)
 
     def walk(self, harmonics: int, curve: Curve, first: int, last: int) -> _Top:
@@ -313,18 +337,31 @@ class _Choice:
     # ---- what other series would give ----
 
     def target(self, tops: list[_Top]) -> _Top | None:
-        """What the highest of some points becomes with all harmonics; None if it cannot be followed."""
-        self.begin = self.meter.work
-        self.limit = self.begin + WORTH * self.expected(tops[0].harmonics, tops[0].harmonics)
+        """What the highest of some points becomes with all harmonics; None if it cannot be followed.
+
+        Where one that is lost was higher than what the others become, it may be the highest, and there is none.
+        """
+        tracked = tops[0].harmonics
+        self.limit = self.end_of(tracked, max(self.least, tracked))
         best = self.lifted(tops[0])
         if best is None or best.guessed:
             return best
         for top in tops[1:]:
             if top.amplitude > best.amplitude * (1.0 - self.tolerance):
                 rival = self.lifted(top)
+                if rival is None and top.amplitude > best.amplitude * (1.0 + self.tolerance):
+                    return None
                 if rival is not None and not rival.guessed and rival.amplitude > best.amplitude:
                     best = rival
         return best
+
+    def end_of(self, tracked: int, harmonics: int, worth: float = WORTH) -> float:
+        """Work of the meter up to which points may be carried while so many harmonics are in question.
+
+        All that has been spent on carrying counts, that is, all that no curve has taken.
+        """
+        curves = sum(curve.cost.work for curve in self.curves.values())
+        return curves + worth * self.expected(tracked, harmonics)
 
     def expected(self, tracked: int, harmonics: int) -> float:
         """Work of a curve from that of one which is there: as many iterations at another size."""
@@ -343,8 +380,10 @@ class _Choice:
                 if found is not None:
                     return found
             found = self.carried(top, harmonics)
+            if found is None and top is first:
+                found = self.followed(top, harmonics)
             if found is None:
-                lost += 1
+                lost = MAY_BE_LOST if top is first else lost + 1
                 if lost == MAY_BE_LOST:
                     break
                 continue
@@ -353,10 +392,11 @@ class _Choice:
                     least = max(least, shorter.harmonics + 1)
             last = top.difference(found) + found.missed
             top = found
-            self.limit = max(self.limit, self.begin + WORTH * self.expected(first.harmonics, least))
+            self.limit = max(self.limit, self.end_of(first.harmonics, least))
         again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
         again = again or lost == MAY_BE_LOST
-        for start in (top, first) if first.harmonics >= STAGES[-1] else () if again else (top,):
+        starts = [top] if top is first else [top, first]
+        for start in starts if first.harmonics >= STAGES[-1] else () if again else (top,):
             found = self.carried(start, self.most)
             if found is not None:
                 return found
@@ -379,17 +419,17 @@ class _Choice:
         rest = target.difference(top)
         if not rest <= self.tolerance < rest + target.missed:
             return target
-        self.limit = self.meter.work + WORTH * self.curves[top.harmonics].cost.work
         found = self.carried(target, self.most)
         return target if found is None else replace(found, guessed=False)
 
-    def shortest(self, target: _Top) -> int:
-        """The shortest series, other than those with curves, that has the point to the tolerance."""
-        self.limit = np.inf
+    def shortest(self, target: _Top, least: int) -> int:
+        """The shortest series of so many harmonics at least, other than those with curves, that has the point."""
+        tracked = max(self.curves)
         lost = 0
-        for harmonics in range(2, self.most):
+        for harmonics in range(least, self.most):
             if harmonics in self.curves or lost == MAY_BE_LOST:
                 continue
+            self.limit = self.end_of(tracked, harmonics, WORTH_IN_ALL)
             found = self.carried(target, harmonics)
             if found is None:
                 lost += 1
@@ -408,8 +448,11 @@ class _Choice:
         away = top.difference(other)
         if not away - top.missed <= self.tolerance < away + top.missed:
             return top
-        found = self._solved(self.limited(top.harmonics), top, top.y, [top.y])
-        return top if found is None else found
+        found = carried_over(self.limited(top.harmonics), [top.y], top.y, top.width, quick=True)
+        if found is None:
+            return top
+        self.meter.iterations += found.iterations
+        return replace(top, y=found.y, amplitude=found.amplitude, frequency=found.frequency, missed=0.0)
 
     def carried(self, top: _Top, harmonics: int, quick: bool = False) -> _Top | None:
         """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost.
@@ -432,11 +475,71 @@ class _Choice:
             return None
         if found is None or abs(found.amplitude / top.amplitude - 1.0) > ANOTHER:
             return None
-        return replace(found, harmonics=harmonics)
+        return replace(found, harmonics=harmonics, index=-1)
+
+    def followed(self, top: _Top, harmonics: int) -> _Top | None:
+        """A point as it is with more harmonics, by a piece of their curve.
+
+        It is begun at points some way down the curve there is, of which Newton makes some with more harmonics, and followed
+        toward the highest one until it has passed it.
+        """
+        if top.index < 0 or self.limited(harmonics).spent:
+            return None
+        curve = self.curves[top.harmonics]
+        height = curve.amplitude / top.amplitude
+        for lower in LOWER:
+            for step in (-1, 1):
+                i = top.index
+                while 0 <= i + step < len(curve) and curve.branch[i + step] == curve.branch[i] and height[i] > lower:
+                    i += step
+                if height[i] > lower:
+                    continue
+                up = bool(curve.frequency[i - step] > curve.frequency[i])
+                found = self._piece(top, harmonics, np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i]), up)
+                if found is not None and abs(found.amplitude / top.amplitude - 1.0) <= ANOTHER:
+                    return found
+        return None
+
+    def _piece(self, top: _Top, harmonics: int, y: NDArray, up: bool) -> _Top | None:
+        """The highest point of the curve with so many harmonics from near a point with fewer on."""
+        old, a = self.variant(top.harmonics)
+        new, b = self.variant(harmonics)[0], self.limited(harmonics)
+        y = embed_between(old, new, a, b, self.preload, y)
+        points: list[PathPoint] = []
+        heights: list[float] = []
+
+        def note(point: PathPoint) -> None:
+            points.append(point)
+            heights.append(float(abs(b.response(point.y[:-1])[1])))
+            if heights[-1] < PASSED * max(heights):
+                raise _Passed
+
+        plane, scale = phase_plane(b, y, top.width)
+        start = b.correct_at(y[:-1], float(y[-1]), scale, 1e-6, 12)
+        self.meter.iterations += start.iterations
+        if start.status != OK:
+            start = b.correct(y, plane, scale, 1e-6, 12)
+            self.meter.iterations += start.iterations
+        if start.status != OK:
+            return None
+        with suppress(_Passed):
+            limits = 2.0 * np.pi * self.frequency[0], 2.0 * np.pi * self.frequency[1]
+            follow(b, start.y, limits, up=up, options=PIECE, on_point=note)
+        if not heights:
+            return None
+        i = int(np.argmax(heights))
+        inside = 0 < i < len(points) - 1
+        if not inside and not (i > 0 and top.at_end and points[i].kind == "end"):
+            return None
+        point = points[i]
+        return replace(
+            top, harmonics=harmonics, y=point.y, amplitude=heights[i], frequency=float(point.y[-1] / (2.0 * np.pi)),
+            at_end=not inside, index=-1,
+        )  # fmt: skip
 
     def _at_frequency(self, b: HarmonicSystem, top: _Top, y: NDArray) -> _Top | None:
         for search in (False, True):
-            c = b.correct_at(y[:-1], float(y[-1]), peak_scale(b, y, top.width), 1e-6, 40 if search else 15, search)
+            c = b.correct_at(y[:-1], float(y[-1]), peak_scale(b, y, top.width), 1e-6, 25 if search else 15, search)
             self.meter.iterations += c.iterations
             if c.status == OK:
                 return replace(top, y=c.y, amplitude=float(abs(b.response(c.y[:-1])[1])))
@@ -466,11 +569,21 @@ class _Choice:
         return None if quick else self._solved(b, top, y, [e.y] if np.isfinite(e.size) and e.size < 0.3 else [])
 
     def _solved(self, b: HarmonicSystem, top: _Top, y: NDArray, guesses: list[NDArray]) -> _Top | None:
-        peak = carried_over(b, guesses, y, top.width, quick=True)
-        if peak is None:
-            return None
-        self.meter.iterations += peak.iterations
-        return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
+        """By Newton at the phase of the point; on to the peak only if the slope of the curve there calls for it."""
+        for solution in solutions_near(b, guesses, y, top.width, quick=True):
+            self.meter.iterations += solution.iterations
+            z, scale = solution.y, peak_scale(b, y, top.width)
+            slope = slope_along(b, z, solution.tangent, scale)
+            away = FLAT * max(0.5 * slope**2, abs(slope * solution.tangent[-1] * scale[-1] / z[-1]))
+            if away > SHARE * self.tolerance:
+                peak = find_peak(b, z, options=NEARLY, walk=False)
+                self.meter.iterations += peak.iterations
+                if peak.converged:
+                    return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
+            if away <= SHARE * self.tolerance or b.spent:
+                amplitude, frequency = float(abs(b.response(z[:-1])[1])), float(z[-1] / (2.0 * np.pi))
+                return replace(top, y=z, amplitude=amplitude, frequency=frequency, missed=away)
+        return None
 
 
 def _walks(curve: Curve) -> dict[int, tuple[int, int]]:

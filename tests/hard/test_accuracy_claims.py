@@ -37,8 +37,9 @@ def tolerance(number):
     if t is None:
         return None
     return {
-        "error": t.error, "tolerance": t.tolerance, "ratio": t.ratio, "time_ratio": t.time_ratio, "by_chance": t.by_chance,
-        "chosen": t.chosen, "series": t.series, "curves": t.curves, "seconds": t.cheapest_seconds,
+        "error": t.error, "tolerance": t.tolerance, "ratio": t.ratio, "time_ratio": t.time_ratio,
+        "lasting_ratio": t.lasting_ratio, "chosen": t.chosen, "series": t.series, "lasting": t.lasting, "curves": t.curves,
+        "seconds": t.cheapest_seconds,
     }  # fmt: skip
 
 
