@@ -8,14 +8,24 @@
    is known before a curve with it is there.
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
-What is spent on a decision is bound by what it could save: carrying a point to all harmonics may take as much work
-(:class:`bdamper.system.Cost`) as 1.4 curves with the shortest series that is still in question.  Where this runs out, the
-longest series reached must do, with what it differs from the one before as the error that may be left.  If this error alone
-keeps a curve from being accepted, the point is carried to all harmonics after all, for 1.4 times the work of that curve.
+Carried points need not be peaks: Newton holds the phase of the response, and only where the slope of the curve says that
+the peak may be farther away than the tolerance allows is it looked for.  Where Newton loses the highest point of a curve, the
+richer curve is looked for a little below it and a piece of it followed over its top.
 
-Where the highest point cannot be followed to more harmonics (a point lost twice is given up), or what it becomes with all
-is not found with fewer, the next first curve is one with 2, 4, 7, 13 harmonics; where points are lost and two
-of these agree within a third of the tolerance, the longer one is taken.
+What is spent on a decision is bound by what it could save: carrying points may in all take as much work
+(:class:`bdamper.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with what it takes
+to find the shortest series and to make sure of its curve.  Where this runs out, the longest series reached must do, with what
+it differs from the one before as the error that may be left.  If this error alone keeps a curve from being accepted, the
+point is carried to all harmonics after all, within the 1.4 curves.
+
+Where the highest point cannot be followed to more harmonics, or what it becomes with all is not found with fewer, the next
+first curve is one with 2, 4, 7, 13 harmonics; where points are lost and two of these, one with four or more, agree within a
+third of the tolerance, the longer one is taken.
+
+So the work is at most that of all curves tracked and 1.4 of the shortest series that were in question: below three times the
+work of the cheapest if it is found after the first curve and that took less than 0.6 of it, or if what is tracked in all is
+less than 1.6 of it.  No bound holds that is better than four where points cannot be followed, since then the series have to
+be tried one after the other (the least for any order of trials whose work adds up until one is good enough).
 
 A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.  Where the
 damper walks, the mean position is free to move at one vibration and one frequency.  Such a highest point is a corner of the
@@ -82,8 +92,9 @@ LOWER = (0.98, 0.95, 0.85)
 PASSED = 0.97
 """Share of the highest amplitude at which a piece of a curve has passed it."""
 PIECE = ContinuationOptions(
-    tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=True, locate_folds=False, locate_tolerance=0.05, max_points=40
-)
+    tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=True, locate_folds=False, locate_tolerance=0.05,
+    max_points=40,
+)  # fmt: skip
 """How it is followed."""
 WAY = (3, 7, 9)
 """Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
@@ -342,7 +353,7 @@ class _Choice:
         Where one that is lost was higher than what the others become, it may be the highest, and there is none.
         """
         tracked = tops[0].harmonics
-        self.limit = self.end_of(tracked, max(self.least, tracked))
+        self.limit = self.end_of(tracked, max(self.least, tracked), WORTH)
         best = self.lifted(tops[0])
         if best is None or best.guessed:
             return best
@@ -355,7 +366,7 @@ class _Choice:
                     best = rival
         return best
 
-    def end_of(self, tracked: int, harmonics: int, worth: float = WORTH) -> float:
+    def end_of(self, tracked: int, harmonics: int, worth: float) -> float:
         """Work of the meter up to which points may be carried while so many harmonics are in question.
 
         All that has been spent on carrying counts, that is, all that no curve has taken.
@@ -392,7 +403,7 @@ class _Choice:
                     least = max(least, shorter.harmonics + 1)
             last = top.difference(found) + found.missed
             top = found
-            self.limit = max(self.limit, self.end_of(first.harmonics, least))
+            self.limit = max(self.limit, self.end_of(first.harmonics, least, WORTH))
         again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
         again = again or lost == MAY_BE_LOST
         starts = [top] if top is first else [top, first]
