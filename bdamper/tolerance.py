@@ -9,23 +9,23 @@
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
 Carried points need not be peaks: Newton holds the phase of the response, and only where the slope of the curve says that
-the peak may be farther away than the tolerance allows is it looked for.  Where Newton loses the highest point of a curve, the
-richer curve is looked for a little below it and a piece of it followed over its top.
+the peak may be farther away than the tolerance allows is it looked for.  Where Newton loses the highest point of a curve,
+the richer curve is looked for a little below it and a piece of it followed over its top.
 
 What is spent on a decision is bound by what it could save: carrying points may in all take as much work
-(:class:`bdamper.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with what it takes
-to find the shortest series and to make sure of its curve.  Where this runs out, the longest series reached must do, with what
-it differs from the one before as the error that may be left.  If this error alone keeps a curve from being accepted, the
-point is carried to all harmonics after all, within the 1.4 curves.
+(:class:`bdamper.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with what it
+takes to find the shortest series and to make sure of its curve.  Where this runs out, the longest series reached must do,
+with what it differs from the one before as the error that may be left.  If this error alone keeps a curve from being
+accepted, the point is carried to all harmonics after all, within the 1.4 curves.
 
 Where the highest point cannot be followed to more harmonics, or what it becomes with all is not found with fewer, the next
 first curve is one with 2, 4, 7, 13 harmonics; where points are lost and two of these, one with four or more, agree within a
 third of the tolerance, the longer one is taken.
 
-So the work is at most that of all curves tracked and 1.4 of the shortest series that were in question: below three times the
-work of the cheapest if it is found after the first curve and that took less than 0.6 of it, or if what is tracked in all is
-less than 1.6 of it.  No bound holds that is better than four where points cannot be followed, since then the series have to
-be tried one after the other (the least for any order of trials whose work adds up until one is good enough).
+So the work is about at most that of all curves tracked and 1.4 of the shortest series that were in question: below three
+times the work of the cheapest if that is the second curve and the first took less than 0.6 of it, or whatever was tracked
+if it was less than 1.6 of it in all.  Where points cannot be followed, series can only be tried one after the other, and no
+order of trials whose work adds up keeps a bound better than four times that of the first good enough, in general.
 
 A highest point at an end of the interval is compared at its frequency, any other at the phase of its response.  Where the
 damper walks, the mean position is free to move at one vibration and one frequency.  Such a highest point is a corner of the
