@@ -6,6 +6,7 @@ back; from within what is left without solutions; from solutions that lie on non
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -23,6 +24,10 @@ LOOK = 60
 ENTRIES = 4
 """Times a curve may enter the interval."""
 ARRIVED = ("complete", "turned back")
+PLACES = ((0.5, 0.2, 0.8, 0.05, 0.95), (0.35, 0.65, 0.12), (0.88, 0.27, 0.73))
+"""Where in a gap solutions are looked for, visit by visit."""
+WIDE = 0.1
+"""Part of the interval above which a gap in which nothing was found is not visited again."""
 
 
 @dataclass
@@ -170,39 +175,45 @@ class BranchSearch:
         """Looks for solutions in what is left without and follows them both ways.
 
         At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that
-        finds the first point of a curve.  A gap in which nothing is found is left; so are all once the chain was called
-        ``searches`` times.
+        finds the first point of a curve.  A narrow gap in which nothing is found is visited again, at other frequencies,
+        after the others; a wide one is left.  All are left once the chain was called ``searches`` times.
         """
         if self.finished:
             return
-        hopeless: set[tuple[float, float]] = set()
+        visits: Counter[tuple[float, float]] = Counter()
         tries = iter(range(self.options.searches))
         for _ in range(self.options.searches):
-            gaps = [gap for gap in uncovered(self.pieces, *self.limits) if gap not in hopeless]
+            gaps = [g for g in uncovered(self.pieces, *self.limits) if visits[g] < (1 if self._wide(g) else len(PLACES))]
             if not gaps:
                 return
-            gap = max(gaps, key=lambda gap: gap[1] - gap[0])
-            found = self._within(gap, find_start, tries)
+            gap = min(gaps, key=lambda g: (visits[g], g[0] - g[1]))
+            found = self._within(gap, PLACES[visits[gap]], find_start, tries)
             if found is None:
-                hopeless.add(gap)
+                visits[gap] += 1
                 continue
             self._note(found[-1], "set off from a solution within a gap")
             self.both_ways(found)
 
+    def _wide(self, gap: tuple[float, float]) -> bool:
+        return gap[1] - gap[0] > WIDE * self._width
+
     def _within(
-        self, gap: tuple[float, float], find_start: Callable[[float], NDArray | None], tries: Iterator[int]
+        self,
+        gap: tuple[float, float],
+        places: Sequence[float],
+        find_start: Callable[[float], NDArray | None],
+        tries: Iterator[int],
     ) -> NDArray | None:
         """A solution in a gap."""
         a, b = gap
         points = [p for piece in self.pieces for p in piece.path.points]
-        frequencies = [a + part * (b - a) for part in (0.5, 0.2, 0.8, 0.05, 0.95)]
+        frequencies = [a + part * (b - a) for part in places]
         for omega in frequencies:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
                 c = self._solve(point.y[:-1], omega, point.scale, 30, True)
                 if c.status == OK:
                     return c.y
-        wide = b - a > 0.1 * self._width
-        for omega, _ in zip(frequencies if wide else frequencies[:3], tries):
+        for omega, _ in zip(frequencies if self._wide(gap) else frequencies[:3], tries):
             start = find_start(omega)
             if start is not None:
                 return start

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper import _core, continuation, tracking
 from bdamper.branches import Piece, ending, uncovered
 from bdamper.branchsearch import BranchSearch
-from bdamper.continuation import ContinuationOptions, follow
+from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -371,3 +371,24 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from
     assert curve.peak.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
     if not from_high:
         assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
+
+
+@pytest.mark.parametrize(("high", "asked"), [(2.05, 9), (2.5, 5)])
+def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, asked):
+    class Unsolvable(Ellipse):
+        def correct_at(self, u, omega, *args):
+            return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), 1, np.inf, 0.0, 0)
+
+    def span(low, high, branch):
+        points = tuple(PathPoint(np.array([1.0, w]), np.ones(2), np.ones(2), np.zeros(3), 0.0, 1, 0) for w in (low, high))
+        return Piece(Path(points, "tangle", "cut off", 0, 0), True, branch)
+
+    pieces = [span(1.0, 2.0, 0), span(high, 3.5, 1)]
+    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    seen = []
+    search.fill(seen.append)
+    assert len(set(seen)) == len(seen) == asked
+    assert all(2.0 < omega < high for omega in seen)
+    few = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(searches=2), CostMeter(0.0), pieces=pieces)
+    few.fill(seen.append)
+    assert len(seen) == asked + 2
