@@ -14,7 +14,8 @@ step, and the tangent has not turned by more than a set angle.  That keeps the p
 
 Where the frequency component of the tangent changes sign there is a fold, where the derivative of the response amplitude
 does, an extremum; both are located by a bracketing secant on the length of the step, with a Newton corrector for each
-trial.
+trial.  Two of them in one step leave the signs as they were: there the cubic through both ends of the step, with their
+slopes, turns within, and the step is halved.
 """
 
 from __future__ import annotations
@@ -153,6 +154,21 @@ WALKED_OFF = (
 )
 
 
+def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) -> bool:
+    """Whether the cubic on (0, 1) with these slopes at its ends, which agree in sign, and this rise turns within.
+
+    Its slope is ``first + b t + c t**2``; by how much of the larger slope it must run the other way is ``margin``.
+    """
+    if first * last <= 0.0:
+        return False
+    if first < 0.0:
+        first, last, rise = -first, -last, -rise
+    b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
+    if c <= 0.0 or not -2.0 * c < b < 0.0:
+        return False
+    return first - 0.25 * b * b / c < -margin * max(first, last)
+
+
 class _Follower:
     """State of one run."""
 
@@ -240,7 +256,23 @@ class _Follower:
             return c, "orientation of the curve changed"
         if self._over_resonance(y, c.y):
             return c, "a resonance of the linear structure lies within the step"
+        if self.options.locate and step > 1e-3 and self._over_pair(y, tangent, scale, c):
+            return c, "two folds or extrema lie within the step"
         return c, ""
+
+    def _over_pair(self, y: NDArray, tangent: NDArray, scale: NDArray, c: Correction) -> bool:
+        """Whether frequency or amplitude seems to turn twice within a step, which its ends do not show.
+
+        The cubic through both ends, with their slopes, turns within.
+        """
+        if self.walks(tangent) or self.walks(c.tangent):
+            return False
+        length = norm2((c.y - y) / scale)
+        if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
+            return True
+        before, after = (abs(self.system.amplitudes(p[:-1], 1) @ self.system.response_rows[1]) ** 2 for p in (y, c.y))
+        first, last = (length * self.amplitude_slope(p, t, scale) for p, t in ((y, tangent), (c.y, c.tangent)))
+        return turns_twice(first, last, 0.5 * (after - before))
 
     def _over_resonance(self, a: NDArray, b: NDArray) -> bool:
         """Whether a linear resonance in a step is not resolved: the phase of its modal coordinate jumps."""

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bdamper.continuation import ContinuationOptions, follow
+import bdamper as bd
+from bdamper.continuation import ContinuationOptions, follow, turns_twice
 from bdamper.linear import linear_resonances
 from bdamper.system import OK
+from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 
 
@@ -84,3 +86,37 @@ def test_case_17_fully_stuck_peak_is_not_stepped_over(ratio):
     assert abs(peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) / exact - 1.0) < 1e-3
     system.watched = []  # with long steps and nothing to watch it is stepped over: what the test guards against
     assert peak(followed(system, 0.8, 2.5, STUCK, max_step=0.4)) < 0.5 * exact
+
+
+def test_turning_twice_is_seen_in_the_cubic_through_both_ends():
+    """Cubics with the extrema where they are put, against their own slopes and rises."""
+    rng = np.random.default_rng(3)
+    seen = [0, 0]
+    for _ in range(400):
+        ends, size = np.sort(rng.uniform(-1.5, 2.5, 2)), rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-6, 6)
+        slope = np.polynomial.Polynomial.fromroots(ends) * size
+        first, last, rise = slope(0.0), slope(1.0), slope.integ()(1.0)
+        twice = ends[0] > 0.0 and ends[1] < 1.0 and abs(slope(ends.mean())) > 0.02 * max(abs(first), abs(last))
+        assert turns_twice(first, last, rise) == twice
+        seen[int(twice)] += 1
+    assert min(seen) > 10
+    assert not turns_twice(1.0, -1.0, 0.3)  # one extremum, which the signs show
+
+
+@pytest.mark.parametrize(("case", "folds"), [("reference", 4), ("random", 16)])
+def test_a_pair_of_folds_in_one_step_is_not_stepped_over(case, folds):
+    """0.04 Hz apart at 344.2 Hz on the reference disk, 0.01 Hz at 345.4 Hz on a random one: as with small steps."""
+    if case == "reference":
+        disk = bd.reference_model("bladed_disk", 9)
+        tip = bd.Excitation("tip", "tangential", 1.0)
+        study = bd.Study(disk, tip, engine_order=5, harmonics=5, friction_coefficient=0.4)
+        preload, interval = 500.0, (250.0, 400.0)
+    else:
+        study, preload, interval = random_study(28)
+    usual = study.track(preload, interval)
+    fine = study.track(preload, interval, options=ContinuationOptions(step=0.01, max_step=0.01))
+    assert usual.complete
+    assert len(fine.folds) == folds
+    np.testing.assert_allclose(
+        [fold.frequency for fold in usual.folds], [fold.frequency for fold in fine.folds], rtol=1e-8
+    )
