@@ -39,6 +39,7 @@ of them would change.
 
 from __future__ import annotations
 
+import math
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -47,7 +48,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.adaptive import carried_over, phase_plane, solutions_near
+from bdamper.adaptive import phase_plane, solutions_near
 from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
@@ -69,10 +70,12 @@ RIVAL = 0.6
 """Share of the highest point from which on other maxima are looked at."""
 ANOTHER = 0.5
 """Relative change of amplitude beyond which it is another peak."""
-STAGES = (1, 2, 4, 7)
-"""Series of harmonics for a first curve."""
+GROWTH = 1.75
+"""How much longer the next first curve is at least, in harmonics: 1, 2, 4, 7, 13 of them."""
+AGREEMENT = 1.0 / 3.0
+"""Share of the tolerance within which two points are taken for one."""
 ODD = 4
-"""Shortest of them whose agreement with the one before says something: friction acts on odd harmonics first."""
+"""Shortest first curve whose agreement with the one before says something: friction acts on odd harmonics first."""
 WALKING = 1e-6
 """Share of vibration and frequency in the tangent of a curve below which only the mean position moves."""
 WORTH = 1.0
@@ -217,9 +220,9 @@ class _Choice:
         """Number of harmonics of the curve to return, and the estimated rest (NaN if there is no estimate)."""
         before: _Top | None = None
         target: _Top | None = None
-        for first in (*(n for n in STAGES if n < self.most), self.most):
-            if self.curves and first < max(self.least, max(self.curves) + 1):
-                continue
+        first = 0
+        while first < self.most:
+            first = min(max(self.least, math.ceil(GROWTH * max(self.curves, default=0.5))), self.most)
             tops = self.tops(first)
             if not tops:
                 why = self.curves[first].reason or "no solutions"
@@ -241,7 +244,7 @@ class _Choice:
                 before = None
                 self.reasons.append(f"{tops[0].frequency:.5g} Hz: not the peak that harmonics 1 to {self.most} have")
                 continue
-            if before is not None and first >= ODD and tops[0].difference(before) <= self.tolerance / 3.0:
+            if before is not None and first >= ODD and tops[0].difference(before) <= AGREEMENT * self.tolerance:
                 rest = tops[0].difference(before)
                 self.reasons.append(f"the series before agrees to {percent(rest)}")
                 return first, rest
@@ -259,26 +262,27 @@ class _Choice:
     def settled(self, first: int, target: _Top) -> tuple[int, float] | None:
         """A series whose curve has the highest point that is known with all harmonics; None if none is found."""
         harmonics, longer = first, 2
+        expected: _Top | None = None
         for _ in range(3):
             tops = self.tops(harmonics)
             if tops:
+                if expected is not None and tops[0].difference(expected) > AGREEMENT * self.tolerance:
+                    other = self.target(tops[:1])
+                    if other is None and tops[0].amplitude > target.amplitude:
+                        break
+                    missing = expected.amplitude > tops[0].amplitude * (1.0 + SAME)
+                    if other is not None and (missing or other.amplitude > target.amplitude):
+                        self.reasons.append(f"{tops[0].frequency:.5g} Hz: the curve is highest at another peak")
+                        target = other
+                    self.limit = self.end_of(harmonics, harmonics, WORTH_IN_ALL)
+                    target = target if target.guessed else self.refined(target)
                 self.limit = self.end_of(harmonics, harmonics, WORTH_IN_ALL)
+                target = self.completed(target, tops[0]) if target.guessed else target
                 target = target if target.guessed else self.exact(target, tops[0])
-                if target.guessed:
-                    target = self.completed(target, tops[0])
                 rest = target.difference(tops[0])
                 if rest + target.missed <= self.tolerance:
                     return harmonics, rest
-                if harmonics != first and tops[0].amplitude > target.amplitude:
-                    other = self.target(tops[:1])
-                    if other is None:
-                        break
-                    if other.amplitude > target.amplitude:
-                        self.reasons.append(f"{other.frequency:.5g} Hz: the curve has another peak, a higher one")
-                        target = self.exact(other, tops[0])
-                        if target.difference(tops[0]) + target.missed <= self.tolerance:
-                            continue
-            harmonics = self.shortest(target, longer)
+            harmonics, expected = self.shortest(target, longer)
             longer = harmonics + 1
             if harmonics == self.most:
                 break
@@ -407,7 +411,7 @@ class _Choice:
         again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
         again = again or lost == MAY_BE_LOST
         starts = [top] if top is first else [top, first]
-        for start in starts if first.harmonics >= STAGES[-1] else () if again else (top,):
+        for start in starts if first.harmonics >= WAY[1] else () if again else (top,):
             found = self.carried(start, self.most)
             if found is not None:
                 return found
@@ -421,7 +425,7 @@ class _Choice:
 
         What the first step to more harmonics changes says nothing of those left out: after it, nothing stands in.
         """
-        asked = self.limited(self.most).spent or max(self.curves) >= STAGES[-1]
+        asked = self.limited(self.most).spent or max(self.curves) >= WAY[1]
         known = top.harmonics > WAY[0] and last <= self.tolerance
         return replace(top, missed=last, guessed=True) if asked and known else None
 
@@ -433,8 +437,8 @@ class _Choice:
         found = self.carried(target, self.most)
         return target if found is None else replace(found, guessed=False)
 
-    def shortest(self, target: _Top, least: int) -> int:
-        """The shortest series of so many harmonics at least, other than those with curves, that has the point."""
+    def shortest(self, target: _Top, least: int) -> tuple[int, _Top | None]:
+        """The shortest series of so many harmonics at least, other than those with curves, that has the point; and this."""
         tracked = max(self.curves)
         lost = 0
         for harmonics in range(least, self.most):
@@ -451,19 +455,24 @@ class _Choice:
                 self.reasons.append(
                     f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {target.harmonics}"
                 )
-                return harmonics
-        return self.most
+                return harmonics, found
+        return self.most, None
 
     def exact(self, top: _Top, other: _Top) -> _Top:
         """The point itself instead of its estimate, where this could decide whether another is within the tolerance."""
         away = top.difference(other)
-        if not away - top.missed <= self.tolerance < away + top.missed:
+        return self.refined(top) if away - top.missed <= self.tolerance < away + top.missed else top
+
+    def refined(self, top: _Top) -> _Top:
+        """The peak near a point that need not be one, or the point if none is found."""
+        system = self.limited(top.harmonics)
+        if not top.missed or system.spent:
             return top
-        found = carried_over(self.limited(top.harmonics), [top.y], top.y, top.width, quick=True)
-        if found is None:
+        peak = find_peak(system, top.y, options=NEARLY, walk=False)
+        self.meter.iterations += peak.iterations
+        if not peak.converged or abs(peak.amplitude / top.amplitude - 1.0) > ANOTHER:
             return top
-        self.meter.iterations += found.iterations
-        return replace(top, y=found.y, amplitude=found.amplitude, frequency=found.frequency, missed=0.0)
+        return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
 
     def carried(self, top: _Top, harmonics: int, quick: bool = False) -> _Top | None:
         """A point as it is with another series, by one Newton step if that is enough, or by more; None if it is lost.
