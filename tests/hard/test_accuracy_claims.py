@@ -1,7 +1,7 @@
 """Estimated errors and settings chosen by tolerance on many drawn cases.
 
-Two draws each, of which the second was used for nothing else; the numbers of cases follow BDAMPER_HARD (at most 200 of
-each draw for estimates, 50 of the first and 100 of the second for tolerances), only a sample by default.  With
+Three draws each, of which the last was used for nothing else; the numbers of cases follow BDAMPER_HARD (at most 200 of
+each draw for estimates, 50 of the first and 100 of the others for tolerances), only a sample by default.  With
 BDAMPER_HARD_RESULTS, the name of a folder, results are kept there, so that a run that was cut off goes on where it was;
 times are in them too, but nothing here depends on them.
 """
@@ -63,7 +63,7 @@ def cases(of, first, wanted):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("first", "sample"), [(0, 0), (2000, 2003)])
+@pytest.mark.parametrize(("first", "sample"), [(0, 0), (2000, 2003), (5000, 5003)])
 def test_effectivity_of_estimates(first, sample):
     found = cases(effectivity, first if FULL else sample, min(FULL, 200) or 4)
     e = np.array([c["effectivity"] for c in found])
@@ -73,14 +73,19 @@ def test_effectivity_of_estimates(first, sample):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("first", "most"), [(0, 50), (1000, 100)])
+@pytest.mark.parametrize(("first", "most"), [(0, 50), (1000, 100), (6000, 100)])
 def test_tolerance_is_met_at_little_cost(first, most):
-    """Cost is work, which is counted (:class:`bdamper.system.Cost`), not measured."""
+    """Cost is work, which is counted (:class:`bdamper.system.Cost`), not measured.
+
+    Series that are within the tolerance by coincidence, where a longer one is not, are left out of what has to hold; what
+    the cost is against these, and in measured time, is printed.
+    """
     found = cases(tolerance, first, min(FULL, most) or 3)
-    for name in ("ratio", "time_ratio"):  # the second is measured, and reported only
+    print(f"tolerance met in {sum(c['error'] <= c['tolerance'] for c in found)} of {len(found)}")
+    for name in ("ratio", "lasting_ratio", "time_ratio"):
         values = np.array([c[name] for c in found])
         middle, high = np.percentile(values, [50, 95])
         above = int((values > 3.0).sum())
         print(f"{name}: median {middle:.2f}, 95 % {high:.2f}, largest {values.max():.2f}, above 3 in {above}")
-    for good in ([c["error"] <= c["tolerance"] for c in found], [c["ratio"] <= 3.0 for c in found]):
+    for good in ([c["error"] <= c["tolerance"] for c in found], [c["lasting_ratio"] <= 3.0 for c in found]):
         assert np.mean(good) >= 0.95 if FULL else all(good), [c for c, g in zip(found, good) if not g]
