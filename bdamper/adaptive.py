@@ -50,6 +50,7 @@ from bdamper.rivals import (
     summits,
     superharmonic_points,
 )
+from bdamper.start import first_point
 from bdamper.system import OK, Correction, Cost, CostMeter, HarmonicSystem
 
 if TYPE_CHECKING:
@@ -58,14 +59,16 @@ if TYPE_CHECKING:
 
 MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
-SURPRISE = 0.02
+SURPRISE = 0.03
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
 STAYS_UP = 0.87
 """Share of the amplitude of a peak down to which the curve through it is followed to both sides."""
 RELIED_ON = 0.3
 """Relative size of an estimate up to which its Newton step is used."""
-ANOTHER = 0.5
-"""Relative change of amplitude beyond which it is another peak."""
+ANOTHER = 0.5, 0.05
+"""Relative changes of amplitude and frequency beyond which it is another peak."""
+APART = 0.01
+"""Relative difference of vibration from which on two solutions at one frequency are two responses."""
 ASKED = (0.7, 0.9)
 """Shares of the highest amplitude from which on points of a curve are asked for their full response."""
 MOST_ASKED = 7
@@ -128,9 +131,9 @@ class Coexisting(NamedTuple):
     Parameters
     ----------
     low, high : float, Hz
-    kind : {"folds", "walk", "left out", "not followed"}
-        A curve turns back there; the mean position may take many values; a part of a curve was left out; the rest of a
-        curve was not followed.
+    kind : {"folds", "walk", "apart", "left out", "not followed"}
+        A curve turns back there; the mean position may take many values; there is a solution that is not on the curve; a
+        part of a curve was left out; the rest of a curve was not followed.
     text : str
     """
 
@@ -270,13 +273,18 @@ class LostError(Exception):
     Parameters
     ----------
     reason : str
-    amplitude : float, m
-        Which the full response that was lost has at least, 0 if nothing is known.
+    place : Place, optional
+        Where the full response was lost.
     """
 
-    def __init__(self, reason: str, amplitude: float = 0.0) -> None:
+    def __init__(self, reason: str, place: Place | None = None) -> None:
         super().__init__(reason)
-        self.amplitude = amplitude
+        self.place = place
+
+    @property
+    def amplitude(self) -> float:
+        """Which the full response that was lost has at least, m; 0 if nothing is known."""
+        return 0.0 if self.place is None else self.place.least
 
 
 class _Downhill(Exception):
@@ -375,7 +383,35 @@ class Search:
                 text = turned if kind == "folds" else f"nothing determines the mean position {what}"
                 self.coexisting.append(Coexisting(float(f.min()), float(f.max()), kind, text))
 
-    def higher_nearby(self, peak: Peak, on: On) -> Peak:
+    def another_response(self, curve: Curve, on: On, from_high: bool, first: tuple[NDArray, On] | None) -> bool:
+        """Whether there is another response at the far end of the interval than the one in which a curve arrives.
+
+        It is looked for from nothing, or from the first point of an earlier curve that set off there with less on.
+        """
+        end = self.frequency[0 if from_high else 1]
+        at = np.abs(curve.frequency - end) < 1e-9 * end
+        if self.stuck or not np.any(at) or (from_high and first is None):
+            return False
+        study, system = self.variant(on)
+        y: NDArray | None
+        if first is None:
+            state = study.static(self.preload)
+            springs = study._stuck_springs(state)
+            y, _, _ = first_point(system, state, springs, 2.0 * np.pi * end, ROUGH, self.meter)
+        else:
+            start = self.moved(*first, on)
+            c = system.correct_at(start[:-1], start[-1], peak_scale(system, start, start[-1]), 1e-6, 25, True)
+            y = c.y if c.status == OK else None
+        if y is None:
+            return False
+        apart = np.linalg.norm((curve.unknowns[at] - y[:-1])[:, system.n_mean :], axis=1).min()
+        if apart <= APART * np.linalg.norm(y[system.n_mean : -1]):
+            return False
+        self.coexisting.append(Coexisting(end, end, "apart", f"there is a response apart from the curve with {on}"))
+        self.log.append(str(self.coexisting[-1]))
+        return True
+
+    def higher_nearby(self, peak: Peak, on: On, share: float = STAYS_UP) -> Peak:
         """:func:`higher_nearby`, with a note of what the curve through the peak meets."""
 
         def note(points: list[PathPoint]) -> None:
@@ -383,7 +419,7 @@ class Search:
             frequency = np.array([p.y[-1] for p in points]) / (2.0 * np.pi)
             self.notice_path(frequency, [p.kind for p in points], f"on the curve through the peak with {on}")
 
-        return higher_nearby(self.variant(on)[1], peak, most=MOST_AROUND, on_path=note)
+        return higher_nearby(self.variant(on)[1], peak, share, MOST_AROUND, note)
 
     def estimate(self, y: NDArray, on: On) -> Estimate:
         """What the full study would change in a point."""
@@ -391,7 +427,7 @@ class Search:
 
     def called_for(self, estimate: Estimate, on: On) -> On:
         """What to have on: what is, and what makes up the estimated change."""
-        if not estimate.size < RELIED_ON:
+        if not estimate.size < RELIED_ON or estimate.reliability(self.tolerance) == "must be on":
             return self.everything
         modes = on.damper_modes
         if modes < self.everything.damper_modes and self.of_elastic_modes(estimate, on) > 0.25 * self.tolerance:
@@ -429,11 +465,12 @@ class Search:
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
                 found = self.climbed(peak, on, wanted)
-            if found is not None and abs(found.amplitude / peak.amplitude - 1.0 - estimate.amplitude) > SURPRISE:
-                self.walked = found = self.higher_nearby(found, wanted)
-            if found is None or abs(found.amplitude / peak.amplitude - 1.0) > ANOTHER:
+            if found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE:
+                short = found.amplitude / peak.amplitude / (1.0 + estimate.amplitude) if estimate.size < RELIED_ON else 1.0
+                self.walked = found = self.higher_nearby(found, wanted, max(short * STAYS_UP, NEAR))
+            if found is None or another(found, peak):
                 lost = Place(peak.y, peak.frequency, peak.amplitude, estimate)
-                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost.least)
+                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost)
             peak, on = found, wanted
 
     def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
@@ -458,10 +495,13 @@ class Search:
         hidden = self._hidden_summit(curve, peaks)
         if hidden is not None:
             summit = place_on_curve(curve, hidden, ask)
-            raise LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit.least)
+            self._lose(LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit))
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
-                self._take(self.lift(peak, on))
+                try:
+                    self._take(self.lift(peak, on))
+                except LostError as lost:
+                    self._lose(lost)
         if self.best is None:
             raise LostError(f"the peaks that the curve with {on} leads to lie outside the interval")
         if on == self.everything:
@@ -490,6 +530,15 @@ class Search:
         unknown |= self._take_superharmonics(curve, on)
         if unknown:
             self.walk()
+
+    def _lose(self, lost: LostError) -> None:
+        """Raises what was lost, unless it is below the best peak, as it is and at least in the full study."""
+        place = lost.place
+        if self.best is None or place is None or max(place.amplitude, place.least) > self.best.peak.amplitude:
+            raise lost
+        self.log.append(f"{lost}; there is a higher one")
+        text = f"what becomes of {place.amplitude:.4g} m is not known"
+        self.coexisting.append(Coexisting(place.frequency, place.frequency, "not followed", text))
 
     def _take_superharmonics(self, curve: Curve, on: On) -> bool:
         """Takes what is higher in narrow resonances of the harmonics that are off; whether there was anything."""
@@ -552,21 +601,30 @@ class Search:
         """Finds the highest peak; the curve that was followed last."""
         more = self.least._replace(harmonics=self.everything.harmonics[:3])
         missing = 0.0
-        for on in dict.fromkeys((self.least, more)):
+        apart = False
+        first: tuple[NDArray, On] | None = None
+        for on, from_high in ((self.least, False), (more, True), (more, False)):
             if on == self.everything:
                 break
-            curve, peaks = self.tracked(on, ROUGH, from_high=on == more)
+            curve, peaks = self.tracked(on, ROUGH, from_high)
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")
-                if not peaks:
+                if peaks:
+                    self.highest(curve, peaks, on)
+                elif self.best is None or curve.amplitude.max() > self.best.peak.amplitude:
                     raise LostError(f"the curve with {on} has no maximum inside the interval")
-                self.highest(curve, peaks, on)
-                return curve
+                if apart or not self.another_response(curve, on, from_high, first):
+                    return curve
+                apart = True
             except LostError as lost:
                 self.log.append(str(lost))
                 missing = max(missing, lost.amplitude)
-        for from_high in (False, True):
+                if on == more:
+                    break
+                if len(curve):
+                    first = np.append(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0]), on
+        for from_high in (apart, not apart):
             for options in FOLLOWED:
                 curve, peaks = self.tracked(self.everything, options, from_high)
                 for peak in peaks:
@@ -578,6 +636,12 @@ class Search:
             if self.best is not None and self.best.peak.amplitude >= missing:
                 break
         return curve
+
+
+def another(found: Peak, peak: Peak) -> bool:
+    """Whether a peak is so far from the one that led to it that it is not the same."""
+    amplitude, frequency = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
+    return abs(amplitude) > ANOTHER[0] or abs(frequency) > ANOTHER[1]
 
 
 def _spread(indices: NDArray, most: int) -> list[int]:

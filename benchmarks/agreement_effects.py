@@ -30,7 +30,9 @@ import bdamper as bd
 from bdamper.adaptive import LOOSE, RESPONSES, AdaptivePeak, carried_over
 from bdamper.advice import advise
 from bdamper.indicator import embed, highest_peaks
-from bdamper.peaks import coarse_options
+from bdamper.peaks import coarse_options, peak_scale
+from bdamper.rivals import amplitude_of
+from bdamper.system import OK
 from tests.effect_cases import Case, draw, everything_on, found, scene, study_of
 
 TOLERANCE = 0.01
@@ -123,13 +125,25 @@ def adapt(row: dict[str, Any], study: bd.Study) -> None:
 
 
 def polished(study: bd.Study, auto: AdaptivePeak, interval: tuple[float, float]) -> list[float] | None:
-    """The peak with everything on that the adaptive one leads to, if there is one inside the interval."""
+    """The peak with everything on that the adaptive one leads to, if there is one inside the interval.
+
+    Where the search for it ends elsewhere (at a corner it may), the adaptive solution counts if the equations with
+    everything on have one at its frequency that is as high.
+    """
     if not auto.converged:
         return None
     y = embed(study.with_effects(auto.effects), study, auto.preload, auto.y)
-    peak = carried_over(study.system(auto.preload), [y], y, 0.01 * y[-1])
-    inside = peak is not None and interval[0] < peak.frequency < interval[1]
-    return [peak.amplitude, peak.frequency] if peak is not None and inside else None
+    system = study.system(auto.preload)
+    peak = carried_over(system, [y], y, 0.01 * y[-1])
+    if peak is not None and interval[0] < peak.frequency < interval[1] and near(peak.amplitude, auto.amplitude):
+        return [peak.amplitude, peak.frequency]
+    c = system.correct_at(y[:-1], y[-1], peak_scale(system, y, y[-1]), 1e-9, 40, True)
+    height = amplitude_of(system, c.y)
+    return [height, auto.frequency] if c.status == OK and near(height, auto.amplitude) else None
+
+
+def near(a: float, b: float) -> bool:
+    return abs(a / b - 1.0) <= TOLERANCE
 
 
 def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[list[Any]]:
@@ -154,7 +168,13 @@ def advice(case: Case, preload: float, interval: tuple[float, float]) -> list[li
 def disagrees(row: dict[str, Any]) -> bool:
     if row["auto"] is None:
         return True
-    return any(abs(a / row[key] - 1.0) > TOLERANCE for a, key in zip(row["auto"], ("amplitude", "frequency")))
+    return not all(near(a, row[key]) for a, key in zip(row["auto"], ("amplitude", "frequency")))
+
+
+def above_the_curves(row: dict[str, Any]) -> bool:
+    """Whether the peak that counts is the adaptive one, higher than both curves with everything on."""
+    curves = [row[way][0] for way in ("from_below", "from_above") if row[way]]
+    return row["best"] == "followed" and row["amplitude"] > (1.0 + TOLERANCE) * max(curves)
 
 
 def summary(rows: list[dict[str, Any]]) -> str:
@@ -165,6 +185,8 @@ def summary(rows: list[dict[str, Any]]) -> str:
         f"cases: {len(good)}; passed over: {dict(Counter(r['note'] for r in rows if 'note' in r))}",
         f"adaptive within {100 * TOLERANCE:g} % of everything on: {len(good) - len(wrong)} of {len(good)} "
         f"({100 * (1 - len(wrong) / max(len(good), 1)):.2f} %)",
+        f"  of these {sum(above_the_curves(r) and not disagrees(r) for r in good)} above the curves from below and from "
+        "above, which miss it: they solve the equations with everything on",
     ]
     for name, some in (
         ("all", good),
