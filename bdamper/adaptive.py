@@ -773,7 +773,9 @@ def adaptive_peak(
     AdaptivePeak
     """
     check_tolerance(tolerance)
-    search = Search(study, float(preload), frequency, tolerance)
+    own = study.with_effects(Effects.of(study))
+    own.__dict__.setdefault("self_locking", ())  # for the notes of curves, which are not read here
+    search = Search(own, float(preload), frequency, tolerance)
     curve = search.run()
     best = search.best
     coexisting = tuple(dict.fromkeys(search.coexisting))

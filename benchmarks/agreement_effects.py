@@ -82,7 +82,7 @@ def searched(study: bd.Study, preload: float, interval: tuple[float, float]) -> 
 def run(case: Case) -> dict[str, Any]:
     """All that is measured on one case."""
     out: dict[str, Any] = {"number": case.number, "case": str(case)}
-    study = study_of(case)
+    study = replace(study_of(case))
     place = scene(study, case)
     if place is None:
         return {**out, "note": "no static state or no stuck resonance"}
@@ -109,9 +109,9 @@ def run(case: Case) -> dict[str, Any]:
 
 def adapt(row: dict[str, Any], study: bd.Study) -> None:
     """Adds the adaptive peak to a result, and the peak with everything on that counts."""
-    study = study.with_effects(bd.Effects.of(study))  # what has been computed does not serve
-    study.system(row["preload"])
     preload, interval = row["preload"], tuple(row["interval"])
+    study = replace(study)  # what the curves have computed does not serve
+    scene(study, draw(row["number"]))
     auto, row["seconds_auto"] = timed(lambda: study.adaptive_peak(preload, interval, tolerance=TOLERANCE))
     row["auto"] = [auto.amplitude, auto.frequency] if auto.converged else None
     row |= {"effects": [list(auto.effects.harmonic_numbers), auto.effects.damper_modes], "error_bound": auto.error_bound}
