@@ -152,6 +152,18 @@ def test_a_narrow_superharmonic_resonance_is_found():
     assert found.amplitude > 2.0 * one.amplitude.max()
 
 
+def test_no_harmonic_is_left_out_by_an_estimate_that_cannot_be_relied_on():
+    """The third harmonic adds a second maximum, 0.7 Hz beyond the one at which it seems not to matter."""
+    full = study_of(draw(400162))
+    preload, interval = scene(full, draw(400162))
+    truth, found = full.track(preload, interval).peak, full.adaptive_peak(preload, interval)
+    assert found.effects.harmonic_numbers == (1, 2, 3, 4, 5)
+    assert found.amplitude == pytest.approx(truth.amplitude, rel=TOLERANCE), found.log
+    assert found.frequency == pytest.approx(truth.frequency, rel=1e-4)
+    without = full.with_effects(replace(bd.Effects.of(full), harmonics=(1, 2, 4, 5)))
+    assert without.track(preload, interval).peak.amplitude < 0.98 * truth.amplitude
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("number", "why"),
@@ -162,6 +174,9 @@ def test_a_narrow_superharmonic_resonance_is_found():
         (100275, "one of several folded branches, above what the curve with three harmonics leads to"),
         (300019, "one harmonic has no maximum, three have one beyond the interval"),
         (100347, "the full response is so much higher that no point of the curve with one harmonic comes near"),
+        (300289, "a branch at the lower end, where the curve from above arrives in another response"),
+        (300317, "a branch beyond folds; one harmonic arrives in another response than the one found at the upper end"),
+        (400205, "far from what one harmonic leads to, and over a valley from the one that falls short of its estimate"),
     ],
 )
 def test_a_higher_maximum_of_the_full_response_is_found(number, why):

@@ -7,12 +7,13 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.adaptive import On, Search, adaptive_peak
+from bdamper import adaptive
+from bdamper.adaptive import STAYS_UP, LostError, On, Search, adaptive_peak
 from bdamper.advice import fullest, judged
 from bdamper.branches import LeftOut
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
-from bdamper.rivals import Place, Rival, excited, point_between, rivals, summits, superharmonics
+from bdamper.rivals import NEAR, Place, Rival, excited, point_between, rivals, summits, superharmonics
 from tests import models
 
 INTERVAL = (720.0, 880.0)
@@ -296,6 +297,125 @@ def test_harmonics_and_elastic_modes_are_called_for_by_their_shares(full):
     assert asked(one, 1e-4, 0.02, 0.05, 1e-4, 1e-5, 1e-6) == On((1, 2), 2)
     assert asked(one, 0.0, 0.02, 1e-4, 1e-4, 1e-5, 1e-6) == On((1,), 2)
     assert search.called_for(Estimate(0.5, 0.0, 0.0, *np.zeros((3, 6))), one) == search.everything
+    # nor do shares of an estimate count that may miss more than half of itself
+    partly = Estimate(0.05, 0.0, 0.02, np.zeros(1), np.array([0.0, 0.0, 0.05, 0.0, 0.0, 0.0]), np.zeros(6))
+    assert search.called_for(partly, elastic) == On((1, 2), 2)
+    assert search.called_for(replace(partly, defect=0.03), elastic) == search.everything
+
+
+@pytest.fixture
+def lifting(full, monkeypatch):
+    """How a peak with one harmonic is lifted if the estimate misses its change by so much: shares of the walks."""
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    _, peaks = search.tracked(one, coarse_options())
+    true = search.estimate(peaks[0].y, one)
+    walks = []
+
+    def walk(peak, on, share):
+        walks.append(share)
+        return peak
+
+    monkeypatch.setattr(search, "called_for", lambda estimate, on: search.everything)
+    monkeypatch.setattr(search, "higher_nearby", walk)
+    change = 0.0
+
+    def lift(beyond, defect=0.0):
+        estimate = replace(true, amplitude=change + beyond, frequency=0.0, defect=max(defect, 0.006))
+        monkeypatch.setattr(search, "estimate", lambda y, on: estimate)
+        walks.clear()
+        found = search.lift(peaks[0], one)
+        assert found.on == search.everything and found.peak.converged
+        return found.peak.amplitude / peaks[0].amplitude - 1.0, tuple(walks)
+
+    change = lift(0.0)[0]
+    return lift
+
+
+def test_a_peak_that_falls_short_of_its_estimate_is_walked_from(lifting):
+    """The farther down the more it falls short, as far as the estimate can be relied on."""
+    assert lifting(0.0)[1] == () and lifting(0.02)[1] == ()
+    assert lifting(-0.2)[1] == ()  # higher than expected: the hill that was expected is no higher
+    change, (share,) = lifting(0.1)
+    assert share == pytest.approx(STAYS_UP * (1.0 + change) / (1.1 + change))
+    assert lifting(0.25)[1] == (NEAR,)
+    assert lifting(0.1, defect=0.5)[1] == (STAYS_UP,)
+
+
+def test_a_point_that_falls_short_of_its_estimate_triggers_a_walk(full, monkeypatch):
+    """The full response near the top of the first curve is solved for where it should be higher than the peak."""
+    one = On((1,), 1)
+
+    def walked(expected):
+        search = Search(full, 60.0, INTERVAL, 0.01)
+        curve, peaks = search.tracked(one, coarse_options())
+        top = search.lift(peaks[0], one)
+        walks, solved = [], []
+        near = adaptive.solutions_near
+        monkeypatch.setattr(search, "lift", lambda peak, on: top)
+        monkeypatch.setattr(search, "walk", lambda: walks.append(1))
+        monkeypatch.setattr(search, "_take_superharmonics", lambda *_: False)
+        true = search.estimate
+        monkeypatch.setattr(search, "estimate", lambda y, on: replace(true(y, on), amplitude=expected, defect=0.0))
+
+        def counted(*a, **k):
+            solved.append(1)
+            return near(*a, **k)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(adaptive, "solutions_near", counted)
+            search.highest(curve, peaks, one)
+        return len(walks), len(solved)
+
+    assert walked(-0.2) == (0, 0)
+    walks, solved = walked(0.2)
+    assert walks == 1 and solved > 0
+
+
+def test_another_response_at_the_end_of_the_interval_is_seen(full):
+    one, preload = On((1,), 1), 60.0
+    search = Search(full, preload, INTERVAL, 0.01)
+    curve, _ = search.tracked(one)
+    other = replace(curve, unknowns=1.02 * curve.unknowns)
+    assert not search.another_response(curve, one, False, None) and not search.coexisting
+    assert search.another_response(other, one, False, None)
+    assert [(c.low, c.high, c.kind) for c in search.coexisting] == [(INTERVAL[1], INTERVAL[1], "apart")]
+    assert search.log[-1] == str(search.coexisting[0]) and "a response apart from the curve" in search.log[-1]
+    # at the lower end a curve from above is compared with the first point of the one from below
+    first, three = np.append(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0]), On((1, 2, 3), 1)
+    above, _ = search.tracked(three, from_high=True)
+    assert not search.another_response(above, three, True, (first, one))
+    assert not search.another_response(above, three, True, None)
+    assert search.another_response(replace(above, unknowns=1.02 * above.unknowns), three, True, (first, one))
+    assert search.coexisting[-1].low == INTERVAL[0]
+    search.stuck = True  # the response is linear
+    assert not search.another_response(other, one, False, None)
+
+
+def test_what_is_lost_counts_unless_it_is_below_the_best(full, peak):
+    search = Search(full, 40.0, INTERVAL, 0.01)
+
+    def lost(amplitude, change, defect):
+        return LostError("there", Place(peak.y, 800.0, amplitude, Estimate(change, 0.0, defect, peak.y, *np.zeros((2, 4)))))
+
+    for one in (lost(0.1, 0.0, 0.0), LostError("no curve")):
+        with pytest.raises(LostError):
+            search._lose(one)  # nothing is known yet
+    search.best = SimpleNamespace(peak=SimpleNamespace(amplitude=1.0))
+    for one in (lost(1.01, 0.0, 9.0), lost(0.9, 0.2, 0.05), LostError("no curve")):
+        with pytest.raises(LostError):
+            search._lose(one)
+    assert not search.log
+    search._lose(lost(0.9, 0.2, 9.0))
+    assert search.log == ["there; there is a higher one"]
+    assert [(c.low, c.high, c.kind) for c in search.coexisting] == [(800.0, 800.0, "not followed")]
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "same"), [(1.4, 1.0, True), (1.6, 1.0, False), (0.6, 0.96, True), (1.0, 0.94, False)]
+)
+def test_a_peak_far_from_the_one_that_led_to_it_is_another(amplitude, frequency, same):
+    a, b = (SimpleNamespace(amplitude=x, frequency=f) for x, f in ((amplitude, frequency), (1.0, 1.0)))
+    assert adaptive.another(a, b) is not same
 
 
 def test_adaptive_peak_of_a_stuck_contact_needs_one_harmonic(full):
