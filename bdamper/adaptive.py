@@ -7,19 +7,24 @@ The settings of the study are the answer that counts; what they would cost is sp
 2. every maximum that comes near the highest is refined;
 3. the highest is embedded in the full study.  The change that the full study would make is a sum over its equations,
    ``dA = -sum lambda_i R_i``: the harmonics whose equations make it up are switched on (and the elastic modes of the
-   damper where they are off, if the equations that are on already have a part in it).  The peak is found anew from the
-   Newton step that the estimate comes with, and the question is put again, until the estimated rest is below half of the
-   tolerance or nothing is left to switch on.  Where the richer peak is not as high as the estimate would have it, its
-   curve may have other maxima close by: it is followed to both sides, over folds, as long as it stays near the top;
+   damper where they are off, if the equations that are on already have a part in it); all that there are where the
+   estimate cannot be relied on.  The peak is found anew from the Newton step that the estimate comes with, and the
+   question is put again, until the estimated rest is below half of the tolerance or nothing is left to switch on.  Where
+   the richer peak is not as high as the estimate would have it, its curve may have other maxima close by: it is followed
+   to both sides, over folds, as long as it stays near the top, and the farther down the more the peak falls short;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
    estimate cannot be relied on, the curve through the peak found is followed to both sides.  Between those points a
-   harmonic that is off may resonate in a narrow interval: near linear modes the full response is solved for as well.
+   harmonic that is off may resonate in a narrow interval: near linear modes the full response is solved for as well;
+5. at the far end of the interval a solution is looked for from nothing.  If it is another one than that in which the curve
+   arrives, a curve with three harmonics is followed from above as well.
 
-If a peak cannot be carried over, if the first curve has a summit which is no peak, no maximum at all, or does not reach
-through the interval, the search starts anew with three harmonics on a curve followed from above, which may have other
-branches.  If that fails too a curve is followed with everything on, and another one from above if what was lost has more,
-even at least, than all that the one from below has.
+If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), if the first
+curve has a summit which is no peak, no maximum at all, or does not reach through the interval, the search starts anew with
+three harmonics on a curve followed from above, which may have other branches; and on one from below, if it arrives in
+another response than the first curve sets off with.  What is lost below the best peak that is known is left at that.  If
+all this fails a curve is followed with everything on, and another one from the other side if what was lost has more, even
+at least, than all that the first one has.
 """
 
 from __future__ import annotations
