@@ -10,7 +10,7 @@ The settings of the study are the answer that counts; what they would cost is sp
    damper where they are off, if the equations that are on already have a part in it); all that there are where the
    estimate cannot be relied on.  The peak is found anew from the Newton step that the estimate comes with, and the
    question is put again, until the estimated rest is below half of the tolerance or nothing is left to switch on.  Where
-   the richer peak is not as high as the estimate would have it, its curve may have other maxima close by: it is followed
+   the richer peak is not as high as the estimate has it, its curve may have other maxima close by: it is followed
    to both sides, over folds, as long as it stays near the top, and the farther down the more the peak falls short;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
@@ -596,11 +596,23 @@ class Search:
             self._take(_Found(corner, self.everything, None), "a corner at which the mean position moves")
 
     def _take(self, found: _Found, why: str = "") -> None:
-        inside = self.frequency[0] < found.peak.frequency < self.frequency[1]
-        if inside and (self.best is None or found.peak.amplitude > self.best.peak.amplitude):
+        """Takes a peak if it is higher; of two that differ by less than the tolerance it takes the full study to tell."""
+        if not self.frequency[0] < found.peak.frequency < self.frequency[1]:
+            return
+        if self.best is not None and level(found.peak, self.best.peak, self.tolerance):
+            found, self.best = self.in_full(found), self.in_full(self.best)
+        if self.best is None or found.peak.amplitude > self.best.peak.amplitude:
             self.best = found
             if why:
                 self.log.append(f"{why}: peak {found.peak.amplitude:.4g} m at {found.peak.frequency:.5g} Hz")
+
+    def in_full(self, found: _Found) -> _Found:
+        """A peak with everything on, unless it is not found."""
+        if found.on == self.everything:
+            return found
+        start = self.moved(found.peak.y, found.on, self.everything)
+        peak = carried_over(self.variant(self.everything)[1], [start], start, found.peak.scale[-1], quick=True)
+        return found if peak is None or another(peak, found.peak) else _Found(peak, self.everything, None)
 
     def run(self) -> Curve:
         """Finds the highest peak; the curve that was followed last."""
@@ -641,6 +653,11 @@ class Search:
             if self.best is not None and self.best.peak.amplitude >= missing:
                 break
         return curve
+
+
+def level(a: Peak, b: Peak, tolerance: float) -> bool:
+    """Whether two peaks at different frequencies differ by less than a tolerance in amplitude."""
+    return abs(a.amplitude / b.amplitude - 1.0) < tolerance < abs(a.frequency / b.frequency - 1.0)
 
 
 def another(found: Peak, peak: Peak) -> bool:

@@ -334,11 +334,42 @@ def lifting(full, monkeypatch):
 def test_a_peak_that_falls_short_of_its_estimate_is_walked_from(lifting):
     """The farther down the more it falls short, as far as the estimate can be relied on."""
     assert lifting(0.0)[1] == () and lifting(0.02)[1] == ()
-    assert lifting(-0.2)[1] == ()  # higher than expected: the hill that was expected is no higher
+    assert lifting(-0.1)[1] == ()  # nothing is missing
     change, (share,) = lifting(0.1)
     assert share == pytest.approx(STAYS_UP * (1.0 + change) / (1.1 + change))
     assert lifting(0.25)[1] == (NEAR,)
     assert lifting(0.1, defect=0.5)[1] == (STAYS_UP,)
+
+
+def test_of_two_peaks_close_in_height_the_full_study_tells_the_higher(full, peak, monkeypatch):
+    search, one = Search(full, 40.0, INTERVAL, 0.01), On((1,), 1)
+
+    def found(amplitude, frequency, on=one):
+        return adaptive._Found(replace(peak, amplitude=amplitude, frequency=frequency), on, None)
+
+    def taken(*pair):
+        search.best = None
+        for each in pair:
+            search._take(each)
+        return search.best.peak.frequency
+
+    def less_at_800(f):
+        return found(f.peak.amplitude * (0.995 if f.peak.frequency == 800.0 else 1.0), f.peak.frequency)
+
+    monkeypatch.setattr(search, "in_full", less_at_800)
+    assert taken(found(1.0, 800.0), found(0.998, 830.0)) == taken(found(0.998, 830.0), found(1.0, 800.0)) == 830.0
+    assert taken(found(1.0, 800.0), found(0.988, 830.0)) == 800.0  # too far apart
+    assert taken(found(1.0, 800.0), found(0.998, 801.0)) == 800.0  # the same
+    assert taken(found(1.0, 900.0), found(0.9, 830.0)) == 830.0  # outside the interval
+
+
+def test_a_peak_is_taken_to_the_full_study(full):
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    _, peaks = search.tracked(one, coarse_options())
+    truth = peak_of(full, 60.0)
+    there = search.in_full(adaptive._Found(peaks[0], one, None))
+    assert there.on == search.everything and search.in_full(there) is there
+    assert there.peak.amplitude == pytest.approx(truth.amplitude, rel=1e-5) != pytest.approx(peaks[0].amplitude, rel=1e-5)
 
 
 def test_a_point_that_falls_short_of_its_estimate_triggers_a_walk(full, monkeypatch):
