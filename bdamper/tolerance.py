@@ -261,7 +261,7 @@ class _Choice:
 
     def settled(self, first: int, target: _Top) -> tuple[int, float] | None:
         """A series whose curve has the highest point that is known with all harmonics; None if none is found."""
-        harmonics, longer = first, 2
+        harmonics, longer = first, first + 1  # a shorter series would do by coincidence only
         expected: _Top | None = None
         for _ in range(3):
             tops = self.tops(harmonics)
