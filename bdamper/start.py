@@ -39,6 +39,8 @@ SUPPORTS = (
     (0.1, 1.0, True),
 )
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
+LOOSE_TURN = 1.3
+"""Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
 WALKS = "leave their seats"
 
 
@@ -143,7 +145,7 @@ def _let_go(
                     break
             else:
                 continue
-            path = _homotopy(supported, c.y, replace(options, patience=points), meter, points)
+            path = _homotopy(supported, c.y, replace(options, patience=points, max_turn=LOOSE_TURN), meter, points)
             if path.status == "complete":
                 log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
                 return np.append(path.points[-1].y[:-1], omega)
