@@ -256,7 +256,7 @@ class _Follower:
             return c, "orientation of the curve changed"
         if self._over_resonance(y, c.y):
             return c, "a resonance of the linear structure lies within the step"
-        if self.options.locate and step > 1e-3 and self._over_pair(y, tangent, scale, c):
+        if self.options.locate and step > 0.02 and self._over_pair(y, tangent, scale, c):
             return c, "two folds or extrema lie within the step"
         return c, ""
 
