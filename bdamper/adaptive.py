@@ -795,9 +795,7 @@ def adaptive_peak(
     AdaptivePeak
     """
     check_tolerance(tolerance)
-    own = study.with_effects(Effects.of(study))
-    own.__dict__.setdefault("self_locking", ())  # for the notes of curves, which are not read here
-    search = Search(own, float(preload), frequency, tolerance)
+    search = Search(study, float(preload), frequency, tolerance)
     curve = search.run()
     best = search.best
     coexisting = tuple(dict.fromkeys(search.coexisting))

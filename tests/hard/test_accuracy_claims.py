@@ -75,10 +75,9 @@ def test_effectivity_of_estimates(first, sample):
 @pytest.mark.slow
 @pytest.mark.parametrize(("first", "most"), [(0, 50), (1000, 100), (6000, 100)])
 def test_tolerance_is_met_at_little_cost(first, most):
-    """Cost is work, which is counted (:class:`bdamper.system.Cost`), not measured.
+    """Cost is counted work (:class:`bdamper.system.Cost`), against that of the cheapest series that will do.
 
-    Series that are within the tolerance by coincidence, where a longer one is not, are left out of what has to hold; what
-    the cost is against these, and in measured time, is printed.
+    What it is against the cheapest that does so by no coincidence, and in measured time, is printed only.
     """
     found = cases(tolerance, first, min(FULL, most) or 3)
     print(f"tolerance met in {sum(c['error'] <= c['tolerance'] for c in found)} of {len(found)}")
@@ -87,5 +86,5 @@ def test_tolerance_is_met_at_little_cost(first, most):
         middle, high = np.percentile(values, [50, 95])
         above = int((values > 3.0).sum())
         print(f"{name}: median {middle:.2f}, 95 % {high:.2f}, largest {values.max():.2f}, above 3 in {above}")
-    for good in ([c["error"] <= c["tolerance"] for c in found], [c["lasting_ratio"] <= 3.0 for c in found]):
+    for good in ([c["error"] <= c["tolerance"] for c in found], [c["ratio"] <= 3.0 for c in found]):
         assert np.mean(good) >= 0.95 if FULL else all(good), [c for c, g in zip(found, good) if not g]
