@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core, continuation, tracking
+from bdamper import _core, continuation, start, tracking
 from bdamper.branches import Piece, ending, uncovered
 from bdamper.branchsearch import BranchSearch
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
@@ -392,3 +392,33 @@ def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, asked):
     few = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(searches=2), CostMeter(0.0), pieces=pieces)
     few.fill(seen.append)
     assert len(seen) == asked + 2
+
+
+def test_every_way_of_letting_go_gets_few_points_before_any_gets_all(monkeypatch):
+    s, preload, _ = random_study(3)
+    asked = []
+
+    def cut_off(system, y, options, meter, points=start.RAMP_POINTS):
+        asked.append((points, system.lets_go))
+        assert options.patience <= points
+        return Path((), "too many points", "cut off", 0, 0)
+
+    monkeypatch.setattr(start, "_homotopy", cut_off)
+    monkeypatch.setattr(start.HarmonicSystem, "correct_at", _unless_held(start.HarmonicSystem.correct_at))
+    found, log = s.find_start(preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
+    assert found is None
+    assert "no solution" in "".join(log)
+    let_go = [points for points, held in asked if held]
+    n = len(let_go) // 2
+    assert 5 <= n <= len(start.SUPPORTS)
+    assert let_go == [start.FEW_POINTS] * n + [start.RAMP_POINTS] * n
+
+
+def _unless_held(correct_at):
+    """Newton that fails unless bodies are held."""
+
+    def failing(self, u, omega, scale, *args):
+        c = correct_at(self, u, omega, scale, *args)
+        return c if self.lets_go else replace(c, status=NOT_CONVERGED)
+
+    return failing
