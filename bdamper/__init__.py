@@ -22,6 +22,7 @@ from bdamper.reference import reference_model
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve, Fold, load_curve
 from bdamper.seating import ContactMap, WedgeFriction, load_contact_map
+from bdamper.settling import SettledResponse
 from bdamper.stiffness import PerArea
 from bdamper.study import Study
 from bdamper.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
@@ -69,6 +70,7 @@ __all__ = [
     "Sampled",
     "Setting",
     "SettingError",
+    "SettledResponse",
     "SourceError",
     "Study",
     "SweepResult",

@@ -17,6 +17,7 @@ from bdamper.continuation import Path
 TWO_PI = 2.0 * np.pi
 GAP = 1e-3
 """Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
+NO_SOLUTION = "no solution found"
 
 
 class LeftOut(NamedTuple):
@@ -101,7 +102,7 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
         return "no start", reasons, left
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        return "incomplete", f"no solution found from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
+        return "incomplete", f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
     through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
     extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
     if through:
@@ -112,7 +113,7 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:
-    out = [LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, "no solution found") for a, b in _gaps(pieces, low, high)]
+    out = [LeftOut(float(a) / TWO_PI, float(b) / TWO_PI, NO_SOLUTION) for a, b in _gaps(pieces, low, high)]
     for piece in pieces:
         path = piece.path
         if path.points and path.status not in ("complete", "turned back", "closed"):

@@ -29,6 +29,7 @@ from bdamper.measured import Fit, Measured, goodness_of_fit
 from bdamper.optimal import OptimalCurve
 from bdamper.response import Curve
 from bdamper.seating import ContactMap
+from bdamper.settling import SettledResponse
 from bdamper.stiffness import StiffnessComparison
 from bdamper.sweep import SweepResult
 from bdamper.timedomain import Verification
@@ -1126,6 +1127,34 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", label="harmonic balance")
     ax.set(xlabel="time, periods", ylabel="response, um", title=f"{verification.frequency:.6g} Hz")
     ax.legend()
+    return ax
+
+
+def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
+    """Amplitude of each period of a marched response, with mean and range of the half that counts."""
+    with plt.rc_context(PAPER):
+        ax = new_axes() if ax is None else ax
+        n = len(settled.amplitude)
+        low, high = settled.range
+        ax.fill_between([n // 2, n - 1], low, high, color="0.85", label="range")
+        ax.plot(np.arange(n), settled.amplitude, color="0.2", linewidth=0.9, label="each period")
+        ax.plot([n // 2, n - 1], [settled.mean] * 2, color="k", linestyle=(0, (3, 1.5)), label="mean")
+        ax.set(xlabel="Period of the excitation", ylabel="Response amplitude (m)")
+        ax.set_title(f"{settled.frequency:.6g} Hz, preload {_engineering(settled.preload)}", fontsize=9.0)
+        ax.legend(fontsize=7.0)
+    return ax
+
+
+def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
+    """Mean and range of a marched response as a point with a bar over response curves; one entry for all in the legend."""
+    label = "time integration, mean and range"
+    with plt.rc_context(PAPER):
+        known = label in ax.get_legend_handles_labels()[1]
+        low, high = settled.range
+        bar = [[settled.mean - low], [high - settled.mean]]
+        ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
+                    capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
+        ax.legend(fontsize=7.0)
     return ax
 
 

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.branches import LeftOut
+from bdamper.branches import NO_SOLUTION, LeftOut
 from bdamper.brief import brief
 from bdamper.errors import BdamperError
 from bdamper.estimates import ErrorEstimates, estimates_from_json
@@ -145,6 +145,12 @@ class Curve:
             for i, kind in enumerate(self.point_kind)
             if kind == "fold"
         )
+
+    @property
+    def gap(self) -> tuple[float, float] | None:
+        """Widest part of the interval without solutions, Hz; None if there is none."""
+        gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
+        return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
     @property
     def peak(self) -> Fold:

@@ -34,6 +34,7 @@ from bdamper.reduced_contact import without_separation
 from bdamper.residual import ResidualModes
 from bdamper.response import Curve, InterruptedCurve, uninterrupted
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
+from bdamper.settling import FEWEST, Motion, SettledResponse, settle
 from bdamper.stability import stability_of_points
 from bdamper.start import first_point
 from bdamper.stiffness import (
@@ -995,6 +996,84 @@ class Study:
             periods=periods,
             steps_per_period=steps_per_period,
             progress=progress,
+        )
+
+    @one_thread
+    def settle(
+        self,
+        start: Curve | SettledResponse,
+        frequency: float | None = None,
+        *,
+        periods: int = 200,
+        steps_per_period: int | None = None,
+        progress: bool = False,
+    ) -> SettledResponse:
+        """March in time and say what the response comes to, period by period.
+
+        For frequencies at which no solution was found, or none that is stable: a damper that rattles in its seat may have
+        no periodic response at all, and then it is a mean amplitude and a range that count.  All sectors take part, each
+        with its own contacts (:mod:`bdamper.settling`).
+
+        Parameters
+        ----------
+        start : Curve or SettledResponse
+            A tracking curve of this study, from whose solution nearest in frequency the march sets off; or what was found
+            before, to go on with, at the same or another frequency.
+        frequency : float, Hz, optional
+            By default the middle of the widest part of the curve without solutions; or that of the earlier response.
+        periods : int
+            Of the excitation.  A transient of a mode with the damping ratio ``zeta`` takes about ``1/(2 zeta)`` of them.
+        steps_per_period : int, optional
+            By default what the stiffest contact asks for.
+        progress : bool
+            Show a progress bar.
+
+        Returns
+        -------
+        SettledResponse
+            With what is computed, if Ctrl-C ends it after the first few periods.
+
+        Raises
+        ------
+        SettingError
+            If the curve has a solution at every frequency and none is given, if the settings describe something else than a
+            structure in time, or a number does not fit.
+        """
+        expect.instance("start", start, (Curve, SettledResponse))
+        if isinstance(start, Curve) and (study := self.of(start)) is not self:
+            return study.settle(
+                start, frequency, periods=periods, steps_per_period=steps_per_period, progress=progress
+            )
+        periods = expect.whole("periods", periods, least=FEWEST)
+        if steps_per_period is not None:
+            steps_per_period = expect.whole("steps_per_period", steps_per_period, least=1)
+        if frequency is not None:
+            frequency = expect.number("frequency", frequency, above=0.0, unit="Hz")
+        if isinstance(start, Curve):
+            self._check_curve(start)
+            if not len(start):
+                raise expect.unfit("start", "a curve with points", f"one without ({start.status}: {start.reason})")
+            if frequency is None:
+                if start.gap is None:
+                    raise expect.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+                frequency = float(np.mean(start.gap))
+            state: NDArray | Motion = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
+        else:
+            if start.model_hash != self.model.hash:
+                raise expect.unfit("start", "a response of this study", "one of another model")
+            frequency = start.frequency if frequency is None else frequency
+            state = start.motion
+        return settle(
+            self.system(start.preload),
+            2.0 * np.pi * frequency,
+            self.model.n_blades,
+            int(self.engine_order),
+            state,
+            preload=start.preload,
+            periods=periods,
+            steps_per_period=steps_per_period,
+            progress=progress,
+            model_hash=self.model.hash,
         )
 
     def of(self, curve: Curve) -> Study:

@@ -333,6 +333,25 @@ def _same_basis(a: object, b: object, conjugate: bool) -> bool:
     return bool(np.allclose(Ga, Gb, rtol=1e-12, atol=1e-12 * np.abs(Ga).max(initial=0.0)))
 
 
+def amplitudes_of(response: NDArray, n_harmonics: int) -> NDArray:
+    """(n_harmonics + 1,) complex amplitudes of one period, sampled at equal steps from its start."""
+    n = len(response)
+    out = 2.0 / n * np.exp(-1j * np.outer(np.arange(n_harmonics + 1), TWO_PI * np.arange(n) / n)) @ response
+    out[0] *= 0.5
+    return np.asarray(out)
+
+
+def ring_and_steps(
+    system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, steps: int | None, accuracy: float
+) -> tuple[Ring, int]:
+    """What is marched, and steps per period: those that are given, if they are stable, or what the accuracy asks for."""
+    ring = Ring(system, n_blades, engine_order)
+    n = max(256, ring.steps_for(omega, accuracy)) if steps is None else steps
+    if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
+        raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
+    return ring, n
+
+
 def verify_solution(
     system: HarmonicSystem,
     u: NDArray,
@@ -361,10 +380,7 @@ def verify_solution(
     if periods < 1:
         raise SettingError(f"periods: expected at least 1, found {periods}")
     started = time.perf_counter()
-    ring = Ring(system, n_blades, engine_order)
-    n = max(256, ring.steps_for(omega)) if steps_per_period is None else steps_per_period
-    if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
-        raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
+    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1)
     w = ring.initial_slider(u, omega, n)
     q, v = ring.state(u, omega, 0.0)
     row = ring.response_row()
@@ -373,17 +389,13 @@ def verify_solution(
         q, v, w, _ = ring.march(q, v, w, omega, n, len(part))
     first = q
     q, v, w, response = ring.march(q, v, w, omega, n, 1, row)
-    theta = TWO_PI * np.arange(n) / n
-    l = np.arange(system.n_harmonics + 1)
-    settled = 2.0 / n * np.exp(-1j * np.outer(l, theta)) @ response
-    settled[0] *= 0.5
     expected = np.asarray(system.response(np.asarray(u)[None])[0])
     size = max(float(np.abs(response).max()), 1e-300)
     return Verification(
         frequency=omega / TWO_PI,
         expected=expected,
-        settled=settled,
-        time=theta / omega,
+        settled=amplitudes_of(response, system.n_harmonics),
+        time=TWO_PI / omega * np.arange(n) / n,
         response=response,
         periods=periods,
         steps_per_period=n,

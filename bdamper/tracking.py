@@ -76,6 +76,8 @@ def track_curve(
         if 0.0 < preload < 2.0 * study.excitation.amplitude:
             ratio = preload / study.excitation.amplitude
             reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
+        if any(piece.path.points for piece in search.pieces):
+            reason += "; study.settle(curve) marches in time where no solution was found"
     return _curve(study, search, (status, reason, left_out), preload)
 
 

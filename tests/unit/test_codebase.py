@@ -34,7 +34,7 @@ PYTHON_LEVELS = [
     | {"reduced_contact", "friction_axes"},
     {"continuation", "branches", "branchsearch", "meanposition", "start", "progress", "disturbances", "wavestability"}
     | {"stability", "timedomain"},
-    {"estimates"},
+    {"estimates", "settling"},
     {"response", "linear", "tracking"},
     {"peaksearch"},
     {"peaksensitivity"},
