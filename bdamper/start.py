@@ -7,17 +7,20 @@ The chain is, in this order,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
+6. where paths of that are too long, one harmonic after the other (:mod:`bdamper.climb`), then long paths;
 
 what was tried is kept in the result.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.climb import Ladder
 from bdamper.continuation import ContinuationOptions, Path, follow
 from bdamper.preload import PreloadState
 from bdamper.system import OK, STATUS_TEXT, CostMeter, HarmonicSystem
@@ -26,7 +29,8 @@ RAMP_POINTS = 2000
 """Points of a path on which the excitation is raised, or bodies are let go."""
 FEW_POINTS = 300
 """Points that each way of letting go gets before any of them gets all."""
-SUPPORTS = (
+Support = tuple[float, float, bool]
+SUPPORTS: tuple[Support, ...] = (
     (10.0, 0.1, False),
     (1.0, 0.1, False),
     (10.0, 1.0, True),
@@ -42,6 +46,7 @@ SUPPORTS = (
 LOOSE_TURN = 1.3
 """Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
 WALKS = "leave their seats"
+NOT_CLIMBED = "harmonics let in one by one: no solution"
 
 
 def first_point(
@@ -51,6 +56,7 @@ def first_point(
     omega: float,
     options: ContinuationOptions,
     meter: CostMeter,
+    climbing: bool = True,
 ) -> tuple[NDArray | None, list[str], NDArray]:
     """A solution at one frequency.
 
@@ -64,6 +70,8 @@ def first_point(
     omega : float, rad/s
     options : ContinuationOptions
     meter : CostMeter
+    climbing : bool
+        Whether harmonics may be let in one by one, which takes long.
 
     Returns
     -------
@@ -88,7 +96,11 @@ def first_point(
             return c.y, log, c.y
     found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
-        found = _let_go(system, mean, (free, stuck), omega, options, meter, log)
+        found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
+        if found is None and longer and climbing:
+            found = _climb(system, state, springs, omega, options, meter, log)
+        if found is None and longer:
+            found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
     return found, log, c.y
 
 
@@ -121,40 +133,68 @@ def _let_go(
     options: ContinuationOptions,
     meter: CostMeter,
     log: list[str],
-) -> NDArray | None:
+    supports: Sequence[Support],
+    points: int,
+) -> tuple[NDArray | None, list[Support]]:
     """Free bodies (all, if none is free) held by springs and dampers, which fade along the curve and around its folds.
 
     Held bodies do not bounce or walk, so the first point is found at once; several supports lead to different
     solutions, and some of them past ranges of excitation in which the body walks off.  Which of them gets through soon is
-    not known beforehand: each gets few points first, and all it may take only where none arrives with those.
+    not known beforehand: each gets few points first, and all it may take only where none arrives with those.  The supports
+    that take more points are returned besides the solution.
     """
     first = 1e-2
     held = [np.where(system.held_coordinates[1], 0.0, q) for q in linear]
     walked = 0
-    supports: tuple[tuple[float, float, bool], ...] = SUPPORTS
-    for points in (FEW_POINTS, RAMP_POINTS):
-        longer = []
-        for drag, spring, raising in supports:
-            supported = system.letting_go(omega, drag, spring, raising)
-            guesses = [system.pack(mean, first * linear[1])] if raising else [system.pack(mean, q) for q in held]
-            for u in guesses:
-                scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
-                c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
-                meter.iterations += c.iterations
-                if c.status == OK:
-                    break
-            else:
-                continue
-            path = _homotopy(supported, c.y, replace(options, patience=points, max_turn=LOOSE_TURN), meter, points)
-            if path.status == "complete":
-                log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
-                return np.append(path.points[-1].y[:-1], omega)
-            walked += path.status == "walked off"
-            if path.status == "too many points":
-                longer.append((drag, spring, raising))
-        supports = tuple(longer)
-    log.append("bodies held and let go: no solution" + (f", {WALKS} ({walked} supports)" if walked else ""))
-    return None
+    longer: list[Support] = []
+    for drag, spring, raising in supports:
+        supported = system.letting_go(omega, drag, spring, raising)
+        guesses = [system.pack(mean, first * linear[1])] if raising else [system.pack(mean, q) for q in held]
+        for u in guesses:
+            scale = np.full(len(u) + 1, max(float(np.linalg.norm(u)), 1e-300))
+            c = supported.correct_at(u, first, scale, options.tolerance, 60, True)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                break
+        else:
+            continue
+        path = _homotopy(supported, c.y, replace(options, patience=points, max_turn=LOOSE_TURN), meter, points)
+        if path.status == "complete":
+            log.append(f"bodies held (drag {drag:g}, spring {spring:g}) and let go: {len(path.points)} steps")
+            return np.append(path.points[-1].y[:-1], omega), longer
+        walked += path.status == "walked off"
+        if path.status == "too many points":
+            longer.append((drag, spring, raising))
+    tried = f"bodies held and let go: no solution in {points} steps"
+    log.append(tried + (f", {WALKS} ({walked} supports)" if walked else ""))
+    return None, longer
+
+
+def _climb(
+    system: HarmonicSystem,
+    state: PreloadState,
+    springs: NDArray,
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+) -> NDArray | None:
+    """From a solution with the first harmonic to one with all."""
+    ladder = Ladder(system, omega, replace(options, max_turn=LOOSE_TURN), meter)
+    one = ladder.systems[0]
+    if one is system:
+        return None
+    first, _, _ = first_point(one, state, springs, omega, options, meter)
+    if first is None:
+        log.append(f"{NOT_CLIMBED} with one")
+        return None
+    ladder.add(0, first[:-1])
+    u = ladder.climb()
+    how = f"{ladder.paths} paths with {ladder.points} points"
+    for few, found in zip(ladder.systems, ladder.solutions):
+        how += f", {len(found)} with {few.n_harmonics}" if found else ""
+    log.append(f"{NOT_CLIMBED} ({how})" if u is None else f"harmonics let in one by one: {how}")
+    return None if u is None else np.append(u, omega)
 
 
 def _homotopy(

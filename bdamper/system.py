@@ -192,6 +192,7 @@ class HarmonicSystem:
         self.n_points = len(points.kn)
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
+        self._made_with = evaluation, force_scale
         self._parameter: dict[str, Any] = {}
         self.allowed = math.inf
         """Million operations of the core in all after which no correction is begun (:meth:`limited`)."""
@@ -280,9 +281,6 @@ class HarmonicSystem:
         if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is
         then s; with ``raising`` it is also the factor on the excitation.
         """
-        out = self.excitation_ramp(omega)
-        if not raising:
-            out._parameter["ramp"] = np.zeros(self.n_unknowns)
         support = np.zeros((self.n_unknowns, self.n_unknowns))
         for l, free in enumerate(self.held_coordinates):
             c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
@@ -291,8 +289,37 @@ class HarmonicSystem:
             else:
                 support[c[free], s[free]] = drag * l * omega**2
                 support[s[free], c[free]] = -drag * l * omega**2
+        return self._supported(omega, support, raising)
+
+    def letting_in(self, omega: float, drag: float, mass: float) -> HarmonicSystem:
+        """The same equations at fixed omega with the highest harmonic held by a support that fades as s goes to 1.
+
+        ``drag`` and ``mass`` (stiffness for modes above this harmonic, so that none resonates on the way) in units of its
+        frequency squared, times ``1/s - 1``.  The last entry of a point ``y`` is then s; at 0 the equations are those
+        without this harmonic (:meth:`with_harmonics`).
+        """
+        l = self.n_harmonics
+        square = (l * omega) ** 2
+        c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
+        support = np.zeros((self.n_unknowns, self.n_unknowns))
+        support[c, c] = support[s, s] = mass * np.where(self.bases[l].omega2 < square, -square, square)
+        support[c, s], support[s, c] = drag * square, -drag * square
+        return self._supported(omega, support)
+
+    def _supported(self, omega: float, support: NDArray, raising: bool = False) -> HarmonicSystem:
+        """With a linear support times ``1/s - 1``, and the factor s on the excitation if it is to be raised."""
+        out = self.excitation_ramp(omega)
+        if not raising:
+            out._parameter["ramp"] = np.zeros(self.n_unknowns)
         out._parameter["support"] = support
         return out
+
+    def with_harmonics(self, n: int) -> HarmonicSystem:
+        """The same structure with harmonics up to the n-th; its unknowns are the first of those of this one."""
+        m = self.slices(n)[1].stop
+        return HarmonicSystem(
+            self.bases[: n + 1], self.points, self.force[:m], self.response_rows[: n + 1], *self._made_with
+        )
 
     def with_force(self, force: NDArray) -> HarmonicSystem:
         """The same equations under another modal force."""

@@ -21,11 +21,14 @@ from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
 from bdamper.response import Curve
-from bdamper.start import WALKS
+from bdamper.start import NOT_CLIMBED, WALKS
 from bdamper.system import Cost, CostMeter
 
 if TYPE_CHECKING:
     from bdamper.study import Study
+
+CLIMBS = 2
+"""Times that harmonics may be let in one by one in vain before that is given up for a curve."""
 
 
 def track_curve(
@@ -82,7 +85,8 @@ def track_curve(
 
 
 def _start(study: Study, preload: float, search: BranchSearch, omega: float) -> NDArray | None:
-    start, tried = study.find_start(preload, omega, search.options, search.meter)
+    failed = sum(NOT_CLIMBED in line for line in search.log)
+    start, tried = study.find_start(preload, omega, search.options, search.meter, failed < CLIMBS)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start
 

@@ -32,8 +32,8 @@ PYTHON_LEVELS = [
     {"reference", "coupling"},
     {"stiffness", "staticcontact", "residual", "seating", "preload", "system", "misfit"}
     | {"reduced_contact", "friction_axes"},
-    {"continuation", "branches", "branchsearch", "meanposition", "start", "progress", "disturbances", "wavestability"}
-    | {"stability", "timedomain"},
+    {"continuation", "branches", "branchsearch", "meanposition", "climb", "start", "progress", "disturbances"}
+    | {"wavestability", "stability", "timedomain"},
     {"estimates", "settling"},
     {"response", "linear", "tracking"},
     {"peaksearch"},
