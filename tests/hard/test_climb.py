@@ -1,0 +1,241 @@
+"""Solutions by way of fewer harmonics: the equations on the way, and which paths are followed when."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper import _core, climb, start, tracking
+from bdamper.climb import HELD, Ladder
+from bdamper.continuation import ContinuationOptions, Path, PathPoint
+from bdamper.start import LOOSE_TURN, first_point
+from bdamper.system import OK, Correction, CostMeter
+from tests.models import acyclic_model
+
+OMEGA = 2.0 * np.pi * 300.0
+
+
+def study(**settings):
+    return bd.Study(
+        acyclic_model(1),
+        engine_order=0,
+        contact_stiffness="model",
+        damping_ratio=0.02,
+        excitation=bd.Excitation("tip", "tangential", 40.0),
+        **settings,
+    )
+
+
+@pytest.mark.parametrize("evaluation", ["exact", bd.Sampled(64)])
+def test_first_harmonics_of_a_system_are_those_of_a_study_with_fewer(evaluation):
+    few, many = (study(harmonics=n, evaluation=evaluation).system(200.0) for n in (2, 4))
+    cut = many.with_harmonics(2)
+    u = 1e-5 * np.random.default_rng(1).normal(size=few.n_unknowns)
+    for ours, theirs in zip(cut.evaluate(u, OMEGA), few.evaluate(u, OMEGA)):
+        np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+    np.testing.assert_array_equal(cut.row_scale, few.row_scale)
+    np.testing.assert_allclose(cut.response(u[None]), few.response(u[None]), rtol=1e-14)
+
+
+def test_support_is_drag_and_mass_of_the_highest_harmonic():
+    system, part, drag, mass = study(harmonics=3).system(200.0), 0.25, 0.7, 0.2
+    held = system.letting_in(OMEGA, drag, mass)
+    share = 1.0 / part - 1.0
+    top = slice(sum(system.n_mode[:3]), None)
+    arrays = {name: np.array(value) for name, value in system.arrays.items()}
+    arrays["damping"][top] += share * drag * 3.0 * OMEGA
+    above = arrays["stiffness"][top] > (3.0 * OMEGA) ** 2
+    assert above.any()
+    assert not above.all()
+    arrays["mass"][top] += np.where(above, 0.0, share * mass)
+    arrays["stiffness"][top] += np.where(above, share * mass * (3.0 * OMEGA) ** 2, 0.0)
+    other = _core.System(**arrays)
+    n = system.n_unknowns
+    y = np.append(1e-5 * np.random.default_rng(0).normal(size=n), part)
+    r, J = np.empty(n), np.empty((n, n))
+    assert other.evaluate(y[:-1], OMEGA, r, J) == OK
+    got, by_part = held.derivatives(y)
+    np.testing.assert_allclose(got, J, rtol=0, atol=1e-12 * np.abs(J).max())
+    support = (J - system.evaluate(y[:-1], OMEGA)[1]) / share
+    h = 1e-6
+    slope = (1.0 / (part + h) - 1.0 / (part - h)) / (2.0 * h) * support @ y[:-1]
+    np.testing.assert_allclose(by_part, slope, rtol=0, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.fixture(scope="module")
+def tangle():
+    """A damper at 20 times the excitation that bounces, within a tangle of folds."""
+    s = bd.Study(
+        bd.reference_model("bladed_disk", 9),
+        engine_order=5,
+        harmonics=4,
+        friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )
+    return s, 20.0, 2.0 * np.pi * 282.45
+
+
+def ladder_of(tangle):
+    s, preload, omega = tangle
+    state = s.static(preload)
+    options = ContinuationOptions(max_turn=LOOSE_TURN)
+    ladder = Ladder(s.system(preload), omega, options, CostMeter(0.0))
+    first, _, _ = first_point(ladder.systems[0], state, s._stuck_springs(state), omega, options, CostMeter(0.0))
+    ladder.add(0, first[:-1])
+    return ladder
+
+
+def test_climbs_into_a_tangle(tangle):
+    s, preload, omega = tangle
+    ladder = ladder_of(tangle)
+    u = ladder.climb()
+    r, _, _ = s.system(preload).evaluate(u, omega)
+    assert np.abs(r * s.system(preload).row_scale).max() < 1e-9
+    assert [len(found) > 0 for found in ladder.solutions] == [True] * 4
+    for few, found in zip(ladder.systems, ladder.solutions):
+        for v in found:
+            assert np.abs(few.evaluate(v, omega)[0] * few.row_scale).max() < 1e-9
+    assert 100 < ladder.points < 3000
+
+
+def test_without_supports_there_is_no_way_up(tangle, monkeypatch):
+    monkeypatch.setattr(climb, "SUPPORTS", ())
+    assert ladder_of(tangle).climb() is None
+
+
+class Graph:
+    """Solutions and paths of a made-up ladder: a solution is its number, a path leads where the table says."""
+
+    def __init__(self, paths):
+        self.paths = paths
+        self.followed = []
+
+    def __call__(self, held, y, limits, *, options):
+        rung, by = held.place
+        leads, number, length = self.paths[rung, round(float(y[0])) - 1, by]
+        self.followed.append((rung, round(float(y[0])) - 1, by, options.max_points))
+        if length > options.max_points:
+            return Path(tuple(self.point(0.0, held) for _ in range(options.max_points)), "too many points", "", 0, 0)
+        status = "complete" if leads else "turned back"
+        return Path(tuple(self.point(number + 1.0, held) for _ in range(length)), status, "", 0, 0)
+
+    @staticmethod
+    def point(value, held):
+        y = np.full(held.n_unknowns + 1, value)
+        return PathPoint(y, y, y, y[:3], 0.0, 1, 0)
+
+
+class Rung:
+    """As much of a system as a ladder asks for."""
+
+    n_mean = 0
+    bases = tuple(replace(b, omega2=np.ones(1)) for b in study(harmonics=3).bases)
+
+    def __init__(self, n, place=None):
+        self.n_harmonics = self.n_unknowns = n
+        self.place = place
+
+    def with_harmonics(self, n):
+        return Rung(n)
+
+    def letting_in(self, omega, drag, mass):
+        return Rung(self.n_harmonics, (self.n_harmonics - 2, climb.SUPPORTS.index((drag, mass))))
+
+    def correct_at(self, u, *_):
+        return Correction(OK, np.append(u, HELD), u, 1, 0.0, 1.0, 0)
+
+
+class Watch(CostMeter):
+    def watch(self, system):
+        pass
+
+
+def made_up(monkeypatch, paths):
+    monkeypatch.setattr(climb, "SUPPORTS", ((0.0, 0.0), (1.0, 1.0)))
+    graph = Graph(paths)
+    monkeypatch.setattr(climb, "follow", graph)
+    ladder = Ladder(Rung(3), 1.0, ContinuationOptions(), Watch(0.0))
+    ladder.add(0, np.ones(1))
+    return ladder, graph
+
+
+def test_what_comes_back_leads_on_by_another_support(monkeypatch):
+    """Supports connect solutions 0 and 1, 2 and 3; 0 and 2; and 1 with one that has more harmonics."""
+    ladder, graph = made_up(
+        monkeypatch,
+        {
+            (0, 0, 0): (True, 0, 10),
+            (1, 0, 0): (False, 1, 10), (1, 2, 0): (False, 3, 10),
+            (1, 0, 1): (False, 2, 10), (1, 1, 1): (True, 0, 10),
+        },
+    )  # fmt: skip
+    np.testing.assert_array_equal(ladder.climb(), np.ones(3))
+    # the support by which a path came back leads back: not followed again
+    assert [step[:3] for step in graph.followed] == [(0, 0, 0), (1, 0, 0), (1, 0, 1), (1, 2, 0), (1, 1, 1)]
+    assert (ladder.paths, ladder.points) == (5, 50)
+
+
+def test_all_get_few_points_before_any_gets_more(monkeypatch):
+    few = climb.POINTS
+    ladder, graph = made_up(
+        monkeypatch,
+        {(0, 0, 0): (True, 0, 5 * few), (0, 0, 1): (True, 0, 2 * few), (1, 0, 0): (True, 0, few), (1, 0, 1): (False, 0, 1)},
+    )
+    np.testing.assert_array_equal(ladder.climb(), np.ones(3))
+    assert graph.followed == [(0, 0, 0, few), (0, 0, 1, few), (0, 0, 0, 4 * few), (0, 0, 1, 4 * few), (1, 0, 0, few)]
+
+
+def test_ends_after_so_many_points(monkeypatch):
+    endless = {(0, 0, by): (True, 0, 10**9) for by in (0, 1)}
+    ladder, graph = made_up(monkeypatch, endless)
+    monkeypatch.setattr(climb, "MOST_POINTS", 5000)
+    assert ladder.climb() is None
+    assert 5000 <= ladder.points < 5000 + graph.followed[-1][3]
+
+
+def only_long_paths(monkeypatch):
+    """Newton fails, and homotopies of all harmonics are too long; with one harmonic everything is as it is."""
+    correct_at, homotopy = start.HarmonicSystem.correct_at, start._homotopy
+
+    def fails(self, u, omega, scale, *rest):
+        c = correct_at(self, u, omega, scale, *rest)
+        return c if self.n_harmonics == 1 or self._parameter else replace(c, status=1)
+
+    def long(system, *rest):
+        return homotopy(system, *rest) if system.n_harmonics == 1 else Path((), "too many points", "", 0, 0)
+
+    monkeypatch.setattr(start.HarmonicSystem, "correct_at", fails)
+    monkeypatch.setattr(start, "_homotopy", long)
+
+
+def test_the_chain_climbs_where_paths_are_too_long(monkeypatch):
+    s, preload = study(harmonics=3), 200.0
+    with monkeypatch.context() as patched:
+        only_long_paths(patched)
+        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+        assert log[-1].startswith("harmonics let in one by one: ")
+        none, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), climbing=False)
+        assert none is None
+        assert not any("one by one" in line for line in log)
+    curve = s.track(preload, (300.0, 301.0))
+    assert curve.frequency[0] == pytest.approx(300.0)
+    np.testing.assert_allclose(s.system(preload).response(y[None, :-1])[0], curve.harmonics[0], rtol=1e-6)
+
+
+def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
+    asked = []
+
+    class Search:
+        def __init__(self):
+            self.log, self.options, self.meter = [], ContinuationOptions(), CostMeter(0.0)
+
+    class Study:
+        def find_start(self, preload, omega, options, meter, climbing):
+            asked.append(climbing)
+            return None, [f"{start.NOT_CLIMBED} (10 paths)"]
+
+    search = Search()
+    for _ in range(tracking.CLIMBS + 2):
+        tracking._start(Study(), 1.0, search, 1.0)
+    assert asked == [True] * tracking.CLIMBS + [False] * 2
