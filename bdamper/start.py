@@ -56,7 +56,7 @@ def first_point(
     omega: float,
     options: ContinuationOptions,
     meter: CostMeter,
-    climbing: bool = True,
+    climbing: bool = False,
 ) -> tuple[NDArray | None, list[str], NDArray]:
     """A solution at one frequency.
 
@@ -71,7 +71,7 @@ def first_point(
     options : ContinuationOptions
     meter : CostMeter
     climbing : bool
-        Whether harmonics may be let in one by one, which takes long.
+        Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
 
     Returns
     -------

@@ -783,7 +783,7 @@ class Study:
 
     @one_thread
     def find_start(
-        self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, climbing: bool = True
+        self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, climbing: bool = False
     ) -> tuple[NDArray | None, list[str]]:
         """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
 
