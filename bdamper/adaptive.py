@@ -358,6 +358,8 @@ class Search:
     ) -> tuple[Curve, list[Peak]]:
         """A curve and its peaks that come near the highest, the highest first."""
         study, system = self.variant(on)
+        if study is not self.study:  # takes as long as a short curve, and is for notes that are not read here
+            study.__dict__.setdefault("self_locking", ())
         curve = uninterrupted(study.track(self.preload, self.frequency, from_high=from_high, options=options))
         self.meter.add(curve.cost)
         self.notice(curve, on)
