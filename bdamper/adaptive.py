@@ -33,6 +33,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -455,8 +456,11 @@ class Search:
         at = [0, *on.harmonics]
         return max(abs(float(estimate.shares[at].sum())), abs(float(estimate.frequency_shares[at].sum())))
 
-    def lift(self, peak: Peak, on: On) -> _Found:
-        """The peak with as much on as it calls for."""
+    def lift(self, peak: Peak, on: On, expected: float = np.inf) -> _Found:
+        """The peak with as much on as it calls for.
+
+        Where it surprises, the curve through it is followed unless it is above the ``expected`` full response elsewhere.
+        """
         while True:
             estimate = None if on == self.everything else self.estimate(peak.y, on)
             if estimate is None or estimate.size <= MARGIN * self.tolerance:
@@ -472,7 +476,8 @@ class Search:
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
                 found = self.climbed(peak, on, wanted)
-            if found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE:
+            surprise = found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE
+            if found is not None and surprise and found.amplitude < expected:
                 short = found.amplitude / peak.amplitude / (1.0 + estimate.amplitude) if estimate.size < RELIED_ON else 1.0
                 self.walked = found = self.higher_nearby(found, wanted, max(short * STAYS_UP, NEAR))
             if found is None or another(found, peak):
@@ -503,23 +508,22 @@ class Search:
         if hidden is not None:
             summit = place_on_curve(curve, hidden, ask)
             self._lose(LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit))
+        at = {i for share in ASKED for i in _spread(near_top(curve, peaks[0].amplitude, share), MOST_ASKED)}
+        places = [place_on_curve(curve, i, ask) for i in sorted(at)]
+        expected = max((p.expected for p in places if p.estimate.size < RELIED_ON), default=0.0)
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 try:
-                    self._take(self.lift(peak, on))
+                    self._take(self.lift(peak, on, expected))
                 except LostError as lost:
                     self._lose(lost)
         if self.best is None:
             raise LostError(f"the peaks that the curve with {on} leads to lie outside the interval")
-        if on == self.everything:
-            return
         rich = self.variant(self.everything)[1]
-        level = max(peaks[0].amplitude, self.best.peak.amplitude)
-        asked = [i for share in ASKED for i in _spread(near_top(curve, level, share), MOST_ASKED)]
-        unknown = not asked  # the peak is far higher than the curve that led to it
-        for i in sorted(set(asked)):
+        places = [p for p in places if p.amplitude >= ASKED[0] * self.best.peak.amplitude]
+        unknown = not places  # the peak is far higher than the curve that led to it
+        for place in places:
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
-            place = place_on_curve(curve, i, ask)
             if not place.estimate.size < RELIED_ON:
                 unknown |= bool(self.coexisting) and place.amplitude >= STAYS_UP * self.best.peak.amplitude
             elif place.expected > limit:
@@ -530,7 +534,7 @@ class Search:
                     unknown = True
                 if found is not None and height > limit:
                     peak = find_peak(rich, found.y, options=LOOSE, walk=False)
-                    where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
+                    where = f"{place.frequency:.5g} Hz: the full response is higher"
                     if not peak.converged:
                         raise LostError(f"{where}, but no peak is found")
                     self._take(_Found(peak, self.everything, None), where)
@@ -560,10 +564,15 @@ class Search:
         for points in superharmonic_points(curve, cheap, rich, springs, moved, before.peak.amplitude):
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
             top, height = None, NEAR * self.best.peak.amplitude
-            for start in map(moved, points):
+            heights: list[float] = []
+            at = float(self.best.peak.y[-1])
+            for start in map(moved, sorted(points, key=lambda y: abs(float(y[-1]) - at))):
                 c = rich.correct_at(start[:-1], start[-1], peak_scale(rich, start, start[-1]), 1e-6, 25, True)
-                if c.status == OK and amplitude_of(rich, c.y) > height:
-                    top, height = c.y, amplitude_of(rich, c.y)
+                heights.append(amplitude_of(rich, c.y) if c.status == OK else 0.0)
+                if heights[-1] > height:
+                    top, height = c.y, heights[-1]
+            if len(heights) > 1 and all(near > far > 0.0 for near, far in pairwise(heights)):
+                continue  # the flank of the best peak
             if top is not None:
                 peak = find_peak(rich, top, options=LOOSE, walk=False)
                 if peak.converged and peak.amplitude > limit:
