@@ -81,6 +81,8 @@ MOST_ASKED = 7
 """As many of the points above each share."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
+SHORT = replace(ROUGH, max_points=300)
+"""How a curve with three harmonics is followed: one that is longer saves little against all harmonics."""
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
 """How a curve is followed to both sides of a peak."""
 MOST_AROUND = 100
@@ -631,10 +633,10 @@ class Search:
         missing = 0.0
         apart = False
         first: tuple[NDArray, On] | None = None
-        for on, from_high in ((self.least, False), (more, True), (more, False)):
+        for on, from_high, how in ((self.least, False, ROUGH), (more, True, SHORT), (more, False, SHORT)):
             if on == self.everything:
                 break
-            curve, peaks = self.tracked(on, ROUGH, from_high)
+            curve, peaks = self.tracked(on, how, from_high)
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")
