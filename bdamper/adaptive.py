@@ -10,8 +10,9 @@ The settings of the study are the answer that counts; what they would cost is sp
    damper where they are off, if the equations that are on already have a part in it); all that there are where the
    estimate cannot be relied on.  The peak is found anew from the Newton step that the estimate comes with, and the
    question is put again, until the estimated rest is below half of the tolerance or nothing is left to switch on.  Where
-   the richer peak is not as high as the estimate has it, its curve may have other maxima close by: it is followed
-   to both sides, over folds, as long as it stays near the top, and the farther down the more the peak falls short;
+   the richer peak is not as high as the estimate has it, its curve may have other maxima close by: if the full response is
+   expected to be higher at a point of the first curve, it is followed to both sides, over folds, as long as it stays near
+   the top, and the farther down the more the peak falls short;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
    estimate cannot be relied on, the curve through the peak found is followed to both sides.  Between those points a
@@ -22,9 +23,9 @@ The settings of the study are the answer that counts; what they would cost is sp
 If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), if the first
 curve has a summit which is no peak, no maximum at all, or does not reach through the interval, the search starts anew with
 three harmonics on a curve followed from above, which may have other branches; and on one from below, if it arrives in
-another response than the first curve sets off with.  What is lost below the best peak that is known is left at that.  If
-all this fails a curve is followed with everything on, and another one from the other side if what was lost has more, even
-at least, than all that the first one has.
+another response than the first curve sets off with; their paths are short, as long ones would spare little.  What is lost
+below the best peak that is known is left at that.  If all this fails a curve is followed with everything on, and another
+one from the other side if what was lost has more, even at least, than all that the first one has.
 """
 
 from __future__ import annotations
@@ -82,7 +83,7 @@ MOST_ASKED = 7
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
 SHORT = replace(ROUGH, max_points=300)
-"""How a curve with three harmonics is followed: one that is longer saves little against all harmonics."""
+"""How a curve with three harmonics is followed: a path that is longer spares little against all harmonics."""
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
 """How a curve is followed to both sides of a peak."""
 MOST_AROUND = 100
