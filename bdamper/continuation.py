@@ -377,11 +377,8 @@ class _Follower:
         f_low, f_high = event(a.y, a.tangent), event(b.y, b.tangent)
         best: Correction | None = None
         side = 0
-        near = 0.9 * self.options.locate_tolerance * end
         for _ in range(60):
             s = (low * f_high - high * f_low) / (f_high - f_low) if f_high != f_low else 0.5 * (low + high)
-            if near > 1e-3 * (high - low):  # at an end of the bracket: a trial at the tolerance from it is the last one
-                s = min(max(s, low + near), high - near)
             if not low + 1e-3 * (high - low) < s < high - 1e-3 * (high - low):
                 s = 0.5 * (low + high)
             c = self.correct(a.y + s * a.tangent * a.scale, a.tangent, a.scale)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.continuation import ContinuationOptions, PathPoint, _Follower, follow
+from bdamper.continuation import ContinuationOptions, _Follower, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction
 
 
@@ -133,25 +133,3 @@ def test_a_walk_without_end_is_left_a_million_vibrations_away():
     assert away[-2] <= 1e6
     assert path.points[-1].kind == "walk"
     assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)
-
-
-@pytest.mark.parametrize(("top", "trials"), [(0.02, 1), (0.98, 1), (0.5, None)])
-def test_an_event_at_the_end_of_a_step_takes_one_trial(top, trials):
-    """It is caught between that end and a trial at the tolerance; in between a secant closes in on it."""
-    system = Beside(1e3)
-    follower = _Follower(system, (5.0, 15.0), ContinuationOptions(locate_tolerance=0.05), None)
-    scale = np.ones(2)
-
-    def solution(omega):
-        return system.correct_at(np.array([system.lower(omega)]), omega, scale, 1e-12, 10)
-
-    begin, end = solution(9.0), solution(10.0)
-    tangent = begin.tangent * np.sign(begin.tangent[1])
-    length = float((end.y - begin.y) @ tangent)
-    a = PathPoint(begin.y, tangent, scale, np.zeros(3), 0.0, 0, 0)
-    tried = []
-    correct = follower.correct
-    follower.correct = lambda *args: tried.append(1) or correct(*args)
-    found = follower.locate(a, end, length, lambda y, t: 9.0 + top - y[1], "maximum")
-    assert abs(float((found.y - begin.y) @ tangent) / length - top) < 0.1
-    assert trials is None or len(tried) == trials
