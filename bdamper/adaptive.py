@@ -10,8 +10,9 @@ The settings of the study are the answer that counts; what they would cost is sp
    damper where they are off, if the equations that are on already have a part in it); all that there are where the
    estimate cannot be relied on.  The peak is found anew from the Newton step that the estimate comes with, and the
    question is put again, until the estimated rest is below half of the tolerance or nothing is left to switch on.  Where
-   the richer peak is not as high as the estimate has it, its curve may have other maxima close by: it is followed
-   to both sides, over folds, as long as it stays near the top, and the farther down the more the peak falls short;
+   the richer peak is not as high as the estimate has it, its curve may have other maxima close by: if the full response is
+   expected to be higher at a point of the first curve, it is followed to both sides, over folds, as long as it stays near
+   the top, and the farther down the more the peak falls short;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
    estimate cannot be relied on, the curve through the peak found is followed to both sides.  Between those points a
@@ -22,9 +23,9 @@ The settings of the study are the answer that counts; what they would cost is sp
 If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), if the first
 curve has a summit which is no peak, no maximum at all, or does not reach through the interval, the search starts anew with
 three harmonics on a curve followed from above, which may have other branches; and on one from below, if it arrives in
-another response than the first curve sets off with.  What is lost below the best peak that is known is left at that.  If
-all this fails a curve is followed with everything on, and another one from the other side if what was lost has more, even
-at least, than all that the first one has.
+another response than the first curve sets off with; their paths are short, as long ones would spare little.  What is lost
+below the best peak that is known is left at that.  If all this fails a curve is followed with everything on, and another
+one from the other side if what was lost has more, even at least, than all that the first one has.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -80,6 +82,8 @@ MOST_ASKED = 7
 """As many of the points above each share."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
+SHORT = replace(ROUGH, max_points=300)
+"""How a curve with three harmonics is followed: a path that is longer spares little against all harmonics."""
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
 """How a curve is followed to both sides of a peak."""
 MOST_AROUND = 100
@@ -358,6 +362,8 @@ class Search:
     ) -> tuple[Curve, list[Peak]]:
         """A curve and its peaks that come near the highest, the highest first."""
         study, system = self.variant(on)
+        if study is not self.study:  # takes as long as a short curve, and is for notes that are not read here
+            study.__dict__.setdefault("self_locking", ())
         curve = uninterrupted(study.track(self.preload, self.frequency, from_high=from_high, options=options))
         self.meter.add(curve.cost)
         self.notice(curve, on)
@@ -453,8 +459,11 @@ class Search:
         at = [0, *on.harmonics]
         return max(abs(float(estimate.shares[at].sum())), abs(float(estimate.frequency_shares[at].sum())))
 
-    def lift(self, peak: Peak, on: On) -> _Found:
-        """The peak with as much on as it calls for."""
+    def lift(self, peak: Peak, on: On, expected: float = np.inf) -> _Found:
+        """The peak with as much on as it calls for.
+
+        Where it surprises, the curve through it is followed unless it is above the ``expected`` full response elsewhere.
+        """
         while True:
             estimate = None if on == self.everything else self.estimate(peak.y, on)
             if estimate is None or estimate.size <= MARGIN * self.tolerance:
@@ -470,7 +479,8 @@ class Search:
             found = carried_over(system, [*guesses, start], start, peak.scale[-1])
             if found is None:
                 found = self.climbed(peak, on, wanted)
-            if found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE:
+            surprise = found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE
+            if found is not None and surprise and found.amplitude < expected:
                 short = found.amplitude / peak.amplitude / (1.0 + estimate.amplitude) if estimate.size < RELIED_ON else 1.0
                 self.walked = found = self.higher_nearby(found, wanted, max(short * STAYS_UP, NEAR))
             if found is None or another(found, peak):
@@ -501,23 +511,22 @@ class Search:
         if hidden is not None:
             summit = place_on_curve(curve, hidden, ask)
             self._lose(LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit))
+        at = {i for share in ASKED for i in _spread(near_top(curve, peaks[0].amplitude, share), MOST_ASKED)}
+        places = [place_on_curve(curve, i, ask) for i in sorted(at)]
+        expected = max((p.expected for p in places if p.estimate.size < RELIED_ON), default=0.0)
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 try:
-                    self._take(self.lift(peak, on))
+                    self._take(self.lift(peak, on, expected))
                 except LostError as lost:
                     self._lose(lost)
         if self.best is None:
             raise LostError(f"the peaks that the curve with {on} leads to lie outside the interval")
-        if on == self.everything:
-            return
         rich = self.variant(self.everything)[1]
-        level = max(peaks[0].amplitude, self.best.peak.amplitude)
-        asked = [i for share in ASKED for i in _spread(near_top(curve, level, share), MOST_ASKED)]
-        unknown = not asked  # the peak is far higher than the curve that led to it
-        for i in sorted(set(asked)):
+        places = [p for p in places if p.amplitude >= ASKED[0] * self.best.peak.amplitude]
+        unknown = not places  # the peak is far higher than the curve that led to it
+        for place in places:
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
-            place = place_on_curve(curve, i, ask)
             if not place.estimate.size < RELIED_ON:
                 unknown |= bool(self.coexisting) and place.amplitude >= STAYS_UP * self.best.peak.amplitude
             elif place.expected > limit:
@@ -528,7 +537,7 @@ class Search:
                     unknown = True
                 if found is not None and height > limit:
                     peak = find_peak(rich, found.y, options=LOOSE, walk=False)
-                    where = f"{curve.frequency[i]:.5g} Hz: the full response is higher"
+                    where = f"{place.frequency:.5g} Hz: the full response is higher"
                     if not peak.converged:
                         raise LostError(f"{where}, but no peak is found")
                     self._take(_Found(peak, self.everything, None), where)
@@ -558,10 +567,15 @@ class Search:
         for points in superharmonic_points(curve, cheap, rich, springs, moved, before.peak.amplitude):
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
             top, height = None, NEAR * self.best.peak.amplitude
-            for start in map(moved, points):
+            heights: list[float] = []
+            at = float(self.best.peak.y[-1])
+            for start in map(moved, sorted(points, key=lambda y: abs(float(y[-1]) - at))):
                 c = rich.correct_at(start[:-1], start[-1], peak_scale(rich, start, start[-1]), 1e-6, 25, True)
-                if c.status == OK and amplitude_of(rich, c.y) > height:
-                    top, height = c.y, amplitude_of(rich, c.y)
+                heights.append(amplitude_of(rich, c.y) if c.status == OK else 0.0)
+                if heights[-1] > height:
+                    top, height = c.y, heights[-1]
+            if len(heights) > 1 and all(near > far > 0.0 for near, far in pairwise(heights)):
+                continue  # the flank of the best peak
             if top is not None:
                 peak = find_peak(rich, top, options=LOOSE, walk=False)
                 if peak.converged and peak.amplitude > limit:
@@ -620,10 +634,10 @@ class Search:
         missing = 0.0
         apart = False
         first: tuple[NDArray, On] | None = None
-        for on, from_high in ((self.least, False), (more, True), (more, False)):
+        for on, from_high, how in ((self.least, False, ROUGH), (more, True, SHORT), (more, False, SHORT)):
             if on == self.everything:
                 break
-            curve, peaks = self.tracked(on, ROUGH, from_high)
+            curve, peaks = self.tracked(on, how, from_high)
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")

@@ -20,6 +20,7 @@ between it is *significant*.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -118,6 +119,7 @@ def embed_between(
     return out
 
 
+@lru_cache(maxsize=256)
 def _common(a: tuple[Any, ...], b: tuple[Any, ...]) -> tuple[NDArray, NDArray]:
     place = {c: i for i, c in enumerate(b)}
     pairs = [(i, place[c]) for i, c in enumerate(a) if c in place]

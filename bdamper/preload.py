@@ -117,23 +117,32 @@ class PreloadState:
         )
 
 
-def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
+    """(n_points, 3) forces and states at motion x for sliders w before the step."""
     level = system.n0 + system.kn * x[:, 2]
-    normal = np.maximum(level, 0.0)
-    open_ = level <= 0.0
+    force = np.empty_like(x)
+    normal = np.maximum(level, 0.0, out=force[:, 2])
     limit = (system.mu * normal)[:, None]
     trial = system.kt * (x[:, :2] - w)
-    status = np.where(trial > limit, SLIP_PLUS, np.where(trial < -limit, SLIP_MINUS, STICK))
-    tangential = np.clip(trial, -limit, limit)
-    status[open_] = OPEN
-    safe = np.where(system.kt > 0.0, system.kt, 1.0)
-    slider = np.where(system.kt > 0.0, x[:, :2] - tangential / safe, x[:, :2])
+    tangential = np.minimum(np.maximum(trial, -limit), limit, out=force[:, :2])
+    status = SLIP_PLUS * (trial > limit) + SLIP_MINUS * (trial < -limit)
+    status[level <= 0.0] = OPEN
     if system.bonded is not None:
         b = system.bonded
-        tangential[b], normal[b], status[b], slider[b] = trial[b], level[b], STICK, w[b]
+        tangential[b], normal[b], status[b] = trial[b], level[b], STICK
+    return force, status
+
+
+def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+    force, status = _forces(system, x, w)
+    safe = np.where(system.kt > 0.0, system.kt, 1.0)
+    slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
+    if system.bonded is not None:
+        slider[system.bonded] = w[system.bonded]
+    level = system.n0 + system.kn * x[:, 2]
     closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
-    return np.column_stack([tangential, normal]), status, slider, closing
+    return force, status, slider, closing
 
 
 def _tangent(system: StaticSystem, status: NDArray) -> NDArray:
@@ -185,7 +194,7 @@ def _step(
 
     def residual(q: NDArray) -> tuple[NDArray, NDArray]:
         x = (G @ q).reshape(-1, 3) + shift
-        F, new_status, _, _ = _law(system, x, w)
+        F, new_status = _forces(system, x, w)
         return system.stiffness * q + G.T @ F.ravel() - force, new_status
 
     # the first linear solution takes the states as given: the law is linear in them
@@ -318,7 +327,8 @@ def static_state(
         # slip signs of the step before may be a dead end; then all closed points are taken as stuck, and then all points
         stuck = np.where(state.status == OPEN, OPEN, STICK)
         iterations = 0
-        for first_status in (state.status, stuck, np.full_like(stuck, STICK)):
+        tries = {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}
+        for first_status in tries.values():
             q, status, tried, residual = _step(
                 system, at, state.q, state.slider, first_status, tolerance, max_iterations, first
             )

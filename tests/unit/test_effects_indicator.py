@@ -319,11 +319,11 @@ def lifting(full, monkeypatch):
     monkeypatch.setattr(search, "higher_nearby", walk)
     change = 0.0
 
-    def lift(beyond, defect=0.0):
+    def lift(beyond, defect=0.0, elsewhere=np.inf):
         estimate = replace(true, amplitude=change + beyond, frequency=0.0, defect=max(defect, 0.006))
         monkeypatch.setattr(search, "estimate", lambda y, on: estimate)
         walks.clear()
-        found = search.lift(peaks[0], one)
+        found = search.lift(peaks[0], one, elsewhere * peaks[0].amplitude * (1.0 + change))
         assert found.on == search.everything and found.peak.converged
         return found.peak.amplitude / peaks[0].amplitude - 1.0, tuple(walks)
 
@@ -339,6 +339,89 @@ def test_a_peak_that_falls_short_of_its_estimate_is_walked_from(lifting):
     assert share == pytest.approx(STAYS_UP * (1.0 + change) / (1.1 + change))
     assert lifting(0.25)[1] == (NEAR,)
     assert lifting(0.1, defect=0.5)[1] == (STAYS_UP,)
+
+
+def test_a_peak_that_surprises_is_walked_from_only_if_the_response_may_be_higher_elsewhere(lifting):
+    lifting(0.0)
+    assert lifting(0.1, elsewhere=0.99)[1] == () and lifting(0.1, defect=0.5, elsewhere=0.0)[1] == ()
+    assert len(lifting(0.1, elsewhere=1.01)[1]) == 1
+
+
+def test_what_is_expected_elsewhere_is_what_can_be_relied_on(full, monkeypatch):
+    """The highest of the points near the top of the curve, those left out whose estimates mean nothing."""
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    curve, peaks = search.tracked(one, coarse_options())
+    given = []
+
+    def lift(peak, on, expected):
+        given.append(expected)
+        raise LostError("enough")
+
+    monkeypatch.setattr(search, "lift", lift)
+    for change, defect, expected in ((0.1, 0.0, 1.1), (-0.2, 0.05, 0.8), (0.1, 0.5, 0.0)):
+        estimate = Estimate(change, 0.0, defect, np.zeros(1), np.zeros(4), np.zeros(4))
+        monkeypatch.setattr(search, "estimate", lambda y, on, e=estimate: e)
+        with pytest.raises(LostError):
+            search.highest(curve, peaks, one)
+        assert given[-1] == pytest.approx(expected * peaks[0].amplitude, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("heights", "climbed"),
+    [((0.9, 0.8), False), ((0.8, 0.9), True), ((0.8, 0.9, 0.85), True), ((0.9, 0.0, 0.8), True), ((0.9,), True)],
+)
+def test_the_flank_of_the_best_peak_is_no_superharmonic_resonance(full, monkeypatch, heights, climbed):
+    """Solutions that fall away from the best peak are not climbed from; any other order of them may be a resonance."""
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    curve, peaks = search.tracked(one, coarse_options())
+    search.best = search.in_full(adaptive._Found(peaks[0], one, None))
+    best = search.best.peak
+    rich = search.variant(search.everything)[1]
+    points = [np.append(peaks[0].y[:-1], best.y[-1] * (1.0 + 0.001 * (i + 1))) for i in range(len(heights))]
+    order = iter(heights)
+    climbs = []
+
+    def correct_at(u, omega, *_):
+        height = next(order)
+        status = adaptive.OK if height else 1
+        return SimpleNamespace(status=status, y=np.append(best.y[:-1] * height, omega))
+
+    def find(system, y, **_):
+        climbs.append(y)
+        return replace(best, status="nothing there")
+
+    monkeypatch.setattr(rich, "correct_at", correct_at)
+    monkeypatch.setattr(adaptive, "find_peak", find)
+    monkeypatch.setattr(adaptive, "superharmonic_points", lambda *_: iter([points[::-1]]))
+    assert not search._take_superharmonics(curve, one)
+    assert bool(climbs) is climbed
+
+
+def test_a_long_curve_with_three_harmonics_is_left(full, monkeypatch):
+    """What it has not reached may be higher, so everything is switched on; the curve with one harmonic may be long."""
+    search = Search(replace(full, harmonics=4), 60.0, INTERVAL, 0.01)
+    followed = []
+    tracked = search.tracked
+
+    def watched(on, options=None, from_high=False):
+        followed.append((on.harmonics, options))
+        curve, peaks = tracked(on, options, from_high)
+        return (curve if on == search.everything else replace(curve, status="incomplete")), peaks
+
+    monkeypatch.setattr(search, "tracked", watched)
+    search.run()
+    assert followed == [((1,), adaptive.ROUGH), ((1, 2, 3), adaptive.SHORT), ((1, 2, 3, 4), adaptive.FOLLOWED[0])]
+    assert adaptive.SHORT.max_points < adaptive.ROUGH.max_points
+    assert search.best is not None and search.best.on == search.everything
+
+
+def test_adaptive_peaks_neither_ask_for_notes_nor_take_them_away(full, monkeypatch):
+    asked = []
+    notes = bd.Study.wedge_friction
+    monkeypatch.setattr(bd.Study, "wedge_friction", lambda self, *a: asked.append(self) or notes(self, *a))
+    study = replace(full)
+    study.adaptive_peak(200.0, INTERVAL)
+    assert not asked and "self_locking" not in study.__dict__
 
 
 def test_of_two_peaks_close_in_height_the_full_study_tells_the_higher(full, peak, monkeypatch):
@@ -382,7 +465,7 @@ def test_a_point_that_falls_short_of_its_estimate_triggers_a_walk(full, monkeypa
         top = search.lift(peaks[0], one)
         walks, solved = [], []
         near = adaptive.solutions_near
-        monkeypatch.setattr(search, "lift", lambda peak, on: top)
+        monkeypatch.setattr(search, "lift", lambda peak, on, expected: top)
         monkeypatch.setattr(search, "walk", lambda: walks.append(1))
         monkeypatch.setattr(search, "_take_superharmonics", lambda *_: False)
         true = search.estimate

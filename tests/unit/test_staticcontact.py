@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper import preload
 from bdamper.coupling import Coupling, retained_modes
 from bdamper.errors import ModelError
 from bdamper.staticcontact import (
@@ -227,3 +228,19 @@ def test_certificate_sees_each_violation(coupling):
     slipping = np.argwhere((s.status == 1) | (s.status == 2))
     p, d = slipping[np.argmax(s.force[slipping[:, 0], 2])]
     broken("sense", p, d, -np.sign(s.force[p, d]) * far, "motion")
+
+
+def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
+    """At the first load all that touches sticks anyway, so the other ways to begin are the same one."""
+    model = wedge_model(3, n_points=4)
+    study = bd.Study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
+    began = []
+
+    def failing(system, load, q, w, status, *_):
+        began.append((load, status.tobytes()))
+        return q, status, 1, 1.0
+
+    monkeypatch.setattr(preload, "_step", failing)
+    monkeypatch.setattr(preload, "_creep", lambda system, load, state, tolerance: (state.q, state.slider, 1, 1.0))
+    assert not study.static(100.0).converged
+    assert len(began) == len(set(began)) > 1
