@@ -27,7 +27,7 @@ from bdamper.system import Cost, CostMeter
 if TYPE_CHECKING:
     from bdamper.study import Study
 
-CLIMBS = 2
+CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
 
 
