@@ -317,9 +317,11 @@ class HarmonicSystem:
     def with_harmonics(self, n: int) -> HarmonicSystem:
         """The same structure with harmonics up to the n-th; its unknowns are the first of those of this one."""
         m = self.slices(n)[1].stop
-        return HarmonicSystem(
+        out = HarmonicSystem(
             self.bases[: n + 1], self.points, self.force[:m], self.response_rows[: n + 1], *self._made_with
         )
+        out.spring_bases = self.spring_bases[: n + 1]
+        return out
 
     def with_force(self, force: NDArray) -> HarmonicSystem:
         """The same equations under another modal force."""

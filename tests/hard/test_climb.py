@@ -27,15 +27,19 @@ def study(**settings):
     )
 
 
-@pytest.mark.parametrize("evaluation", ["exact", bd.Sampled(64)])
-def test_first_harmonics_of_a_system_are_those_of_a_study_with_fewer(evaluation):
-    few, many = (study(harmonics=n, evaluation=evaluation).system(200.0) for n in (2, 4))
+@pytest.mark.parametrize(
+    "settings", [{}, {"evaluation": bd.Sampled(64)}, {"friction_axes": "major", "major_frequency": 300.0}]
+)
+def test_first_harmonics_of_a_system_are_those_of_a_study_with_fewer(settings):
+    few, many = (study(harmonics=n, **settings).system(200.0) for n in (2, 4))
     cut = many.with_harmonics(2)
     u = 1e-5 * np.random.default_rng(1).normal(size=few.n_unknowns)
     for ours, theirs in zip(cut.evaluate(u, OMEGA), few.evaluate(u, OMEGA)):
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
     np.testing.assert_array_equal(cut.row_scale, few.row_scale)
     np.testing.assert_allclose(cut.response(u[None]), few.response(u[None]), rtol=1e-14)
+    springs = np.random.default_rng(2).uniform(0.0, 1e6, size=(few.n_points, 3))
+    np.testing.assert_allclose(cut.linear_response(OMEGA, springs), few.linear_response(OMEGA, springs), rtol=1e-12)
 
 
 def test_support_is_drag_and_mass_of_the_highest_harmonic():
