@@ -9,8 +9,10 @@
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
 Carried points need not be peaks: Newton holds the phase of the response, and only where the slope of the curve says that
-the peak may be farther away than the tolerance allows is it looked for.  Where Newton loses the highest point of a curve,
-the richer curve is looked for a little below it and a piece of it followed over its top.
+the peak may be farther away than the tolerance allows is it looked for.  Where a series is too short for such a point by
+less than another tolerance, the rich peak itself is found and the series asked again: this costs less than a longer one.
+Where a peak comes to lie beyond the interval, its curve is compared at the end.  Where Newton loses the highest point of a
+curve, the richer curve is looked for a little below it and a piece of it followed over its top.
 
 What is spent on a decision is bound by what it could save: carrying points may in all take as much work
 (:class:`bdamper.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with what it
