@@ -9,8 +9,10 @@
 4. The curve is tracked with this series.  If its highest point is not the one expected, this is carried over in its turn.
 
 Carried points need not be peaks: Newton holds the phase of the response, and only where the slope of the curve says that
-the peak may be farther away than the tolerance allows is it looked for.  Where Newton loses the highest point of a curve,
-the richer curve is looked for a little below it and a piece of it followed over its top.
+the peak may be farther away than the tolerance allows is it looked for.  Where a series is too short for such a point by
+less than another tolerance, the rich peak itself is found and the series asked again: this costs less than a longer one.
+Where a peak comes to lie beyond the interval, its curve is compared at the end.  Where Newton loses the highest point of a
+curve, the richer curve is looked for a little below it and a piece of it followed over its top.
 
 What is spent on a decision is bound by what it could save: carrying points may in all take as much work
 (:class:`bdamper.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with what it
@@ -82,6 +84,8 @@ WORTH = 1.0
 """Work that carrying points to more harmonics may take in all, in curves with the shortest series still in question."""
 WORTH_IN_ALL = 1.4
 """The same with what it takes to find the shortest series, and to make sure of a curve that waits to be accepted."""
+CLOSE = 2.0
+"""Times the tolerance within which a series that seems too short is asked again for the peak itself."""
 FLAT = 4.0
 """How much farther a peak may be than where a resonance of one degree of freedom has it, from the slope of a curve."""
 MAY_BE_LOST = 2
@@ -208,6 +212,8 @@ class _Choice:
 
     least: int = 1
     """The shortest series that points carried to more harmonics leave in question."""
+    too_short: int = 0
+    """The longest series that any points carried have shown to be too short: not asked where that takes too much work."""
     limit: float = np.inf
     """Work of the meter at which carrying points ends."""
     lost: list[_Top] = field(default_factory=list)
@@ -268,7 +274,7 @@ class _Choice:
             if tops:
                 if expected is not None and tops[0].difference(expected) > AGREEMENT * self.tolerance:
                     other = self.target(tops[:1])
-                    if other is None and tops[0].amplitude > target.amplitude:
+                    if other is None and tops[0].amplitude > target.amplitude * (1.0 + self.tolerance):
                         break
                     missing = expected.amplitude > tops[0].amplitude * (1.0 + SAME)
                     if other is not None and (missing or other.amplitude > target.amplitude):
@@ -282,10 +288,18 @@ class _Choice:
                 rest = target.difference(tops[0])
                 if rest + target.missed <= self.tolerance:
                     return harmonics, rest
-            harmonics, expected = self.shortest(target, longer)
+            harmonics, expected, close = self.shortest(target, longer)
+            if target.missed and close < harmonics:
+                tracked = max(self.curves)
+                saved = self.expected(tracked, harmonics) - self.expected(tracked, close)
+                self.limit = min(self.limit, self.meter.work + saved)
+                target = self.refined(target)
+                harmonics, expected, _ = self.shortest(target, close)
             longer = harmonics + 1
-            if harmonics == self.most:
+            if expected is None:
                 break
+            text = f"harmonics 1 to {harmonics} leave {percent(target.difference(expected))} of the peak expected with 1 to"
+            self.reasons.append(f"{text} {target.harmonics}")
         return None
 
     # ---- what there is ----
@@ -407,6 +421,7 @@ class _Choice:
                     least = max(least, shorter.harmonics + 1)
             last = top.difference(found) + found.missed
             top = found
+            self.too_short = max(self.too_short, least - 1)
             self.limit = max(self.limit, self.end_of(first.harmonics, least, WORTH))
         again = any(t.harmonics == top.harmonics and t.difference(top) < SAME for t in self.lost)
         again = again or lost == MAY_BE_LOST
@@ -437,26 +452,30 @@ class _Choice:
         found = self.carried(target, self.most)
         return target if found is None else replace(found, guessed=False)
 
-    def shortest(self, target: _Top, least: int) -> tuple[int, _Top | None]:
-        """The shortest series of so many harmonics at least, other than those with curves, that has the point; and this."""
+    def shortest(self, target: _Top, least: int) -> tuple[int, _Top | None, int]:
+        """The shortest series of so many harmonics at least, other than those with curves, that has the point; and this.
+
+        The last is the shortest one that comes near it.
+        """
         tracked = max(self.curves)
-        lost = 0
+        lost, close = 0, self.most
         for harmonics in range(least, self.most):
             if harmonics in self.curves or lost == MAY_BE_LOST:
                 continue
             self.limit = self.end_of(tracked, harmonics, WORTH_IN_ALL)
+            if harmonics <= self.too_short and self.limited(harmonics).spent:
+                continue
             found = self.carried(target, harmonics)
             if found is None:
                 lost += 1
                 continue
             found = self.exact(found, target)
             away = target.difference(found)
+            if away <= CLOSE * self.tolerance:
+                close = min(close, harmonics)
             if away + found.missed <= self.tolerance:
-                self.reasons.append(
-                    f"harmonics 1 to {harmonics} leave {percent(away)} of the peak expected with 1 to {target.harmonics}"
-                )
-                return harmonics, found
-        return self.most, None
+                return harmonics, found, close
+        return self.most, None, close
 
     def exact(self, top: _Top, other: _Top) -> _Top:
         """The point itself instead of its estimate, where this could decide whether another is within the tolerance."""
@@ -470,7 +489,7 @@ class _Choice:
             return top
         peak = find_peak(system, top.y, options=NEARLY, walk=False)
         self.meter.iterations += peak.iterations
-        if not peak.converged or abs(peak.amplitude / top.amplitude - 1.0) > ANOTHER:
+        if not peak.converged or abs(peak.amplitude / top.amplitude - 1.0) > ANOTHER or not self.inside(peak.frequency):
             return top
         return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
 
@@ -491,6 +510,8 @@ class _Choice:
                 found = self._on_walk(b, top, y, top.walk)
             else:
                 found = self._at_frequency(b, top, y) if top.at_end else self._at_phase(b, top, y, quick)
+            if found is not None and not self.inside(found.frequency):
+                found = None if quick else self._at_end(b, found)
         except FloatingPointError:
             return None
         if found is None or abs(found.amplitude / top.amplitude - 1.0) > ANOTHER:
@@ -564,6 +585,15 @@ class _Choice:
             if c.status == OK:
                 return replace(top, y=c.y, amplitude=float(abs(b.response(c.y[:-1])[1])))
         return None
+
+    def inside(self, frequency: float) -> bool:
+        return self.frequency[0] <= frequency <= self.frequency[1]
+
+    def _at_end(self, b: HarmonicSystem, top: _Top) -> _Top | None:
+        """What a curve has at the end of the interval where its peak is beyond."""
+        f = float(np.clip(top.frequency, *self.frequency))
+        y = np.append(top.y[:-1], 2.0 * np.pi * f)
+        return self._at_frequency(b, replace(top, frequency=f, at_end=True, missed=0.0), y)
 
     def _on_walk(self, b: HarmonicSystem, top: _Top, y: NDArray, way: NDArray) -> _Top | None:
         scale = peak_scale(b, y, top.width)

@@ -381,6 +381,34 @@ def test_peak_that_is_not_refined_is_about_as_far_as_said(number):
     assert found.amplitude == pytest.approx(true.amplitude, rel=1e-4)
 
 
+def test_series_is_too_short_for_the_peak_itself_only():
+    """Three harmonics are 0.92 % off the peak; from the point that is carried to all of them, it is 1.01 %."""
+    choice = choice_of(7061)
+    harmonics, rest = choice.run()
+    true = choice.study.track(choice.preload, choice.frequency).peak
+    found = choice.curves[harmonics].peak
+    assert harmonics == 3 and len(choice.curves) == 2
+    assert rest == pytest.approx(abs(found.amplitude / true.amplitude - 1.0), rel=0.02)
+
+
+def test_peak_carried_out_of_the_interval_is_none():
+    choice = choice_of(7075, 0.003)
+    top = choice.tops(7)[0]
+    choice.limit = np.inf
+    assert not top.at_end
+    found = choice.carried(top, 9)
+    true = choice.curve(9).peak
+    assert found.at_end and found.frequency == choice.frequency[1]
+    assert found.amplitude == pytest.approx(true.amplitude, rel=1e-6)
+
+
+def test_point_lost_that_is_no_higher_than_the_tolerance_calls_nothing_in_question():
+    choice = choice_of(7109)
+    harmonics, rest = choice.run()
+    assert harmonics == 5 and len(choice.curves) == 2 and choice.lost
+    assert rest < 0.004
+
+
 @pytest.mark.parametrize("number", [6, 505, 1091, 1099])
 def test_work_on_carrying_is_bound_in_all(number):
     choice = choice_of(number)
