@@ -28,7 +28,7 @@ HELD = 2e-4
 POINTS = 300
 """Of each path at first; a path that takes more gets MORE times as many when its turn comes again."""
 MORE = 4
-MOST_POINTS = 60_000
+MOST_POINTS = 100_000
 """Of all paths."""
 SAME = 1e-5
 """Relative distance of two solutions that are one."""
