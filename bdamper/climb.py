@@ -3,8 +3,8 @@
 With its highest harmonic held fast the equations are those without it.  The support, a drag and a mass times ``1/s - 1``,
 fades along a path from ``s = 0``, at a solution with fewer harmonics, to ``s = 1``.  Such paths have no loose ends: one
 that does not arrive comes back to ``s = 0`` at another solution with fewer harmonics, and with another support a path
-leads on from there.  Solutions that are bounded are odd in number (at low excitation there is one), so they cannot all be
-connected in pairs: by enough supports one leads to more harmonics.
+leads on from there.  Where solutions are bounded their number is odd (at low excitation there is one), so under every
+support at least one leads to more harmonics; it need not be one that is known already.
 
 Which paths are short is not known beforehand, so all get few points before any gets more, and of equal ones those with more
 harmonics come first.

@@ -11,20 +11,9 @@ from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.start import LOOSE_TURN, first_point
 from bdamper.system import OK, Correction, CostMeter
-from tests.models import acyclic_model
+from tests.hard.test_branches import study
 
 OMEGA = 2.0 * np.pi * 300.0
-
-
-def study(**settings):
-    return bd.Study(
-        acyclic_model(1),
-        engine_order=0,
-        contact_stiffness="model",
-        damping_ratio=0.02,
-        excitation=bd.Excitation("tip", "tangential", 40.0),
-        **settings,
-    )
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,7 @@ import bdamper as bd
 from bdamper.branches import NO_SOLUTION, LeftOut
 from bdamper.settling import FEWEST, repeats_after, settle, to_come
 from bdamper.timedomain import Ring
+from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
 from tests.oscillators import oscillator
 
@@ -110,15 +111,7 @@ def test_judgements_of_sequences():
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(
-        acyclic_model(1, n_points=4, n_blade_modes=2),
-        engine_order=0,
-        harmonics=3,
-        contact_stiffness=2e6,
-        friction_coefficient=0.3,
-        damping_ratio=0.03,
-        excitation=bd.Excitation("tip", "tangential", 100.0),
-    )
+    return replace(rig({}), harmonics=3)
 
 
 @pytest.fixture(scope="module")
@@ -180,10 +173,7 @@ def test_bad_arguments(study, curve, ask, name):
 
 def test_of_another_study_is_refused(study, curve):
     found = study.settle(curve, 300.0, periods=FEWEST, steps_per_period=400)
-    other = bd.Study(
-        acyclic_model(1, n_points=4, n_blade_modes=3), engine_order=0, harmonics=3, contact_stiffness=2e6,
-        friction_coefficient=0.3, damping_ratio=0.03, excitation=bd.Excitation("tip", "tangential", 100.0),
-    )  # fmt: skip
+    other = replace(study, model=acyclic_model(1, n_points=4, n_blade_modes=3))
     with pytest.raises(bd.SettingError, match="start: expected a response of this study"):
         other.settle(found)
     with pytest.raises(bd.SettingError, match="start: expected a motion of this study"):
