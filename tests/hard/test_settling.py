@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import bdamper as bd
 from bdamper.branches import NO_SOLUTION, LeftOut
 from bdamper.settling import FEWEST, repeats_after, settle, to_come
-from bdamper.timedomain import Ring
+from bdamper.timedomain import Ring, amplitudes_of
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
 from tests.oscillators import oscillator
@@ -93,6 +93,12 @@ def test_a_transient_is_not_taken_for_the_end():
     assert found.to_come > 1.0
 
 
+def test_amplitudes_of_a_period():
+    theta = 2.0 * np.pi * np.arange(64) / 64
+    found = amplitudes_of(3.0 + 2.0 * np.cos(theta) - 0.5 * np.sin(2.0 * theta), 2)
+    np.testing.assert_allclose(found, [3.0, 2.0, 0.5j], atol=1e-14)
+
+
 def test_judgements_of_sequences():
     one = np.ones((40, 3), complex)
     assert repeats_after(one) == 1
@@ -104,8 +110,9 @@ def test_judgements_of_sequences():
     mean = one.copy()
     mean[:, 0] = np.arange(40.0)  # the mean of a free body does not count
     assert repeats_after(mean) == 1
-    periods = np.arange(200.0)  # what is left of a transient after the last period, but for the mean over a quarter
-    assert to_come(2.0 + np.exp(-periods / 80.0), 80.0) == pytest.approx(-np.exp(-175.0 / 80.0) / 2.0, rel=0.2)
+    transient = np.exp(-np.arange(200.0) / 300.0)  # all that is left of it in the last quarter is still to come
+    left = transient[-50:].mean()
+    assert to_come(2.0 + transient, 300.0) == pytest.approx(-left / (2.0 + left), rel=1e-9)
     assert to_come(np.ones(40), 1e9) == 0.0
 
 
