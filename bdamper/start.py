@@ -7,7 +7,7 @@ The chain is, in this order,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
-6. where paths of that are too long, one harmonic after the other (:mod:`bdamper.climb`), then long paths;
+6. where paths of that are too long, longer ones, then one harmonic after the other (:mod:`bdamper.climb`);
 
 what was tried is kept in the result.
 """
@@ -97,10 +97,10 @@ def first_point(
     found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
-        if found is None and longer and climbing:
-            found = _climb(system, state, springs, omega, options, meter, log)
         if found is None and longer:
             found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
+        if found is None and longer and climbing:
+            found = _climb(system, state, springs, omega, options, meter, log)
     return found, log, c.y
 
 
