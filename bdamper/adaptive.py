@@ -15,24 +15,24 @@ The settings of the study are the answer that counts; what they would cost is sp
    the top, and the farther down the more the peak falls short;
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
-   estimate cannot be relied on, the curve through the peak found is followed to both sides.  Between those points a
-   harmonic that is off may resonate in a narrow interval: near linear modes the full response is solved for as well;
-5. at the far end of the interval a solution is looked for from nothing.  If it is another one than that in which the curve
-   arrives, a curve with three harmonics is followed from above as well.
+   estimate cannot be relied on, the curve through the peak found is followed to both sides, unless reliable ones all have
+   the full response below it.  Between those points a harmonic that is off may resonate in a narrow interval: near linear
+   modes the full response is solved for as well, where estimates do not exclude it;
+5. at the far end of the interval a solution is looked for from nothing.
 
-If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), if the first
-curve has a summit which is no peak, no maximum at all, or does not reach through the interval, the search starts anew with
-three harmonics on a curve followed from above, which may have other branches; and on one from below, if it arrives in
-another response than the first curve sets off with; their paths are short, as long ones would spare little.  What is lost
-below the best peak that is known is left at that.  If all this fails a curve is followed with everything on, and another
-one from the other side if what was lost has more, even at least, than all that the first one has.
+If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), or if the first
+curve has a summit which is no peak, the search starts anew with three harmonics on a curve followed from above, which may
+have other branches; its paths are short, as long ones would spare little.  What is lost below the best peak that is known
+is left at that.  A rough curve with everything on is followed if this fails too, if the first curve has no maximum or does
+not reach through the interval (three harmonics show no more then, or not for less), or from the far end if there is another
+solution than that in which the curve arrives; and another one from the other side if what was lost has more, even at least,
+than all that the first one has.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
@@ -41,24 +41,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.continuation import ContinuationOptions, PathPoint, follow
+from bdamper.carryover import LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
+from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
-from bdamper.indicator import Estimate, amplitude_and_phase, as_located, change_or_unknown, embed_between, highest_peaks
-from bdamper.peaks import Peak, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.indicator import Estimate, as_located, change_or_unknown, embed_between, highest_peaks
+from bdamper.peaks import Peak, find_peak, peak_scale, same_peak
 from bdamper.response import uninterrupted
 from bdamper.rivals import (
     NEAR,
     Place,
     amplitude_of,
     near_top,
+    place_at,
     place_of_peak,
     place_on_curve,
     summits,
     superharmonic_points,
 )
 from bdamper.start import first_point
-from bdamper.system import OK, Correction, Cost, CostMeter, HarmonicSystem
+from bdamper.system import OK, Cost, CostMeter, HarmonicSystem
+from bdamper.tracking import track_curve
 
 if TYPE_CHECKING:
     from bdamper.response import Curve
@@ -68,8 +71,6 @@ MARGIN = 0.5
 """Share of the tolerance that an accepted estimate may use up."""
 SURPRISE = 0.03
 """Relative difference between a change and its estimate beyond which there may be another maximum close by."""
-STAYS_UP = 0.87
-"""Share of the amplitude of a peak down to which the curve through it is followed to both sides."""
 RELIED_ON = 0.3
 """Relative size of an estimate up to which its Newton step is used."""
 ANOTHER = 0.5, 0.05
@@ -80,12 +81,10 @@ ASKED = (0.7, 0.9)
 """Shares of the highest amplitude from which on points of a curve are asked for their full response."""
 MOST_ASKED = 7
 """As many of the points above each share."""
-LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
-ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
 SHORT = replace(ROUGH, max_points=300)
 """How a curve with three harmonics is followed: a path that is longer spares little against all harmonics."""
-AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
-"""How a curve is followed to both sides of a peak."""
+MOST_UNSOLVED = 2
+"""Points beside a resonance without a full response after which no others are asked."""
 MOST_AROUND = 100
 """Points of it to each side."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
@@ -296,8 +295,8 @@ class LostError(Exception):
         return 0.0 if self.place is None else self.place.least
 
 
-class _Downhill(Exception):
-    """A curve has left the neighbourhood of its top."""
+class LostPeakError(LostError):
+    """A maximum that is there with little on was not found, or not with more on."""
 
 
 class Search:
@@ -316,6 +315,7 @@ class Search:
         self.walked: Peak | None = None
         self.stuck = True
         self.coexisting: list[Coexisting] = []
+        self.ends: dict[bool, tuple[NDArray, On]] = {}  # of the first curve, from which those with more on set off
         self.variants: dict[On, tuple[Study, HarmonicSystem]] = {}
         self.least = On((1,), self.own.damper_modes)
 
@@ -364,7 +364,15 @@ class Search:
         study, system = self.variant(on)
         if study is not self.study:  # takes as long as a short curve, and is for notes that are not read here
             study.__dict__.setdefault("self_locking", ())
-        curve = uninterrupted(study.track(self.preload, self.frequency, from_high=from_high, options=options))
+        guess, off = self.ends.get(from_high, (None, on))
+        if guess is not None:
+            guess = self.moved(guess, off, on)[:-1]
+        curve = uninterrupted(
+            track_curve(
+                study, self.preload, self.frequency, from_high=from_high, options=options or ContinuationOptions(),
+                progress=False, ratios=(), guess=guess,
+            )
+        )  # fmt: skip
         self.meter.add(curve.cost)
         self.notice(curve, on)
         peaks = highest_peaks(system, curve, options=LOOSE) if len(curve) else []
@@ -476,8 +484,8 @@ class Search:
             system = self.variant(wanted)[1]
             start = self.moved(peak.y, on, wanted)
             guesses = [self.moved(estimate.y, self.everything, wanted)] if estimate.size < RELIED_ON else []
-            found = carried_over(system, [*guesses, start], start, peak.scale[-1])
-            if found is None:
+            found = carried_over(system, [*guesses, start], start, peak.scale[-1], quick=True)
+            if found is None and estimate.size < RELIED_ON:
                 found = self.climbed(peak, on, wanted)
             surprise = found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE
             if found is not None and surprise and found.amplitude < expected:
@@ -485,7 +493,7 @@ class Search:
                 self.walked = found = self.higher_nearby(found, wanted, max(short * STAYS_UP, NEAR))
             if found is None or another(found, peak):
                 lost = Place(peak.y, peak.frequency, peak.amplitude, estimate)
-                raise LostError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost)
+                raise LostPeakError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost)
             peak, on = found, wanted
 
     def climbed(self, peak: Peak, on: On, wanted: On) -> Peak | None:
@@ -510,14 +518,14 @@ class Search:
         hidden = self._hidden_summit(curve, peaks)
         if hidden is not None:
             summit = place_on_curve(curve, hidden, ask)
-            self._lose(LostError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit))
+            self._lose(LostPeakError(f"{summit.frequency:.5g} Hz: a summit of the curve with {on} that is no peak", summit))
         at = {i for share in ASKED for i in _spread(near_top(curve, peaks[0].amplitude, share), MOST_ASKED)}
         places = [place_on_curve(curve, i, ask) for i in sorted(at)]
-        expected = max((p.expected for p in places if p.estimate.size < RELIED_ON), default=0.0)
+        elsewhere = surely(places) / (1.0 - self.tolerance)
         for peak in peaks:
             if self.best is None or not place_of_peak(peak, ask).most <= self.best.peak.amplitude:
                 try:
-                    self._take(self.lift(peak, on, expected))
+                    self._take(self.lift(peak, on, elsewhere))
                 except LostError as lost:
                     self._lose(lost)
         if self.best is None:
@@ -532,7 +540,7 @@ class Search:
             elif place.expected > limit:
                 start = self.moved(place.y, on, self.everything)
                 found = next(solutions_near(rich, [place.estimate.y], start, peaks[0].scale[-1], quick=True), None)
-                height = 0.0 if found is None else amplitude_and_phase(rich, found.y[:-1])[2]
+                height = 0.0 if found is None else amplitude_of(rich, found.y)
                 if found is None or place.expected > (1.0 + SURPRISE) * height:
                     unknown = True
                 if found is not None and height > limit:
@@ -542,7 +550,8 @@ class Search:
                         raise LostError(f"{where}, but no peak is found")
                     self._take(_Found(peak, self.everything, None), where)
         unknown |= self._take_superharmonics(curve, on)
-        if unknown:
+        sure = surely(places)
+        if unknown and (not sure or sure > (1.0 - self.tolerance) * self.best.peak.amplitude):
             self.walk()
 
     def _lose(self, lost: LostError) -> None:
@@ -564,8 +573,14 @@ class Search:
         def moved(y: NDArray) -> NDArray:
             return self.moved(y, on, self.everything)
 
+        def ask(y: NDArray) -> Estimate:
+            return self.estimate(y, on)
+
         for points in superharmonic_points(curve, cheap, rich, springs, moved, before.peak.amplitude):
             limit = self.best.peak.amplitude * (1.0 + self.tolerance)
+            places = [place_at(cheap, y, ask) for y in points]
+            if all(p.estimate.size < RELIED_ON and p.most <= limit for p in places):
+                continue
             top, height = None, NEAR * self.best.peak.amplitude
             heights: list[float] = []
             at = float(self.best.peak.y[-1])
@@ -574,6 +589,8 @@ class Search:
                 heights.append(amplitude_of(rich, c.y) if c.status == OK else 0.0)
                 if heights[-1] > height:
                     top, height = c.y, heights[-1]
+                if heights.count(0.0) == MOST_UNSOLVED:
+                    break
             if len(heights) > 1 and all(near > far > 0.0 for near, far in pairwise(heights)):
                 continue  # the flank of the best peak
             if top is not None:
@@ -633,11 +650,12 @@ class Search:
         more = self.least._replace(harmonics=self.everything.harmonics[:3])
         missing = 0.0
         apart = False
-        first: tuple[NDArray, On] | None = None
-        for on, from_high, how in ((self.least, False, ROUGH), (more, True, SHORT), (more, False, SHORT)):
+        for on, from_high, how in ((self.least, False, ROUGH), (more, True, SHORT)):
             if on == self.everything:
                 break
             curve, peaks = self.tracked(on, how, from_high)
+            if not self.ends and curve.complete:
+                self.ends = {high: (point_at(curve, self.frequency[high]), on) for high in (False, True)}
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")
@@ -645,16 +663,17 @@ class Search:
                     self.highest(curve, peaks, on)
                 elif self.best is None or curve.amplitude.max() > self.best.peak.amplitude:
                     raise LostError(f"the curve with {on} has no maximum inside the interval")
-                if apart or not self.another_response(curve, on, from_high, first):
+                if not self.another_response(curve, on, from_high, self.ends.get(False) if from_high else None):
                     return curve
-                apart = True
+                apart = not from_high
+                if apart:
+                    del self.ends[True]
+                break
             except LostError as lost:
                 self.log.append(str(lost))
                 missing = max(missing, lost.amplitude)
-                if on == more:
+                if not isinstance(lost, LostPeakError):  # three harmonics would show no more
                     break
-                if len(curve):
-                    first = np.append(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0]), on
         for from_high in (apart, not apart):
             for options in FOLLOWED:
                 curve, peaks = self.tracked(self.everything, options, from_high)
@@ -667,6 +686,18 @@ class Search:
             if self.best is not None and self.best.peak.amplitude >= missing:
                 break
         return curve
+
+
+def surely(places: Sequence[Place]) -> float:
+    """Full response by estimates that can be relied on, half of what they may miss taken off, m; 0 without any."""
+    sure = (p.expected * (1.0 - 0.5 * p.estimate.size) for p in places if p.estimate.size < RELIED_ON)
+    return max(sure, default=0.0)
+
+
+def point_at(curve: Curve, frequency: float) -> NDArray:
+    """(n_unknowns + 1,) the point of a curve that is closest to a frequency (Hz)."""
+    i = int(np.argmin(np.abs(curve.frequency - frequency)))
+    return np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
 
 
 def level(a: Peak, b: Peak, tolerance: float) -> bool:
@@ -687,108 +718,11 @@ def _spread(indices: NDArray, most: int) -> list[int]:
     return [int(i) for i in indices[np.unique(np.linspace(0, len(indices) - 1, most).astype(int))]]
 
 
-def solutions_near(
-    system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
-) -> Iterator[Correction]:
-    """Solutions of a system near that of a simpler one, ``start``.
-
-    Newton is tried at the phase of the simpler one, which follows a resonance that moves, from each guess and then with
-    line search; then, unless ``quick``, at its frequency.
-    """
-    phase, scale = phase_plane(system, start, width)
-    fixed = np.zeros(len(start))
-    fixed[-1] = 1.0
-    tries = [(guess, phase, False) for guess in guesses]
-    tries += [(start, phase, True)] if quick else [(start, phase, True), (start, fixed, False), (start, fixed, True)]
-    for guess, plane, search in tries:
-        c = system.correct(guess, plane, scale, 1e-6, 25 if search else LOOSE.max_iterations, search)
-        if c.status == OK and _near(c.y, start, scale):
-            yield c
-
-
-def phase_plane(system: HarmonicSystem, y: NDArray, width: float) -> tuple[NDArray, NDArray]:
-    """Normal of the plane in which the phase of the response is that of a point, and the units that it is in."""
-    _, normal, _ = amplitude_and_phase(system, y[:-1])
-    scale = peak_scale(system, y, width)
-    phase = np.append(normal, 0.0) * scale
-    return phase / np.linalg.norm(phase), scale
-
-
-def carried_over(
-    system: HarmonicSystem, guesses: list[NDArray], start: NDArray, width: float, quick: bool = False
-) -> Peak | None:
-    """The peak of a system that one of the solutions near that of a simpler one leads to (:func:`solutions_near`)."""
-    for solution in solutions_near(system, guesses, start, width, quick):
-        peak = find_peak(system, solution.y, options=LOOSE, walk=False)
-        if peak.converged:
-            return peak
-    return None
-
-
 def turns(frequency: NDArray) -> list[int]:
     """Points of a path at which it turns back in frequency."""
     step = np.diff(frequency)
     moving = np.flatnonzero(step)
     return [int(j + 1) for j, k in zip(moving, moving[1:]) if step[j] * step[k] < 0.0]
-
-
-def higher_nearby(
-    system: HarmonicSystem,
-    peak: Peak,
-    share: float = STAYS_UP,
-    most: int = 200,
-    on_path: Callable[[list[PathPoint]], None] | None = None,
-) -> Peak:
-    """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest.
-
-    Parameters
-    ----------
-    system : HarmonicSystem
-    peak : Peak
-    share : float
-    most : int
-        Points to each side.
-    on_path : callable
-        Called with the points to each side.
-    """
-    best = peak
-    for up in (True, False):
-        points, heights = _downhill(system, peak, up, share * best.amplitude, most)
-        if on_path is not None:
-            on_path(points)
-        for i in range(1, len(heights) - 1):
-            if heights[i - 1] < heights[i] >= heights[i + 1] and heights[i] > 0.98 * best.amplitude:
-                found = find_peak(system, points[i].y, options=LOOSE, walk=False)
-                if not found.converged and points[i].kind == "maximum":
-                    found = as_located(found, points[i].y, heights[i], points[i].residual)
-                if found.converged and found.amplitude > best.amplitude:
-                    best = found
-    return best
-
-
-def _downhill(
-    system: HarmonicSystem, peak: Peak, up: bool, lowest: float, most: int
-) -> tuple[list[PathPoint], list[float]]:
-    """Points of the curve to one side of a peak down to an amplitude, and their amplitudes."""
-    row = system.response_rows[1]
-    points: list[PathPoint] = []
-    heights: list[float] = []
-
-    def note(point: PathPoint) -> None:
-        points.append(point)
-        heights.append(float(abs(system.amplitudes(point.y[:-1], 1) @ row)))
-        if heights[-1] < lowest:
-            raise _Downhill
-
-    limits = 0.7 * peak.y[-1], 1.4 * peak.y[-1]
-    with suppress(_Downhill):
-        follow(system, peak.y, limits, up=up, options=replace(AROUND, max_points=most), on_point=note)
-    return points, heights
-
-
-def _near(y: NDArray, start: NDArray, scale: NDArray) -> bool:
-    return abs(y[-1] / start[-1] - 1.0) < 0.2 and float(np.linalg.norm((y - start)[:-1] / scale[:-1])) < 2.0
-
 
 def adaptive_peak(
     study: Study, preload: float, frequency: tuple[float, float], *, tolerance: float = 0.01

@@ -36,7 +36,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import expect
-from bdamper.adaptive import carried_over, higher_nearby
+from bdamper.carryover import carried_over, higher_nearby
 from bdamper.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.errors import BdamperError, SettingError
 from bdamper.estimates import ErrorEstimates, SourceError

@@ -190,7 +190,11 @@ def superharmonic_points(
     list of (n_unknowns + 1,) float
     """
     ends = (2.0 * np.pi * float(f) for f in (curve.frequency.min(), curve.frequency.max()))
+    asked: list[Superharmonic] = []
     for resonance in superharmonics(cheap, rich, springs, *ends):
+        if any(r.harmonic == resonance.harmonic and abs(r.omega - resonance.omega) < r.half_width for r in asked):
+            continue  # a mode that the springs do not feel
+        asked.append(resonance)
         middle = point_between(curve, resonance.omega)
         if middle is None or amplitude_of(cheap, middle) < NEAR * top or excited(rich, moved(middle), resonance) < EXCITED:
             continue

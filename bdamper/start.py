@@ -4,7 +4,8 @@ The chain is, in this order,
 
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
-3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there and from the free response,
+3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there, from the free response and
+   from a guess, if there is one,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 6. where paths of that are too long, longer ones, then one harmonic after the other (:mod:`bdamper.climb`);
@@ -57,6 +58,7 @@ def first_point(
     options: ContinuationOptions,
     meter: CostMeter,
     climbing: bool = False,
+    guess: NDArray | None = None,
 ) -> tuple[NDArray | None, list[str], NDArray]:
     """A solution at one frequency.
 
@@ -72,6 +74,8 @@ def first_point(
     meter : CostMeter
     climbing : bool
         Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
+    guess : (n_unknowns,) float, optional
+        Of the solution, from a simpler study.
 
     Returns
     -------
@@ -84,12 +88,15 @@ def first_point(
     scale = np.full(system.n_unknowns + 1, vibration)
     scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), vibration)
     scale[-1] = omega
-    for name, guess, search, iterations in (
-        ("Newton from the stuck response", stuck, False, 20),
-        ("Newton with line search from the stuck response", stuck, True, 60),
-        ("Newton with line search from the free response", free, True, 60),
-    ):
-        c = system.correct_at(system.pack(mean, guess), omega, scale, options.tolerance, iterations, search)
+    tries = [
+        ("Newton from the stuck response", system.pack(mean, stuck), False, 20),
+        ("Newton with line search from the stuck response", system.pack(mean, stuck), True, 60),
+        ("Newton with line search from the free response", system.pack(mean, free), True, 60),
+    ]
+    if guess is not None:
+        tries.append(("Newton with line search from the guess given", guess, True, 25))
+    for name, u, search, iterations in tries:
+        c = system.correct_at(u, omega, scale, options.tolerance, iterations, search)
         meter.iterations += c.iterations
         log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
         if c.status == OK:

@@ -783,7 +783,13 @@ class Study:
 
     @one_thread
     def find_start(
-        self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, climbing: bool = False
+        self,
+        preload: float,
+        omega: float,
+        options: ContinuationOptions,
+        meter: CostMeter,
+        climbing: bool = False,
+        guess: NDArray | None = None,
     ) -> tuple[NDArray | None, list[str]]:
         """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
 
@@ -796,7 +802,8 @@ class Study:
             return None, [f"static state: {state.note}"]
         system = self.system(preload)
         meter.watch(system)
-        found, log, last = first_point(system, state, self._stuck_springs(state), omega, options, meter, climbing)
+        springs = self._stuck_springs(state)
+        found, log, last = first_point(system, state, springs, omega, options, meter, climbing, guess)
         why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, last) if found is None else ""
         return found, [*log, why] if why else log
 

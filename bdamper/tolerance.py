@@ -50,7 +50,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.adaptive import phase_plane, solutions_near
+from bdamper.carryover import phase_plane, solutions_near
 from bdamper.continuation import ContinuationOptions, PathPoint, follow
 from bdamper.effects import Effects
 from bdamper.errors import SettingError

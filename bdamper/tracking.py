@@ -40,6 +40,7 @@ def track_curve(
     options: ContinuationOptions,
     progress: bool,
     ratios: Sequence[float],
+    guess: NDArray | None = None,
 ) -> Curve:
     """The tracking curve under given settings; :meth:`bdamper.Study.track` explains the arguments.
 
@@ -47,6 +48,8 @@ def track_curve(
     ----------
     ratios : sequence of float
         Of the other preloads, whose solutions are starts for branches apart, to this one.
+    guess : (n_unknowns,) float, optional
+        Of the solution at the end from which the curve sets off.
     """
     state = study.static(preload)
     if not state.converged:
@@ -59,7 +62,8 @@ def track_curve(
     try:
         with progress_bar(progress, low, high) as search.on_point:
             for at_high in (from_high, not from_high):
-                _from_end(study, preload, search, high if at_high else low)
+                near = guess if at_high == from_high else None
+                _from_end(study, preload, search, high if at_high else low, near)
                 search.leap()
                 search.beyond_ends()
                 if search.finished:
@@ -84,17 +88,19 @@ def track_curve(
     return _curve(study, search, (status, reason, left_out), preload)
 
 
-def _start(study: Study, preload: float, search: BranchSearch, omega: float) -> NDArray | None:
+def _start(
+    study: Study, preload: float, search: BranchSearch, omega: float, guess: NDArray | None = None
+) -> NDArray | None:
     failed = sum(NOT_CLIMBED in line for line in search.log)
-    start, tried = study.find_start(preload, omega, search.options, search.meter, failed < CLIMBS)
+    start, tried = study.find_start(preload, omega, search.options, search.meter, failed < CLIMBS, guess)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start
 
 
-def _from_end(study: Study, preload: float, search: BranchSearch, omega: float) -> None:
+def _from_end(study: Study, preload: float, search: BranchSearch, omega: float, guess: NDArray | None = None) -> None:
     """The branch through the solution that the chain finds at an end of the interval."""
     up = omega == search.limits[0]
-    start = _start(study, preload, search, omega)
+    start = _start(study, preload, search, omega, guess)
     if start is None:
         search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
     else:

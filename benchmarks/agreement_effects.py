@@ -27,8 +27,9 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.adaptive import LOOSE, RESPONSES, AdaptivePeak, carried_over
+from bdamper.adaptive import RESPONSES, AdaptivePeak
 from bdamper.advice import advise
+from bdamper.carryover import LOOSE, carried_over
 from bdamper.indicator import embed, highest_peaks
 from bdamper.peaks import coarse_options, peak_scale
 from bdamper.rivals import amplitude_of

@@ -17,7 +17,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.accuracy import varied
-from bdamper.adaptive import carried_over, higher_nearby
+from bdamper.carryover import carried_over, higher_nearby
 from bdamper.estimation import estimate_errors, points_on_a_face
 from bdamper.indicator import embed_between
 from bdamper.peaks import Peak

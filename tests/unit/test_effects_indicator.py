@@ -8,9 +8,10 @@ import pytest
 
 import bdamper as bd
 from bdamper import adaptive
-from bdamper.adaptive import STAYS_UP, LostError, On, Search, adaptive_peak
+from bdamper.adaptive import LostError, LostPeakError, On, Search, adaptive_peak, surely
 from bdamper.advice import fullest, judged
 from bdamper.branches import LeftOut
+from bdamper.carryover import STAYS_UP
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
 from bdamper.rivals import NEAR, Place, Rival, excited, point_between, rivals, summits, superharmonics
@@ -348,7 +349,7 @@ def test_a_peak_that_surprises_is_walked_from_only_if_the_response_may_be_higher
 
 
 def test_what_is_expected_elsewhere_is_what_can_be_relied_on(full, monkeypatch):
-    """The highest of the points near the top of the curve, those left out whose estimates mean nothing."""
+    """The highest of the points near the top, less half of what the estimate may miss, without those that mean nothing."""
     search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
     curve, peaks = search.tracked(one, coarse_options())
     given = []
@@ -358,17 +359,27 @@ def test_what_is_expected_elsewhere_is_what_can_be_relied_on(full, monkeypatch):
         raise LostError("enough")
 
     monkeypatch.setattr(search, "lift", lift)
-    for change, defect, expected in ((0.1, 0.0, 1.1), (-0.2, 0.05, 0.8), (0.1, 0.5, 0.0)):
+    for change, defect, expected in ((0.1, 0.0, 1.1 * 0.95), (-0.2, 0.05, 0.8 * 0.875), (0.1, 0.5, 0.0)):
         estimate = Estimate(change, 0.0, defect, np.zeros(1), np.zeros(4), np.zeros(4))
         monkeypatch.setattr(search, "estimate", lambda y, on, e=estimate: e)
         with pytest.raises(LostError):
             search.highest(curve, peaks, one)
-        assert given[-1] == pytest.approx(expected * peaks[0].amplitude, rel=0.05)
+        assert given[-1] == pytest.approx(expected * peaks[0].amplitude / 0.99, rel=0.02)
+        place = Place(peaks[0].y, 800.0, 2.0, estimate)
+        assert surely([place, replace(place, amplitude=1.0)]) == pytest.approx(2.0 * expected)
+    assert surely([]) == 0.0
 
 
 @pytest.mark.parametrize(
     ("heights", "climbed"),
-    [((0.9, 0.8), False), ((0.8, 0.9), True), ((0.8, 0.9, 0.85), True), ((0.9, 0.0, 0.8), True), ((0.9,), True)],
+    [
+        ((0.9, 0.8), False),
+        ((0.8, 0.9), True),
+        ((0.8, 0.9, 0.85), True),
+        ((0.9, 0.0, 0.8), True),
+        ((0.9,), True),
+        ((0.0, 0.0, 0.9), False),  # not asked any more
+    ],
 )
 def test_the_flank_of_the_best_peak_is_no_superharmonic_resonance(full, monkeypatch, heights, climbed):
     """Solutions that fall away from the best peak are not climbed from; any other order of them may be a resonance."""
@@ -390,29 +401,105 @@ def test_the_flank_of_the_best_peak_is_no_superharmonic_resonance(full, monkeypa
         climbs.append(y)
         return replace(best, status="nothing there")
 
+    nothing = Estimate(0.0, 0.0, 9.0, np.zeros(1), np.zeros(4), np.zeros(4))
     monkeypatch.setattr(rich, "correct_at", correct_at)
     monkeypatch.setattr(adaptive, "find_peak", find)
     monkeypatch.setattr(adaptive, "superharmonic_points", lambda *_: iter([points[::-1]]))
+    monkeypatch.setattr(search, "estimate", lambda *_: nothing)
     assert not search._take_superharmonics(curve, one)
     assert bool(climbs) is climbed
 
 
-def test_a_long_curve_with_three_harmonics_is_left(full, monkeypatch):
-    """What it has not reached may be higher, so everything is switched on; the curve with one harmonic may be long."""
+@pytest.mark.parametrize(
+    ("change", "defect", "solved"), [(0.0, 0.0, False), (0.0, 0.2, True), (0.2, 0.0, True), (-0.4, 0.0, True)]
+)
+def test_a_superharmonic_resonance_is_solved_for_unless_reliable_estimates_exclude_it(
+    full, monkeypatch, change, defect, solved
+):
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    curve, peaks = search.tracked(one, coarse_options())
+    search.best = adaptive._Found(replace(peaks[0], amplitude=1.05 * peaks[0].amplitude), one, None)
+    rich, asked = search.variant(search.everything)[1], []
+    estimate = Estimate(change, 0.0, defect, np.zeros(1), np.zeros(4), np.zeros(4))
+
+    def correct_at(u, *_):
+        asked.append(u)
+        return SimpleNamespace(status=1)
+
+    monkeypatch.setattr(search, "estimate", lambda *_: estimate)
+    monkeypatch.setattr(adaptive, "superharmonic_points", lambda *_: iter([[peaks[0].y]]))
+    monkeypatch.setattr(rich, "correct_at", correct_at)
+    search._take_superharmonics(curve, one)
+    assert bool(asked) is solved
+
+
+@pytest.mark.parametrize(
+    ("lost", "followed"),
+    [
+        (LostPeakError, [((1,), False), ((1, 2, 3), True), ((1, 2, 3, 4), False)]),
+        (LostError, [((1,), False), ((1, 2, 3, 4), False)]),
+    ],
+)
+def test_three_harmonics_are_tried_where_a_peak_is_lost(full, monkeypatch, lost, followed):
+    """A curve without a maximum is followed with everything on at once, and so is what three harmonics do not reach."""
     search = Search(replace(full, harmonics=4), 60.0, INTERVAL, 0.01)
-    followed = []
-    tracked = search.tracked
+    seen = []
+    tracked, highest = search.tracked, search.highest
 
     def watched(on, options=None, from_high=False):
-        followed.append((on.harmonics, options))
+        seen.append((on.harmonics, from_high))
+        assert options is {1: adaptive.ROUGH, 3: adaptive.SHORT, 4: adaptive.FOLLOWED[0]}[len(on.harmonics)]
         curve, peaks = tracked(on, options, from_high)
-        return (curve if on == search.everything else replace(curve, status="incomplete")), peaks
+        return (replace(curve, status="incomplete") if len(on.harmonics) == 3 else curve), peaks
+
+    def lose(curve, peaks, on):
+        if on.harmonics == (1,):
+            raise lost("there")
+        return highest(curve, peaks, on)
 
     monkeypatch.setattr(search, "tracked", watched)
+    monkeypatch.setattr(search, "highest", lose)
     search.run()
-    assert followed == [((1,), adaptive.ROUGH), ((1, 2, 3), adaptive.SHORT), ((1, 2, 3, 4), adaptive.FOLLOWED[0])]
-    assert adaptive.SHORT.max_points < adaptive.ROUGH.max_points
+    assert seen == followed and adaptive.SHORT.max_points < adaptive.ROUGH.max_points
     assert search.best is not None and search.best.on == search.everything
+
+
+def test_curves_with_more_on_set_off_from_the_ends_of_the_first(full, monkeypatch):
+    search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
+    first, _ = search.tracked(one)
+    given = []
+    tracked = adaptive.track_curve
+
+    def watched(*a, guess, **k):
+        given.append(guess)
+        return tracked(*a, guess=guess, **k)
+
+    monkeypatch.setattr(adaptive, "track_curve", watched)
+    for high in (False, True):
+        point = adaptive.point_at(first, INTERVAL[high])
+        assert point[-1] == pytest.approx(2.0 * np.pi * INTERVAL[high], rel=1e-12)
+        search.ends = {high: (point, one)}
+        search.tracked(search.everything, from_high=high)
+        assert np.array_equal(given[-1], search.moved(point, one, search.everything)[:-1])
+        search.tracked(search.everything, from_high=not high)  # looked for from nothing
+        assert given[-1] is None
+
+
+def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full):
+    """It spares homotopies; one that leads nowhere costs a few iterations."""
+    preload, omega, options = 60.0, 2.0 * np.pi * 880.0, bd.ContinuationOptions()
+
+    def found(guess):
+        start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), False, guess)
+        return start, [line for line in log if "guess" in line], any("raised" in line for line in log)
+
+    alone, said, raised = found(None)
+    assert not said and raised
+    start, (said,), raised = found(1.001 * alone[:-1])
+    assert "converged" in said and not raised
+    assert np.linalg.norm(start - alone) < 1e-9 * np.linalg.norm(alone)
+    start, (said,), raised = found(1e9 * alone[:-1])
+    assert "not" in said and raised and np.array_equal(start, alone)
 
 
 def test_adaptive_peaks_neither_ask_for_notes_nor_take_them_away(full, monkeypatch):
