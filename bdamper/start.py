@@ -8,14 +8,15 @@ The chain is, in this order,
    from a guess, if there is one,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
-6. where paths of that are too long, longer ones, then one harmonic after the other (:mod:`bdamper.climb`);
+6. where paths of that are too long, the highest harmonic is let in from solutions without it (:mod:`bdamper.climb`), if
+   there are any; then longer paths; then one harmonic after the other;
 
 what was tried is kept in the result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,8 +47,14 @@ SUPPORTS: tuple[Support, ...] = (
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
 LOOSE_TURN = 1.3
 """Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
+FROM_FEWER = 10_000
+"""Points of all paths from solutions without the highest harmonic."""
 WALKS = "leave their seats"
 NOT_CLIMBED = "harmonics let in one by one: no solution"
+NOT_LET_IN = "highest harmonic let in: no solution"
+
+Solutions = Callable[[float], list[NDArray]]
+"""Those without the highest harmonic at a frequency (rad/s), or guesses of them, (n_unknowns,) each."""
 
 
 def first_point(
@@ -59,6 +66,7 @@ def first_point(
     meter: CostMeter,
     climbing: bool = False,
     guess: NDArray | None = None,
+    fewer: Solutions | None = None,
 ) -> tuple[NDArray | None, list[str], NDArray]:
     """A solution at one frequency.
 
@@ -76,6 +84,8 @@ def first_point(
         Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
     guess : (n_unknowns,) float, optional
         Of the solution, from a simpler study.
+    fewer : callable, optional
+        Solutions without the highest harmonic; called only if they are needed.
 
     Returns
     -------
@@ -104,6 +114,8 @@ def first_point(
     found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
+        if found is None and longer and fewer is not None:
+            found = _let_in(system, fewer(omega), omega, options, meter, log)
         if found is None and longer:
             found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
         if found is None and longer and climbing:
@@ -175,6 +187,31 @@ def _let_go(
     tried = f"bodies held and let go: no solution in {points} steps"
     log.append(tried + (f", {WALKS} ({walked} supports)" if walked else ""))
     return None, longer
+
+
+def _let_in(
+    system: HarmonicSystem,
+    fewer: list[NDArray],
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+) -> NDArray | None:
+    """From solutions without the highest harmonic to one with it."""
+    ladder = Ladder(system, omega, replace(options, max_turn=LOOSE_TURN), meter)
+    below = len(ladder.systems) - 2
+    for u in fewer:
+        scale = np.full(len(u) + 1, max(float(np.linalg.norm(u[system.n_mean :])), 1e-300))
+        scale[-1] = omega
+        c = ladder.systems[below].correct_at(u, omega, scale, options.tolerance, 60, True)
+        meter.iterations += c.iterations
+        if c.status == OK:
+            ladder.add(below, c.y[:-1])
+    known = len(ladder.solutions[below])
+    found = ladder.climb(FROM_FEWER)
+    how = f"{ladder.paths} paths with {ladder.points} points from {known} solutions without it"
+    log.append(f"{NOT_LET_IN} ({how})" if found is None else f"highest harmonic let in: {how}")
+    return None if found is None else np.append(found, omega)
 
 
 def _climb(

@@ -36,7 +36,7 @@ from bdamper.response import Curve, InterruptedCurve, uninterrupted
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.settling import FEWEST, Motion, SettledResponse, settle
 from bdamper.stability import stability_of_points
-from bdamper.start import first_point
+from bdamper.start import Solutions, first_point
 from bdamper.stiffness import (
     METHODS,
     Contact,
@@ -324,6 +324,16 @@ class Study:
         check_evaluation(out.evaluation, out.harmonic_numbers[-1])
         _ = out.bases
         return out
+
+    def without_highest_harmonic(self) -> Study:
+        """The same study with one harmonic fewer.
+
+        Raises
+        ------
+        SettingError
+            If it has only one.
+        """
+        return self.with_effects(replace(Effects.of(self), harmonics=self.harmonic_numbers[:-1]))
 
     # ---- parts, made once ----
 
@@ -790,6 +800,7 @@ class Study:
         meter: CostMeter,
         climbing: bool = False,
         guess: NDArray | None = None,
+        fewer: Solutions | None = None,
     ) -> tuple[NDArray | None, list[str]]:
         """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
 
@@ -803,7 +814,7 @@ class Study:
         system = self.system(preload)
         meter.watch(system)
         springs = self._stuck_springs(state)
-        found, log, last = first_point(system, state, springs, omega, options, meter, climbing, guess)
+        found, log, last = first_point(system, state, springs, omega, options, meter, climbing, guess, fewer)
         why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, last) if found is None else ""
         return found, [*log, why] if why else log
 

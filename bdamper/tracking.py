@@ -21,7 +21,7 @@ from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
 from bdamper.response import Curve
-from bdamper.start import NOT_CLIMBED, WALKS
+from bdamper.start import NOT_CLIMBED, NOT_LET_IN, WALKS
 from bdamper.system import Cost, CostMeter
 
 if TYPE_CHECKING:
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
+LETTINGS_IN = 12
+"""The same of the highest harmonic alone, from solutions without it."""
 
 
 def track_curve(
@@ -68,7 +70,8 @@ def track_curve(
                 search.beyond_ends()
                 if search.finished:
                     break
-            search.fill(lambda omega: _start(study, preload, search, omega))
+            fewer = _Fewer(study, preload, frequency, options, search.meter)
+            search.fill(lambda omega: _start(study, preload, search, omega, fewer=fewer))
             if ratios:
                 for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
@@ -88,11 +91,55 @@ def track_curve(
     return _curve(study, search, (status, reason, left_out), preload)
 
 
+class _Fewer:
+    """Solutions of a study without its highest harmonic, from a tracking curve that is followed when they are asked for.
+
+    Where a curve runs into a tangle, that with one harmonic fewer often passes; it may have a tangle of its own elsewhere.
+    """
+
+    def __init__(
+        self, study: Study, preload: float, frequency: tuple[float, float], options: ContinuationOptions, meter: CostMeter
+    ) -> None:
+        self._asked = study, preload, frequency, replace(options, locate=False)
+        self._meter = meter
+        self._curve: Curve | None = None
+
+    def __call__(self, omega: float) -> list[NDArray]:
+        if self._curve is None:
+            study, preload, frequency, options = self._asked
+            if len(study.harmonic_numbers) == 1:
+                return []
+            self._curve = track_curve(
+                study.without_highest_harmonic(), preload, frequency, from_high=False, options=options, progress=False,
+                ratios=(),
+            )  # fmt: skip
+            self._meter.add(self._curve.cost)
+            if self._curve.status == "interrupted":
+                raise KeyboardInterrupt
+        return crossings(self._curve, omega)
+
+
+def crossings(curve: Curve, omega: float) -> list[NDArray]:
+    """Unknowns (n_unknowns,) where the branches of a curve pass a frequency (rad/s), by linear interpolation."""
+    off = TWO_PI * curve.frequency - omega
+    passes = np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:]) & (np.diff(curve.branch) == 0))
+    parts = off[passes] / (off[passes] - off[passes + 1])
+    u = curve.unknowns
+    return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in zip(passes, parts)]
+
+
 def _start(
-    study: Study, preload: float, search: BranchSearch, omega: float, guess: NDArray | None = None
+    study: Study,
+    preload: float,
+    search: BranchSearch,
+    omega: float,
+    guess: NDArray | None = None,
+    fewer: _Fewer | None = None,
 ) -> NDArray | None:
-    failed = sum(NOT_CLIMBED in line for line in search.log)
-    start, tried = study.find_start(preload, omega, search.options, search.meter, failed < CLIMBS, guess)
+    climbing = sum(NOT_CLIMBED in line for line in search.log) < CLIMBS
+    if sum(NOT_LET_IN in line for line in search.log) >= LETTINGS_IN:
+        fewer = None
+    start, tried = study.find_start(preload, omega, search.options, search.meter, climbing, guess, fewer)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start
 
