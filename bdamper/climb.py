@@ -72,9 +72,9 @@ class Ladder:
                 heappush(self._waiting, (POINTS, -rung, by, k))
         return k
 
-    def climb(self, most: int = MOST_POINTS) -> NDArray | None:
-        """A solution with all harmonics, if a path leads to one before they have taken so many points."""
-        while self._waiting and self.points < most and not self.solutions[-1]:
+    def climb(self, most: int | None = None) -> NDArray | None:
+        """A solution with all harmonics, if a path leads to one before they have taken so many points (MOST_POINTS)."""
+        while self._waiting and self.points < (most or MOST_POINTS) and not self.solutions[-1]:
             points, below, by, k = heappop(self._waiting)
             if (-below, by, k) not in self._came_back:
                 self._path(points, -below, by, k)

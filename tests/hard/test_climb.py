@@ -1,6 +1,7 @@
 """Solutions by way of fewer harmonics: the equations on the way, and which paths are followed when."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from bdamper import _core, climb, start, tracking
 from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.start import LOOSE_TURN, first_point
-from bdamper.system import OK, Correction, CostMeter
+from bdamper.system import OK, Correction, Cost, CostMeter
 from tests.hard.test_branches import study
 
 OMEGA = 2.0 * np.pi * 300.0
@@ -79,10 +80,15 @@ def ladder_of(tangle):
     return ladder
 
 
-def test_climbs_into_a_tangle(tangle):
-    s, preload, omega = tangle
+@pytest.fixture(scope="module")
+def climbed(tangle):
     ladder = ladder_of(tangle)
-    u = ladder.climb()
+    return ladder, ladder.climb()
+
+
+def test_climbs_into_a_tangle(tangle, climbed):
+    s, preload, omega = tangle
+    ladder, u = climbed
     r, _, _ = s.system(preload).evaluate(u, omega)
     assert np.abs(r * s.system(preload).row_scale).max() < 1e-9
     assert [len(found) > 0 for found in ladder.solutions] == [True] * 4
@@ -224,7 +230,8 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
             self.log, self.options, self.meter = [], ContinuationOptions(), CostMeter(0.0)
 
     class Study:
-        def find_start(self, preload, omega, options, meter, climbing):
+        def find_start(self, preload, omega, options, meter, climbing, guess, fewer):
+            assert guess is None and fewer is None
             asked.append(climbing)
             return None, [f"{start.NOT_CLIMBED} (10 paths)"]
 
@@ -232,3 +239,81 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
     for _ in range(tracking.CLIMBS + 2):
         tracking._start(Study(), 1.0, search, 1.0)
     assert asked == [True] * tracking.CLIMBS + [False] * 2
+
+
+def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbed, monkeypatch):
+    s, preload, omega = tangle
+    known = climbed[0].solutions[2]
+    noise = 1.0 + 1e-4 * np.random.default_rng(0).normal(size=len(known[0]))
+    options, system = ContinuationOptions(), s.system(preload)
+    log = []
+    y = start._let_in(system, [noise * u for u in known], omega, options, CostMeter(0.0), log)
+    r, _, _ = system.evaluate(y[:-1], omega)
+    assert y[-1] == omega and np.abs(r * system.row_scale).max() < 1e-9
+    assert log[0].startswith("highest harmonic let in: ") and f"from {len(known)} solutions" in log[0]
+    assert start._let_in(system, [], omega, options, CostMeter(0.0), log) is None
+    monkeypatch.setattr(climb, "SUPPORTS", ())
+    assert start._let_in(system, known, omega, options, CostMeter(0.0), log) is None
+    assert all(line.startswith(start.NOT_LET_IN) for line in log[1:])
+
+
+def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_are_too_long(monkeypatch):
+    s, preload = study(harmonics=3), 200.0
+    few = s.without_highest_harmonic()
+    assert few.harmonic_numbers == (1, 2) and few.model is s.model
+    known, _ = few.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+    asked = []
+
+    def fewer(omega):
+        asked.append(omega)
+        return [known[:-1]]
+
+    y, _ = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), fewer=fewer)
+    assert y is not None and not asked  # Newton leads to a solution
+    correct_at = start.HarmonicSystem.correct_at
+
+    def fails(self, u, omega, scale, *rest):
+        c = correct_at(self, u, omega, scale, *rest)
+        return c if self.n_harmonics == 2 or self._parameter else replace(c, status=1)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(start.HarmonicSystem, "correct_at", fails)
+        patched.setattr(start, "_homotopy", lambda *_: Path((), "too many points", "", 0, 0))
+        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), fewer=fewer)
+    assert asked == [OMEGA] and log[-1].startswith("highest harmonic let in: ")
+    r, _, _ = s.system(preload).evaluate(y[:-1], OMEGA)
+    assert np.abs(r * s.system(preload).row_scale).max() < 1e-9
+
+
+def test_branches_that_pass_a_frequency():
+    curve = SimpleNamespace(
+        frequency=np.array([1.0, 2.0, 3.0, 2.0, 2.0, 1.0, 3.0]),
+        unknowns=np.arange(7.0)[:, None],
+        branch=np.array([0, 0, 0, 0, 0, 1, 1]),
+    )
+    found = tracking.crossings(curve, 2.0 * np.pi * 2.5)
+    np.testing.assert_allclose(np.ravel(found), [1.5, 2.5, 5.75])
+    assert not tracking.crossings(curve, 2.0 * np.pi * 3.5)
+
+
+def test_the_curve_with_one_harmonic_fewer_is_followed_once_and_counts(monkeypatch):
+    s, followed = study(harmonics=2), []
+
+    def track(few, preload, frequency, *, from_high, options, progress, ratios):
+        followed.append((few.harmonic_numbers, preload, frequency, options.locate))
+        return SimpleNamespace(
+            frequency=np.array([1.0, 2.0]), unknowns=np.array([[1.0], [2.0]]), branch=np.zeros(2, int),
+            cost=Cost(seconds=1.0, iterations=7), status=status,
+        )  # fmt: skip
+
+    monkeypatch.setattr(tracking, "track_curve", track)
+    status, meter = "incomplete", CostMeter(0.0)
+    fewer = tracking._Fewer(s, 50.0, (1.0, 2.0), ContinuationOptions(), meter)
+    assert not followed
+    np.testing.assert_allclose(fewer(2.0 * np.pi * 1.25), [[1.25]])
+    np.testing.assert_allclose(fewer(2.0 * np.pi * 1.5), [[1.5]])
+    assert followed == [((1,), 50.0, (1.0, 2.0), False)] and [c.iterations for c in meter.parts] == [7]
+    status = "interrupted"
+    with pytest.raises(KeyboardInterrupt):
+        tracking._Fewer(s, 50.0, (1.0, 2.0), ContinuationOptions(), meter)(7.0)
+    assert tracking._Fewer(study(harmonics=1), 50.0, (1.0, 2.0), ContinuationOptions(), meter)(7.0) == []
