@@ -8,8 +8,8 @@ The chain is, in this order,
    from a guess, if there is one,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
-6. where paths of that are too long, the highest harmonic is let in from solutions without it (:mod:`bdamper.climb`), if
-   there are any; then longer paths; then one harmonic after the other;
+6. where paths of that are too long, longer ones; then the highest harmonic is let in from solutions without it
+   (:mod:`bdamper.climb`), if there are any; then one harmonic after the other;
 
 what was tried is kept in the result.
 """
@@ -114,10 +114,10 @@ def first_point(
     found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
-        if found is None and longer and fewer is not None:
-            found = _let_in(system, fewer(omega), omega, options, meter, log)
         if found is None and longer:
             found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
+        if found is None and longer and fewer is not None:
+            found = _let_in(system, fewer(omega), omega, options, meter, log)
         if found is None and longer and climbing:
             found = _climb(system, state, springs, omega, options, meter, log)
     return found, log, c.y
