@@ -198,6 +198,8 @@ def _let_in(
     log: list[str],
 ) -> NDArray | None:
     """From solutions without the highest harmonic to one with it."""
+    if not fewer:
+        return None
     ladder = Ladder(system, omega, replace(options, max_turn=LOOSE_TURN), meter)
     below = len(ladder.systems) - 2
     for u in fewer:

@@ -254,7 +254,7 @@ def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbe
     assert start._let_in(system, [], omega, options, CostMeter(0.0), log) is None
     monkeypatch.setattr(climb, "SUPPORTS", ())
     assert start._let_in(system, known, omega, options, CostMeter(0.0), log) is None
-    assert all(line.startswith(start.NOT_LET_IN) for line in log[1:])
+    assert len(log) == 2 and log[1].startswith(start.NOT_LET_IN)
 
 
 def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_are_too_long(monkeypatch):
