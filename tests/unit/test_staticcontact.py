@@ -244,3 +244,49 @@ def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
     monkeypatch.setattr(preload, "_creep", lambda system, load, state, tolerance: (state.q, state.slider, 1, 1.0))
     assert not study.static(100.0).converged
     assert len(began) == len(set(began)) > 1
+
+
+@pytest.mark.parametrize("seed", [3, 22, 40])
+def test_what_goes_round_in_circles_is_given_up(seed, monkeypatch):
+    """The state that is found is the same, with fewer factorisations."""
+    solved = []
+    solve = preload._solve
+
+    def counted(*a):
+        solved[-1] += 1
+        return solve(*a)
+
+    monkeypatch.setattr(preload, "_solve", counted)
+
+    def state(stalls):
+        solved.append(0)
+        monkeypatch.setattr(preload, "STALLS", stalls)
+        study = bd.Study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
+        return study.static(100.0)
+
+    soon, late = state(preload.STALLS), state(10**9)
+    assert soon.converged and soon.residual < 1e-10 and solved[0] < 0.5 * solved[1]
+    assert np.array_equal(soon.status, late.status) and np.array_equal(soon.q, late.q)
+
+
+def test_several_motions_at_once_are_each_alone():
+    rng = np.random.default_rng(0)
+    n, m = 5, 4
+    stiffness, G = rng.uniform(1.0, 2.0, m), rng.normal(size=(n, 3, m))
+    kt, kn, mu, n0 = rng.uniform(1.0, 2.0, (n, 2)), rng.uniform(1.0, 2.0, n), np.full(n, 0.3), rng.normal(size=n)
+    bonded = np.arange(n) == 2
+    force, shift = rng.normal(size=m), rng.normal(size=(n, 3))
+    system = preload.StaticSystem(stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded)
+    x, w = rng.normal(size=(7, n, 3)), rng.normal(size=(n, 2))
+    forces, states = preload._forces(system, x, w)
+    assert {preload.OPEN, preload.STICK, preload.SLIP_PLUS, preload.SLIP_MINUS} <= set(np.unique(states))
+    for one, f, s in zip(x, forces, states):
+        alone = preload._forces(system, one, w)
+        assert np.array_equal(alone[0], f) and np.array_equal(alone[1], s)
+        # closed form, point by point
+        for p in range(n):
+            level = n0[p] + kn[p] * one[p, 2]
+            trial = kt[p] * (one[p, :2] - w[p])
+            limit = np.inf if bonded[p] else 0.3 * max(level, 0.0)
+            np.testing.assert_allclose(f[p, :2], np.clip(trial, -limit, limit), rtol=1e-14, atol=1e-15)
+            assert f[p, 2] == pytest.approx(level if bonded[p] else max(level, 0.0), rel=1e-14, abs=1e-15)
