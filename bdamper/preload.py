@@ -204,10 +204,11 @@ def _step(
         return system.stiffness * q + G.T @ F.ravel() - force, new_status
 
     def residuals(q: NDArray) -> tuple[NDArray, NDArray]:
-        """At several (n, n_modes) at once."""
-        x = (q @ G.T).reshape(len(q), -1, 3) + shift
+        """At several (n, n_modes), to the last bit as one by one: rounding tells the states of points at their limit."""
+        x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
         F, new_status = _forces(system, x, w)
-        return system.stiffness * q + F.reshape(len(q), -1) @ G - force, new_status
+        r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
+        return np.array(r), new_status
 
     # the first linear solution takes the states as given: the law is linear in them
     x0 = shift.copy()
