@@ -86,7 +86,7 @@ SHORT = replace(ROUGH, max_points=300)
 MOST_UNSOLVED = 2
 """Points beside a resonance without a full response after which no others are asked."""
 MOST_AROUND = 100
-"""Points of it to each side."""
+"""Points of the curve through a peak to each side."""
 FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
 """How a curve is followed with everything on: roughly, and with the usual steps if it does not get through or is highest
 where no peak was found."""

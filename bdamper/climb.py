@@ -72,6 +72,13 @@ class Ladder:
                 heappush(self._waiting, (POINTS, -rung, by, k))
         return k
 
+    def add_near(self, rung: int, guess: NDArray) -> int | None:
+        """The same of the solution that Newton's method leads to from a guess, if there is one."""
+        system = self.systems[rung]
+        c = system.correct_at(guess, self.omega, self._scale(system, guess, self.omega), self.options.tolerance, 60, True)
+        self.meter.iterations += c.iterations
+        return self.add(rung, c.y[:-1]) if c.status == OK else None
+
     def climb(self, most: int | None = None) -> NDArray | None:
         """A solution with all harmonics, if a path leads to one before they have taken so many points (MOST_POINTS)."""
         while self._waiting and self.points < (most or MOST_POINTS) and not self.solutions[-1]:
@@ -98,11 +105,9 @@ class Ladder:
         if path.status == "complete":
             self.add(rung + 1, path.points[-1].y[:-1])
         elif path.status == "turned back":
-            back = path.points[-1].y[: few.n_unknowns]
-            c = few.correct_at(back, self.omega, self._scale(few, back, self.omega), self.options.tolerance, 60, True)
-            self.meter.iterations += c.iterations
-            if c.status == OK:
-                self._came_back.add((rung, by, self.add(rung, c.y[:-1])))
+            back = self.add_near(rung, path.points[-1].y[: few.n_unknowns])
+            if back is not None:
+                self._came_back.add((rung, by, back))
         elif path.status in ("too many points", "tangle"):
             heappush(self._waiting, (MORE * points, -rung, by, k))
 

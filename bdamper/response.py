@@ -232,6 +232,13 @@ class InterruptedCurve(KeyboardInterrupt):
         self.curve = curve
 
 
+def crossings(curve: Curve, omega: float) -> list[tuple[int, float]]:
+    """Where branches of a curve pass a frequency (rad/s): after which points, and at what part of the way to the next."""
+    off = 2.0 * np.pi * curve.frequency - omega
+    passes = np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:]) & (np.diff(curve.branch) == 0))
+    return [(int(i), float(off[i] / (off[i] - off[i + 1]))) for i in passes]
+
+
 def uninterrupted(curve: Curve) -> Curve:
     """The curve; what is made of it must not go on as if it were whole.
 

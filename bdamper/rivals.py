@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from bdamper.indicator import Estimate
 from bdamper.peaks import Peak, peak_scale
+from bdamper.response import crossings
 from bdamper.system import OK
 
 if TYPE_CHECKING:
@@ -210,12 +211,10 @@ def superharmonic_points(
 
 def point_between(curve: Curve, omega: float) -> NDArray | None:
     """A curve at a frequency (rad/s) by linear interpolation, where several parts of it pass there on the highest."""
-    off = 2.0 * np.pi * curve.frequency - omega
-    passes = np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:]) & (np.diff(curve.branch) == 0))
-    if not len(passes):
+    passes = crossings(curve, omega)
+    if not passes:
         return None
-    i = int(passes[np.argmax(curve.amplitude[passes] + curve.amplitude[passes + 1])])
-    t = off[i] / (off[i] - off[i + 1])
+    i, t = max(passes, key=lambda at: float(curve.amplitude[at[0]] + curve.amplitude[at[0] + 1]))
     return np.append((1.0 - t) * curve.unknowns[i] + t * curve.unknowns[i + 1], omega)
 
 

@@ -17,7 +17,7 @@ what was tried is kept in the result.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,8 +53,28 @@ WALKS = "leave their seats"
 NOT_CLIMBED = "harmonics let in one by one: no solution"
 NOT_LET_IN = "highest harmonic let in: no solution"
 
-Solutions = Callable[[float], list[NDArray]]
-"""Those without the highest harmonic at a frequency (rad/s), or guesses of them, (n_unknowns,) each."""
+
+@dataclass(frozen=True)
+class Aids:
+    """What the search for a first point may go by besides the static state.
+
+    Parameters
+    ----------
+    guess : (n_unknowns,) float, optional
+        Of the solution, from a simpler study.
+    fewer : callable, optional
+        Solutions without the highest harmonic at a frequency (rad/s), or guesses of them, (n_unknowns,) each; called only
+        if they are needed.
+    climbing : bool
+        Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
+    """
+
+    guess: NDArray | None = None
+    fewer: Callable[[float], list[NDArray]] | None = None
+    climbing: bool = False
+
+
+NO_AIDS = Aids()
 
 
 def first_point(
@@ -64,9 +84,7 @@ def first_point(
     omega: float,
     options: ContinuationOptions,
     meter: CostMeter,
-    climbing: bool = False,
-    guess: NDArray | None = None,
-    fewer: Solutions | None = None,
+    aids: Aids = NO_AIDS,
 ) -> tuple[NDArray | None, list[str], NDArray]:
     """A solution at one frequency.
 
@@ -80,12 +98,7 @@ def first_point(
     omega : float, rad/s
     options : ContinuationOptions
     meter : CostMeter
-    climbing : bool
-        Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
-    guess : (n_unknowns,) float, optional
-        Of the solution, from a simpler study.
-    fewer : callable, optional
-        Solutions without the highest harmonic; called only if they are needed.
+    aids : Aids
 
     Returns
     -------
@@ -103,8 +116,8 @@ def first_point(
         ("Newton with line search from the stuck response", system.pack(mean, stuck), True, 60),
         ("Newton with line search from the free response", system.pack(mean, free), True, 60),
     ]
-    if guess is not None:
-        tries.append(("Newton with line search from the guess given", guess, True, 25))
+    if aids.guess is not None:
+        tries.append(("Newton with line search from the guess given", aids.guess, True, 25))
     for name, u, search, iterations in tries:
         c = system.correct_at(u, omega, scale, options.tolerance, iterations, search)
         meter.iterations += c.iterations
@@ -116,9 +129,9 @@ def first_point(
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
         if found is None and longer:
             found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
-        if found is None and longer and fewer is not None:
-            found = _let_in(system, fewer(omega), omega, options, meter, log)
-        if found is None and longer and climbing:
+        if found is None and longer and aids.fewer is not None:
+            found = _let_in(system, aids.fewer(omega), omega, options, meter, log)
+        if found is None and longer and aids.climbing:
             found = _climb(system, state, springs, omega, options, meter, log)
     return found, log, c.y
 
@@ -203,12 +216,7 @@ def _let_in(
     ladder = Ladder(system, omega, replace(options, max_turn=LOOSE_TURN), meter)
     below = len(ladder.systems) - 2
     for u in fewer:
-        scale = np.full(len(u) + 1, max(float(np.linalg.norm(u[system.n_mean :])), 1e-300))
-        scale[-1] = omega
-        c = ladder.systems[below].correct_at(u, omega, scale, options.tolerance, 60, True)
-        meter.iterations += c.iterations
-        if c.status == OK:
-            ladder.add(below, c.y[:-1])
+        ladder.add_near(below, u)
     known = len(ladder.solutions[below])
     found = ladder.climb(FROM_FEWER)
     how = f"{ladder.paths} paths with {ladder.points} points from {known} solutions without it"

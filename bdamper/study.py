@@ -36,7 +36,7 @@ from bdamper.response import Curve, InterruptedCurve, uninterrupted
 from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
 from bdamper.settling import FEWEST, Motion, SettledResponse, settle
 from bdamper.stability import stability_of_points
-from bdamper.start import Solutions, first_point
+from bdamper.start import NO_AIDS, Aids, first_point
 from bdamper.stiffness import (
     METHODS,
     Contact,
@@ -793,14 +793,7 @@ class Study:
 
     @one_thread
     def find_start(
-        self,
-        preload: float,
-        omega: float,
-        options: ContinuationOptions,
-        meter: CostMeter,
-        climbing: bool = False,
-        guess: NDArray | None = None,
-        fewer: Solutions | None = None,
+        self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, aids: Aids = NO_AIDS
     ) -> tuple[NDArray | None, list[str]]:
         """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
 
@@ -813,8 +806,7 @@ class Study:
             return None, [f"static state: {state.note}"]
         system = self.system(preload)
         meter.watch(system)
-        springs = self._stuck_springs(state)
-        found, log, last = first_point(system, state, springs, omega, options, meter, climbing, guess, fewer)
+        found, log, last = first_point(system, state, self._stuck_springs(state), omega, options, meter, aids)
         why = why_no_solution(system, self.coupling.model, self.bases[0].coordinates, last) if found is None else ""
         return found, [*log, why] if why else log
 

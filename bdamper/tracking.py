@@ -20,8 +20,8 @@ from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
-from bdamper.response import Curve
-from bdamper.start import NOT_CLIMBED, NOT_LET_IN, WALKS
+from bdamper.response import Curve, crossings
+from bdamper.start import NOT_CLIMBED, NOT_LET_IN, WALKS, Aids
 from bdamper.system import Cost, CostMeter
 
 if TYPE_CHECKING:
@@ -116,16 +116,8 @@ class _Fewer:
             self._meter.add(self._curve.cost)
             if self._curve.status == "interrupted":
                 raise KeyboardInterrupt
-        return crossings(self._curve, omega)
-
-
-def crossings(curve: Curve, omega: float) -> list[NDArray]:
-    """Unknowns (n_unknowns,) where the branches of a curve pass a frequency (rad/s), by linear interpolation."""
-    off = TWO_PI * curve.frequency - omega
-    passes = np.flatnonzero((off[:-1] * off[1:] <= 0.0) & (off[:-1] != off[1:]) & (np.diff(curve.branch) == 0))
-    parts = off[passes] / (off[passes] - off[passes + 1])
-    u = curve.unknowns
-    return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in zip(passes, parts)]
+        u = self._curve.unknowns
+        return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in crossings(self._curve, omega)]
 
 
 def _start(
@@ -136,10 +128,9 @@ def _start(
     guess: NDArray | None = None,
     fewer: _Fewer | None = None,
 ) -> NDArray | None:
-    climbing = sum(NOT_CLIMBED in line for line in search.log) < CLIMBS
-    if sum(NOT_LET_IN in line for line in search.log) >= LETTINGS_IN:
-        fewer = None
-    start, tried = study.find_start(preload, omega, search.options, search.meter, climbing, guess, fewer)
+    climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
+    aids = Aids(guess, fewer if let_in < LETTINGS_IN else None, climbed < CLIMBS)
+    start, tried = study.find_start(preload, omega, search.options, search.meter, aids)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start
 

@@ -10,7 +10,8 @@ import bdamper as bd
 from bdamper import _core, climb, start, tracking
 from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
-from bdamper.start import LOOSE_TURN, first_point
+from bdamper.response import crossings
+from bdamper.start import LOOSE_TURN, Aids, first_point
 from bdamper.system import OK, Correction, Cost, CostMeter
 from tests.hard.test_branches import study
 
@@ -212,7 +213,7 @@ def test_the_chain_climbs_where_paths_are_too_long(monkeypatch):
     s, preload = study(harmonics=3), 200.0
     with monkeypatch.context() as patched:
         only_long_paths(patched)
-        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), climbing=True)
+        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(climbing=True))
         assert log[-1].startswith("harmonics let in one by one: ")
         none, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
         assert none is None
@@ -230,9 +231,9 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
             self.log, self.options, self.meter = [], ContinuationOptions(), CostMeter(0.0)
 
     class Study:
-        def find_start(self, preload, omega, options, meter, climbing, guess, fewer):
-            assert guess is None and fewer is None
-            asked.append(climbing)
+        def find_start(self, preload, omega, options, meter, aids):
+            assert aids.guess is None and aids.fewer is None
+            asked.append(aids.climbing)
             return None, [f"{start.NOT_CLIMBED} (10 paths)"]
 
     search = Search()
@@ -268,7 +269,7 @@ def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_a
         asked.append(omega)
         return [known[:-1]]
 
-    y, _ = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), fewer=fewer)
+    y, _ = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
     assert y is not None and not asked  # Newton leads to a solution
     correct_at = start.HarmonicSystem.correct_at
 
@@ -279,7 +280,7 @@ def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_a
     with monkeypatch.context() as patched:
         patched.setattr(start.HarmonicSystem, "correct_at", fails)
         patched.setattr(start, "_homotopy", lambda *_: Path((), "too many points", "", 0, 0))
-        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), fewer=fewer)
+        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
     assert asked == [OMEGA] and log[-1].startswith("highest harmonic let in: ")
     r, _, _ = s.system(preload).evaluate(y[:-1], OMEGA)
     assert np.abs(r * s.system(preload).row_scale).max() < 1e-9
@@ -288,12 +289,11 @@ def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_a
 def test_branches_that_pass_a_frequency():
     curve = SimpleNamespace(
         frequency=np.array([1.0, 2.0, 3.0, 2.0, 2.0, 1.0, 3.0]),
-        unknowns=np.arange(7.0)[:, None],
         branch=np.array([0, 0, 0, 0, 0, 1, 1]),
     )
-    found = tracking.crossings(curve, 2.0 * np.pi * 2.5)
-    np.testing.assert_allclose(np.ravel(found), [1.5, 2.5, 5.75])
-    assert not tracking.crossings(curve, 2.0 * np.pi * 3.5)
+    found = crossings(curve, 2.0 * np.pi * 2.5)
+    assert [i for i, _ in found] == [1, 2, 5] and [t for _, t in found] == pytest.approx([0.5, 0.5, 0.75])
+    assert not crossings(curve, 2.0 * np.pi * 3.5)
 
 
 def test_the_curve_with_one_harmonic_fewer_is_followed_once_and_counts(monkeypatch):

@@ -15,6 +15,7 @@ from bdamper.carryover import STAYS_UP
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
 from bdamper.rivals import NEAR, Place, Rival, excited, point_between, rivals, summits, superharmonics
+from bdamper.start import Aids
 from tests import models
 
 INTERVAL = (720.0, 880.0)
@@ -490,7 +491,7 @@ def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full)
     preload, omega, options = 60.0, 2.0 * np.pi * 880.0, bd.ContinuationOptions()
 
     def found(guess):
-        start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), False, guess)
+        start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), Aids(guess))
         return start, [line for line in log if "guess" in line], any("raised" in line for line in log)
 
     alone, said, raised = found(None)
