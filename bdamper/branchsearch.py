@@ -26,6 +26,7 @@ ENTRIES = 4
 ARRIVED = ("complete", "turned back")
 PLACES = ((0.5, 0.2, 0.8, 0.05, 0.95), (0.35, 0.65, 0.12), (0.88, 0.27, 0.73))
 """Where in a gap solutions are looked for, visit by visit."""
+LAST_VISIT = len(PLACES) - 1
 WIDE = 0.1
 """Part of the interval above which a gap in which nothing was found is not visited again."""
 
@@ -171,12 +172,13 @@ class BranchSearch:
 
     # ---- what is left without solutions ----
 
-    def fill(self, find_start: Callable[[float], NDArray | None]) -> None:
+    def fill(self, find_start: Callable[[float, int], NDArray | None]) -> None:
         """Looks for solutions in what is left without and follows them both ways.
 
         At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that
         finds the first point of a curve.  A narrow gap in which nothing is found is visited again, at other frequencies,
-        after the others; a wide one is left.  All are left once the chain was called ``searches`` times.
+        after the others; a wide one is left.  All are left once the chain was called ``searches`` times.  The chain is
+        told which visit it is, so that it leaves what takes long to the last ones.
         """
         if self.finished:
             return
@@ -187,7 +189,7 @@ class BranchSearch:
             if not gaps:
                 return
             gap = min(gaps, key=lambda g: (visits[g], g[0] - g[1]))
-            found = self._within(gap, PLACES[visits[gap]], find_start, tries)
+            found = self._within(gap, visits[gap], find_start, tries)
             if found is None:
                 visits[gap] += 1
                 continue
@@ -200,21 +202,22 @@ class BranchSearch:
     def _within(
         self,
         gap: tuple[float, float],
-        places: Sequence[float],
-        find_start: Callable[[float], NDArray | None],
+        visit: int,
+        find_start: Callable[[float, int], NDArray | None],
         tries: Iterator[int],
     ) -> NDArray | None:
         """A solution in a gap."""
         a, b = gap
         points = [p for piece in self.pieces for p in piece.path.points]
-        frequencies = [a + part * (b - a) for part in places]
+        frequencies = [a + part * (b - a) for part in PLACES[visit]]
+        wide = self._wide(gap)
         for omega in frequencies:
             for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
                 c = self._solve(point.y[:-1], omega, point.scale, 30, True)
                 if c.status == OK:
                     return c.y
-        for omega, _ in zip(frequencies if self._wide(gap) else frequencies[:3], tries):
-            start = find_start(omega)
+        for omega, _ in zip(frequencies if wide else frequencies[:3], tries):
+            start = find_start(omega, LAST_VISIT if wide else visit)
             if start is not None:
                 return start
         return None

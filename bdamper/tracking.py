@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.branches import TWO_PI, LeftOut, Piece, ending
-from bdamper.branchsearch import BranchSearch
+from bdamper.branchsearch import LAST_VISIT, BranchSearch
 from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
@@ -31,6 +31,8 @@ CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
 LETTINGS_IN = 12
 """The same of the highest harmonic alone, from solutions without it."""
+VISIT_FEWER, VISIT_CLIMBING = 1, LAST_VISIT
+"""Visits of a gap, from 0, from which on these are tried there: the quick ways come first everywhere."""
 
 
 def track_curve(
@@ -71,7 +73,7 @@ def track_curve(
                 if search.finished:
                     break
             fewer = _Fewer(study, preload, frequency, options, search.meter)
-            search.fill(lambda omega: _start(study, preload, search, omega, fewer=fewer))
+            search.fill(lambda omega, visit: _start(study, preload, search, omega, None, fewer, visit))
             if ratios:
                 for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
@@ -127,9 +129,15 @@ def _start(
     omega: float,
     guess: NDArray | None = None,
     fewer: _Fewer | None = None,
+    visit: int = LAST_VISIT,
 ) -> NDArray | None:
+    """A solution at one frequency; ways that take minutes only where the quicker ones led nowhere on earlier visits."""
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
-    aids = Aids(guess, fewer if let_in < LETTINGS_IN else None, climbed < CLIMBS)
+    aids = Aids(
+        guess,
+        fewer if visit >= VISIT_FEWER and let_in < LETTINGS_IN else None,
+        climbing=visit >= VISIT_CLIMBING and climbed < CLIMBS,
+    )
     start, tried = study.find_start(preload, omega, search.options, search.meter, aids)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start

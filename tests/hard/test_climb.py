@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core, climb, start, tracking
+from bdamper.branchsearch import LAST_VISIT
 from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.response import crossings
@@ -240,6 +241,20 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
     for _ in range(tracking.CLIMBS + 2):
         tracking._start(Study(), 1.0, search, 1.0)
     assert asked == [True] * tracking.CLIMBS + [False] * 2
+
+
+def test_what_takes_minutes_waits_for_later_visits_of_a_gap():
+    asked = []
+
+    class Study:
+        def find_start(self, preload, omega, options, meter, aids):
+            asked.append((aids.fewer is not None, aids.climbing))
+            return None, []
+
+    search = SimpleNamespace(log=[], options=None, meter=None)
+    for visit in range(LAST_VISIT + 1):
+        tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], visit)
+    assert asked == [(False, False), (True, False), (True, True)]
 
 
 def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbed, monkeypatch):
