@@ -47,7 +47,7 @@ from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, as_located, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, find_peak, peak_scale, same_peak
-from bdamper.response import uninterrupted
+from bdamper.response import crossings, uninterrupted
 from bdamper.rivals import (
     NEAR,
     Place,
@@ -315,7 +315,8 @@ class Search:
         self.walked: Peak | None = None
         self.stuck = True
         self.coexisting: list[Coexisting] = []
-        self.ends: dict[bool, tuple[NDArray, On]] = {}  # of the first curve, from which those with more on set off
+        self.first: tuple[Curve, On] | None = None  # curve, if it is complete: those with more on go by it
+        self.no_guess_at: float | None = None  # end (Hz) where there is another response than the first curve has
         self.variants: dict[On, tuple[Study, HarmonicSystem]] = {}
         self.least = On((1,), self.own.damper_modes)
 
@@ -364,13 +365,10 @@ class Search:
         study, system = self.variant(on)
         if study is not self.study:  # takes as long as a short curve, and is for notes that are not read here
             study.__dict__.setdefault("self_locking", ())
-        guess, off = self.ends.get(from_high, (None, on))
-        if guess is not None:
-            guess = self.moved(guess, off, on)[:-1]
         curve = uninterrupted(
             track_curve(
                 study, self.preload, self.frequency, from_high=from_high, options=options or ContinuationOptions(),
-                progress=False, ratios=(), guess=guess,
+                progress=False, ratios=(), guesses=lambda omega: self.guesses(omega, on),
             )
         )  # fmt: skip
         self.meter.add(curve.cost)
@@ -380,6 +378,16 @@ class Search:
         side = " from above" if from_high else ""
         self.log.append(f"curve{side} with {on}: {curve.status}, {len(curve)} points, peak {top}")
         return curve, peaks
+
+    def guesses(self, omega: float, on: On) -> list[NDArray]:
+        """Of solutions with some effects on, from the first curve."""
+        if self.first is None or omega / (2.0 * np.pi) == self.no_guess_at:
+            return []
+        curve, off = self.first
+        u = curve.unknowns
+        near = 2.0 * np.pi * np.clip(omega / (2.0 * np.pi), curve.frequency.min(), curve.frequency.max())
+        points = [np.append((1.0 - t) * u[i] + t * u[i + 1], omega) for i, t in crossings(curve, near)]
+        return [self.moved(y, off, on)[:-1] for y in points]
 
     def notice(self, curve: Curve, on: On) -> None:
         """Notes where a curve has met more than one response."""
@@ -402,23 +410,25 @@ class Search:
                 text = turned if kind == "folds" else f"nothing determines the mean position {what}"
                 self.coexisting.append(Coexisting(float(f.min()), float(f.max()), kind, text))
 
-    def another_response(self, curve: Curve, on: On, from_high: bool, first: tuple[NDArray, On] | None) -> bool:
+    def another_response(self, curve: Curve, on: On, from_high: bool) -> bool:
         """Whether there is another response at the far end of the interval than the one in which a curve arrives.
 
         It is looked for from nothing, or from the first point of an earlier curve that set off there with less on.
         """
         end = self.frequency[0 if from_high else 1]
         at = np.abs(curve.frequency - end) < 1e-9 * end
-        if self.stuck or not np.any(at) or (from_high and first is None):
+        if self.stuck or not np.any(at) or (from_high and self.first is None):
             return False
         study, system = self.variant(on)
         y: NDArray | None
-        if first is None:
+        if not from_high:
             state = study.static(self.preload)
             springs = study._stuck_springs(state)
             y, _, _ = first_point(system, state, springs, 2.0 * np.pi * end, ROUGH, self.meter)
         else:
-            start = self.moved(*first, on)
+            assert self.first is not None
+            first, off = self.first
+            start = self.moved(point_at(first, end), off, on)
             c = system.correct_at(start[:-1], start[-1], peak_scale(system, start, start[-1]), 1e-6, 25, True)
             y = c.y if c.status == OK else None
         if y is None:
@@ -654,8 +664,8 @@ class Search:
             if on == self.everything:
                 break
             curve, peaks = self.tracked(on, how, from_high)
-            if not self.ends and curve.complete:
-                self.ends = {high: (point_at(curve, self.frequency[high]), on) for high in (False, True)}
+            if self.first is None and curve.complete:
+                self.first = curve, on
             try:
                 if not curve.complete:
                     raise LostError(f"what the curve with {on} has not reached may be higher")
@@ -663,11 +673,11 @@ class Search:
                     self.highest(curve, peaks, on)
                 elif self.best is None or curve.amplitude.max() > self.best.peak.amplitude:
                     raise LostError(f"the curve with {on} has no maximum inside the interval")
-                if not self.another_response(curve, on, from_high, self.ends.get(False) if from_high else None):
+                if not self.another_response(curve, on, from_high):
                     return curve
                 apart = not from_high
                 if apart:
-                    del self.ends[True]
+                    self.no_guess_at = self.frequency[1]
                 break
             except LostError as lost:
                 self.log.append(str(lost))

@@ -4,8 +4,8 @@ The chain is, in this order,
 
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
-3. Newton with line search (and least norm where the Jacobian is rank-deficient), from there, from the free response and
-   from a guess, if there is one,
+3. Newton with line search (and least norm where the Jacobian is rank-deficient), from guesses, if there are any, from
+   there and from the free response,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 6. where paths of that are too long, longer ones; then the highest harmonic is let in from solutions without it
@@ -60,8 +60,9 @@ class Aids:
 
     Parameters
     ----------
-    guess : (n_unknowns,) float, optional
-        Of the solution, from a simpler study.
+    guesses : callable, optional
+        Of solutions at a frequency (rad/s), from a simpler study, (n_unknowns,) each.  They come right after plain Newton
+        from the stuck response: where that fails, iterations from linear responses mostly fail as well, and take longer.
     fewer : callable, optional
         Solutions without the highest harmonic at a frequency (rad/s), or guesses of them, (n_unknowns,) each; called only
         if they are needed.
@@ -69,7 +70,7 @@ class Aids:
         Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
     """
 
-    guess: NDArray | None = None
+    guesses: Callable[[float], list[NDArray]] | None = None
     fewer: Callable[[float], list[NDArray]] | None = None
     climbing: bool = False
 
@@ -116,8 +117,8 @@ def first_point(
         ("Newton with line search from the stuck response", system.pack(mean, stuck), True, 60),
         ("Newton with line search from the free response", system.pack(mean, free), True, 60),
     ]
-    if aids.guess is not None:
-        tries.append(("Newton with line search from the guess given", aids.guess, True, 25))
+    if aids.guesses is not None:
+        tries[1:1] = [("Newton with line search from a guess given", u, True, 25) for u in aids.guesses(omega)]
     for name, u, search, iterations in tries:
         c = system.correct_at(u, omega, scale, options.tolerance, iterations, search)
         meter.iterations += c.iterations

@@ -7,7 +7,7 @@ solutions at other preloads, which may lie on branches apart.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -44,7 +44,7 @@ def track_curve(
     options: ContinuationOptions,
     progress: bool,
     ratios: Sequence[float],
-    guess: NDArray | None = None,
+    guesses: Callable[[float], list[NDArray]] | None = None,
 ) -> Curve:
     """The tracking curve under given settings; :meth:`bdamper.Study.track` explains the arguments.
 
@@ -52,8 +52,8 @@ def track_curve(
     ----------
     ratios : sequence of float
         Of the other preloads, whose solutions are starts for branches apart, to this one.
-    guess : (n_unknowns,) float, optional
-        Of the solution at the end from which the curve sets off.
+    guesses : callable, optional
+        Of solutions at a frequency (rad/s), (n_unknowns,) each.
     """
     state = study.static(preload)
     if not state.converged:
@@ -66,14 +66,13 @@ def track_curve(
     try:
         with progress_bar(progress, low, high) as search.on_point:
             for at_high in (from_high, not from_high):
-                near = guess if at_high == from_high else None
-                _from_end(study, preload, search, high if at_high else low, near)
+                _from_end(study, preload, search, high if at_high else low, guesses)
                 search.leap()
                 search.beyond_ends()
                 if search.finished:
                     break
             fewer = _Fewer(study, preload, frequency, options, search.meter)
-            search.fill(lambda omega, visit: _start(study, preload, search, omega, None, fewer, visit))
+            search.fill(lambda omega, visit: _start(study, preload, search, omega, guesses, fewer, visit))
             if ratios:
                 for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
@@ -127,14 +126,14 @@ def _start(
     preload: float,
     search: BranchSearch,
     omega: float,
-    guess: NDArray | None = None,
+    guesses: Callable[[float], list[NDArray]] | None = None,
     fewer: _Fewer | None = None,
     visit: int = LAST_VISIT,
 ) -> NDArray | None:
     """A solution at one frequency; ways that take minutes only where the quicker ones led nowhere on earlier visits."""
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
     aids = Aids(
-        guess,
+        guesses,
         fewer if visit >= VISIT_FEWER and let_in < LETTINGS_IN else None,
         climbing=visit >= VISIT_CLIMBING and climbed < CLIMBS,
     )
@@ -143,10 +142,16 @@ def _start(
     return start
 
 
-def _from_end(study: Study, preload: float, search: BranchSearch, omega: float, guess: NDArray | None = None) -> None:
+def _from_end(
+    study: Study,
+    preload: float,
+    search: BranchSearch,
+    omega: float,
+    guesses: Callable[[float], list[NDArray]] | None = None,
+) -> None:
     """The branch through the solution that the chain finds at an end of the interval."""
     up = omega == search.limits[0]
-    start = _start(study, preload, search, omega, guess)
+    start = _start(study, preload, search, omega, guesses)
     if start is None:
         search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
     else:

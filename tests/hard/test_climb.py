@@ -233,7 +233,7 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
 
     class Study:
         def find_start(self, preload, omega, options, meter, aids):
-            assert aids.guess is None and aids.fewer is None
+            assert aids.guesses is None and aids.fewer is None
             asked.append(aids.climbing)
             return None, [f"{start.NOT_CLIMBED} (10 paths)"]
 

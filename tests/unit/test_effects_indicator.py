@@ -14,6 +14,7 @@ from bdamper.branches import LeftOut
 from bdamper.carryover import STAYS_UP
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
+from bdamper.response import crossings
 from bdamper.rivals import NEAR, Place, Rival, excited, point_between, rivals, summits, superharmonics
 from bdamper.start import Aids
 from tests import models
@@ -465,36 +466,48 @@ def test_three_harmonics_are_tried_where_a_peak_is_lost(full, monkeypatch, lost,
     assert search.best is not None and search.best.on == search.everything
 
 
-def test_curves_with_more_on_set_off_from_the_ends_of_the_first(full, monkeypatch):
+def test_curves_with_more_on_go_by_the_first_one(full, monkeypatch):
+    """At its ends, and wherever it passes a frequency; not at an end where there is another response."""
     search, one = Search(full, 60.0, INTERVAL, 0.01), On((1,), 1)
     first, _ = search.tracked(one)
     given = []
     tracked = adaptive.track_curve
 
-    def watched(*a, guess, **k):
-        given.append(guess)
-        return tracked(*a, guess=guess, **k)
+    def watched(*a, guesses, **k):
+        given.append(guesses)
+        return tracked(*a, guesses=guesses, **k)
 
     monkeypatch.setattr(adaptive, "track_curve", watched)
-    for high in (False, True):
-        point = adaptive.point_at(first, INTERVAL[high])
-        assert point[-1] == pytest.approx(2.0 * np.pi * INTERVAL[high], rel=1e-12)
-        search.ends = {high: (point, one)}
-        search.tracked(search.everything, from_high=high)
-        assert np.array_equal(given[-1], search.moved(point, one, search.everything)[:-1])
-        search.tracked(search.everything, from_high=not high)  # looked for from nothing
-        assert given[-1] is None
+    search.tracked(search.everything)
+    low, high = (2.0 * np.pi * f for f in INTERVAL)
+    assert given[-1](low) == []
+    search.first = first, one
+    search.tracked(search.everything)
+    for omega in (low, high):
+        point = adaptive.point_at(first, omega / (2.0 * np.pi))
+        assert point[-1] == pytest.approx(omega, rel=1e-12)
+        (u,) = given[-1](omega)
+        np.testing.assert_allclose(u, search.moved(point, one, search.everything)[:-1], rtol=1e-9, atol=1e-12)
+    omega = 0.5 * (low + high)
+    passes = crossings(first, omega)
+    assert passes and len(given[-1](omega)) == len(passes)
+    for u, (i, t) in zip(given[-1](omega), passes):
+        between = (1.0 - t) * first.unknowns[i] + t * first.unknowns[i + 1]
+        assert np.array_equal(u, search.moved(np.append(between, omega), one, search.everything)[:-1])
+    search.no_guess_at = INTERVAL[1]
+    assert given[-1](high) == [] and given[-1](low)
 
 
 def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full):
     """It spares homotopies; one that leads nowhere costs a few iterations."""
     preload, omega, options = 60.0, 2.0 * np.pi * 880.0, bd.ContinuationOptions()
 
-    def found(guess):
-        start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), Aids(guess))
+    def found(*given):
+        guesses = (lambda at: [u for u in given if at == omega]) if given else None
+        start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), Aids(guesses))
         return start, [line for line in log if "guess" in line], any("raised" in line for line in log)
 
-    alone, said, raised = found(None)
+    alone, said, raised = found()
     assert not said and raised
     start, (said,), raised = found(1.001 * alone[:-1])
     assert "converged" in said and not raised
@@ -578,19 +591,21 @@ def test_another_response_at_the_end_of_the_interval_is_seen(full):
     search = Search(full, preload, INTERVAL, 0.01)
     curve, _ = search.tracked(one)
     other = replace(curve, unknowns=1.02 * curve.unknowns)
-    assert not search.another_response(curve, one, False, None) and not search.coexisting
-    assert search.another_response(other, one, False, None)
+    assert not search.another_response(curve, one, False) and not search.coexisting
+    assert search.another_response(other, one, False)
     assert [(c.low, c.high, c.kind) for c in search.coexisting] == [(INTERVAL[1], INTERVAL[1], "apart")]
     assert search.log[-1] == str(search.coexisting[0]) and "a response apart from the curve" in search.log[-1]
     # at the lower end a curve from above is compared with the first point of the one from below
-    first, three = np.append(curve.unknowns[0], 2.0 * np.pi * curve.frequency[0]), On((1, 2, 3), 1)
+    three = On((1, 2, 3), 1)
     above, _ = search.tracked(three, from_high=True)
-    assert not search.another_response(above, three, True, (first, one))
-    assert not search.another_response(above, three, True, None)
-    assert search.another_response(replace(above, unknowns=1.02 * above.unknowns), three, True, (first, one))
+    apart = replace(above, unknowns=1.02 * above.unknowns)
+    assert not search.another_response(apart, three, True)  # there is no earlier curve
+    search.first = curve, one
+    assert not search.another_response(above, three, True)
+    assert search.another_response(apart, three, True)
     assert search.coexisting[-1].low == INTERVAL[0]
     search.stuck = True  # the response is linear
-    assert not search.another_response(other, one, False, None)
+    assert not search.another_response(other, one, False)
 
 
 def test_what_is_lost_counts_unless_it_is_below_the_best(full, peak):
