@@ -41,7 +41,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.carryover import LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
+from bdamper.carryover import AROUND, LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
@@ -87,7 +87,7 @@ MOST_UNSOLVED = 2
 """Points beside a resonance without a full response after which no others are asked."""
 MOST_AROUND = 100
 """Points of the curve through a peak to each side."""
-FOLLOWED = (replace(ROUGH, locate=True, locate_tolerance=0.05), None)
+FOLLOWED = (AROUND, None)
 """How a curve is followed with everything on: roughly, and with the usual steps if it does not get through or is highest
 where no peak was found."""
 
