@@ -23,7 +23,7 @@ STAYS_UP = 0.87
 """Share of the amplitude of a peak down to which the curve through it is followed to both sides."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
-AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05)
+AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, corner_step=0.1)
 """How a curve is followed to both sides of a peak."""
 
 
