@@ -47,7 +47,8 @@ class ContinuationOptions:
         Largest angle between successive tangents of an accepted step.
     max_points : int
     patience : int
-        Points without getting any further in frequency after which a path is left as a tangle of folds.
+        Points without getting any further in frequency, to either side of where it set off, after which a path is left as a
+        tangle of folds.
     searches : int
         Frequencies in gaps of a curve at which solutions are looked for, by all that can find a start.
     max_iterations : int
@@ -481,10 +482,6 @@ class _Follower:
                 return corner[0], corner[1], overshoot, ""
         return None, step, step, refused
 
-    def _outward(self, up: bool) -> float:
-        """Sense of progress in frequency."""
-        return 1.0 if up else -1.0
-
     def _far(self, y: NDArray, start: NDArray, ratio: float) -> bool:
         """Whether the mean position is out of all proportion to the vibration and to where it began."""
         n = self.system.n_mean
@@ -513,11 +510,12 @@ class _Follower:
         self.sense = 1.0 if up else -1.0
         point = self.record(replace(c, tangent=tangent), scale, "end")
         step = options.step
-        front, front_at = start[-1], 1
+        lowest = highest = float(start[-1])
+        front_at = 1
         while len(self.points) < options.max_points:
             y = point.y
-            if (y[-1] - front) * self._outward(up) > 1e-4 * (self.high - self.low):
-                front, front_at = y[-1], len(self.points)
+            if max(lowest - y[-1], y[-1] - highest) > 1e-4 * (self.high - self.low):
+                lowest, highest, front_at = min(lowest, y[-1]), max(highest, y[-1]), len(self.points)
             elif len(self.points) - front_at > options.patience:
                 omega = [float(p.y[-1]) for p in self.points[front_at:]]
                 self.tangle = min(omega), max(omega)
