@@ -215,6 +215,23 @@ def test_a_closed_branch_is_followed_once_round(up):
     assert ending([piece], 5.0, 15.0)[0] == "incomplete"
 
 
+@pytest.mark.parametrize("up", [True, False])
+def test_a_path_from_within_makes_progress_to_both_sides(up):
+    """It turns soon, and runs on to the other side; all that is no tangle, the rest of the way round is one."""
+    start = np.array([2.0 + np.sqrt(1.0 - 0.25 * 1.6**2), 11.6 if up else 8.4])
+    whole = follow(Ellipse(), start, (5.0, 15.0), up=up)
+    assert whole.status == "closed"
+    turned = next(i for i, p in enumerate(whole.points) if p.kind == "fold")
+    patience = int(0.6 * (len(whole.points) - turned))
+    path = follow(Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience))
+    assert path.status == "closed" and len(path.points) == len(whole.points)
+    assert len(path.points) - turned > patience
+    short = follow(Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience // 3))
+    assert short.status == "tangle"
+    assert min(p.y[1] for p in short.points) < 8.1 and max(p.y[1] for p in short.points) > 11.9
+    assert short.tangle is not None and 7.99 < short.tangle[0] < short.tangle[1] < 12.01
+
+
 def test_a_gap_between_known_solutions_is_filled():
     system = two_oscillators(5)
     path = followed(system, 1.0, 3.5, STUCK)
