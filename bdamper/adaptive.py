@@ -47,7 +47,7 @@ from bdamper.effects import Effects
 from bdamper.errors import SettingError
 from bdamper.indicator import Estimate, as_located, change_or_unknown, embed_between, highest_peaks
 from bdamper.peaks import Peak, find_peak, peak_scale, same_peak
-from bdamper.response import crossings, uninterrupted
+from bdamper.response import passing, uninterrupted
 from bdamper.rivals import (
     NEAR,
     Place,
@@ -384,10 +384,9 @@ class Search:
         if self.first is None or omega / (2.0 * np.pi) == self.no_guess_at:
             return []
         curve, off = self.first
-        u = curve.unknowns
-        near = 2.0 * np.pi * np.clip(omega / (2.0 * np.pi), curve.frequency.min(), curve.frequency.max())
-        points = [np.append((1.0 - t) * u[i] + t * u[i + 1], omega) for i, t in crossings(curve, near)]
-        return [self.moved(y, off, on)[:-1] for y in points]
+        low, high = (2.0 * np.pi * f for f in (curve.frequency.min(), curve.frequency.max()))
+        at = min(max(omega, low), high)  # the ends but for rounding
+        return [self.moved(np.append(u, omega), off, on)[:-1] for u in passing(curve, at)]
 
     def notice(self, curve: Curve, on: On) -> None:
         """Notes where a curve has met more than one response."""

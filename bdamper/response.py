@@ -239,6 +239,12 @@ def crossings(curve: Curve, omega: float) -> list[tuple[int, float]]:
     return [(int(i), float(off[i] / (off[i] - off[i + 1]))) for i in passes]
 
 
+def passing(curve: Curve, omega: float) -> list[NDArray]:
+    """Unknowns (n_unknowns,) where branches of a curve pass a frequency (rad/s), by linear interpolation."""
+    u = curve.unknowns
+    return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in crossings(curve, omega)]
+
+
 def uninterrupted(curve: Curve) -> Curve:
     """The curve; what is made of it must not go on as if it were whole.
 

@@ -20,7 +20,7 @@ from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
-from bdamper.response import Curve, crossings
+from bdamper.response import Curve, passing
 from bdamper.start import NOT_CLIMBED, NOT_LET_IN, WALKS, Aids
 from bdamper.system import Cost, CostMeter
 
@@ -117,8 +117,7 @@ class _Fewer:
             self._meter.add(self._curve.cost)
             if self._curve.status == "interrupted":
                 raise KeyboardInterrupt
-        u = self._curve.unknowns
-        return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in crossings(self._curve, omega)]
+        return passing(self._curve, omega)
 
 
 def _start(
