@@ -316,7 +316,7 @@ class Search:
         self.stuck = True
         self.coexisting: list[Coexisting] = []
         self.first: tuple[Curve, On] | None = None  # curve, if it is complete: those with more on go by it
-        self.no_guess_at: float | None = None  # end (Hz) where there is another response than the first curve has
+        self.no_guess_at: float | None = None  # end (rad/s) where there is another response than the first curve has
         self.variants: dict[On, tuple[Study, HarmonicSystem]] = {}
         self.least = On((1,), self.own.damper_modes)
 
@@ -381,11 +381,11 @@ class Search:
 
     def guesses(self, omega: float, on: On) -> list[NDArray]:
         """Of solutions with some effects on, from the first curve."""
-        if self.first is None or omega / (2.0 * np.pi) == self.no_guess_at:
+        if self.first is None or (self.no_guess_at is not None and abs(omega / self.no_guess_at - 1.0) < 1e-9):
             return []
         curve, off = self.first
         low, high = (2.0 * np.pi * f for f in (curve.frequency.min(), curve.frequency.max()))
-        at = min(max(omega, low), high)  # the ends but for rounding
+        at = min(max(omega, low), high)  # the curve may end a little before the interval, if only by rounding
         return [self.moved(np.append(u, omega), off, on)[:-1] for u in passing(curve, at)]
 
     def notice(self, curve: Curve, on: On) -> None:
@@ -676,7 +676,7 @@ class Search:
                     return curve
                 apart = not from_high
                 if apart:
-                    self.no_guess_at = self.frequency[1]
+                    self.no_guess_at = 2.0 * np.pi * self.frequency[1]
                 break
             except LostError as lost:
                 self.log.append(str(lost))

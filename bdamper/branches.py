@@ -7,12 +7,12 @@ followed both ways, a closed one apart from the others.  It is complete if they 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
-from bdamper.continuation import Path
+from bdamper.continuation import Path, PathPoint
 
 TWO_PI = 2.0 * np.pi
 GAP = 1e-3
@@ -63,6 +63,20 @@ class Piece:
     def span(self) -> tuple[float, float] | None:
         omega = [p.y[-1] for p in self.path.points]
         return (min(omega), max(omega)) if omega else None
+
+
+def in_order(pieces: Sequence[Piece]) -> list[tuple[PathPoint, Piece]]:
+    """Points of all pieces, each with its own; the two ways from a solution within follow each other as one path."""
+    out: list[tuple[PathPoint, Piece]] = []
+    for before, piece in zip([None, *pieces], pieces):
+        points = [(p, piece) for p in piece.path.points]
+        if before is None or not before.path.points or not piece.inside or before.branch != piece.branch:
+            out += points
+            continue
+        first = len(out) - len(before.path.points)
+        out[first] = replace(out[first][0], kind="regular"), before
+        out[first:first] = points[:0:-1]
+    return out
 
 
 def finished(pieces: Sequence[Piece], low: float, high: float) -> bool:

@@ -24,7 +24,7 @@ STAYS_UP = 0.87
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, corner_step=0.1)
-"""How a curve is followed to both sides of a peak."""
+"""How a curve is followed to both sides of a peak, or where only its maxima matter."""
 
 
 class _Downhill(Exception):

@@ -50,7 +50,8 @@ class ContinuationOptions:
         Points without getting any further in frequency, to either side of where it set off, after which a path is left as a
         tangle of folds.
     searches : int
-        Frequencies in gaps of a curve at which solutions are looked for, by all that can find a start.
+        Frequencies in gaps of a curve at which solutions are looked for; where there are many gaps it is used up before the
+        ways that take minutes have their turn.
     max_iterations : int
         Newton iterations in a step.
     locate : bool
@@ -133,8 +134,8 @@ class Path:
     ----------
     points : tuple of PathPoint
     status : str
-        "complete", "turned back" (to the bound where it started), "closed" (on itself), "tangle" (too many folds without
-        progress), "walked off" (a free body that nothing stops), "stalled", "too many points" or "interrupted".
+        "complete", "turned back" (to the bound away from which it set off), "closed" (on itself), "tangle" (too many folds
+        without progress), "walked off" (a free body that nothing stops), "stalled", "too many points" or "interrupted".
     reason : str
     iterations, failed_steps : int
     tangle : (low, high), rad/s, or None
@@ -537,7 +538,8 @@ class _Follower:
                 if self.finish_at(here, new.y, bound):
                     if (bound == self.high) == up:
                         return "complete", f"reached {bound / (2 * np.pi):.6g} Hz"
-                    return "turned back", f"came back to {bound / (2 * np.pi):.6g} Hz, where it started"
+                    started = ", where it started" if start[-1] == bound else ""
+                    return "turned back", f"came back to {bound / (2 * np.pi):.6g} Hz{started}"
                 step *= 0.5
                 self.failed += 1
                 if step < options.min_step:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.branches import TWO_PI, LeftOut, Piece, ending
+from bdamper.branches import TWO_PI, LeftOut, Piece, ending, in_order
 from bdamper.branchsearch import LAST_VISIT, BranchSearch
 from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
@@ -32,7 +32,8 @@ CLIMBS = 4
 LETTINGS_IN = 12
 """The same of the highest harmonic alone, from solutions without it."""
 VISIT_FEWER, VISIT_CLIMBING = 1, LAST_VISIT
-"""Visits of a gap, from 0, from which on these are tried there: the quick ways come first everywhere."""
+"""Visits of a narrow gap, from 0, from which on these are tried there: the quick ways come first in all of them.  The ends
+of the interval and wide gaps, which have one visit, get all at once."""
 
 
 def track_curve(
@@ -129,7 +130,7 @@ def _start(
     fewer: _Fewer | None = None,
     visit: int = LAST_VISIT,
 ) -> NDArray | None:
-    """A solution at one frequency; ways that take minutes only where the quicker ones led nowhere on earlier visits."""
+    """A solution at one frequency; ways that take minutes only on the visits that are meant for them."""
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
     aids = Aids(
         guesses,
@@ -198,12 +199,11 @@ def _without_points(study: Study, preload: float, reason: str, options: Continua
 def _curve(
     study: Study, search: BranchSearch, end: tuple[str, str, tuple[LeftOut, ...]], preload: float
 ) -> Curve:
-    system, pieces = search.system, search.pieces
-    points = [p for piece in pieces for p in piece.path.points]
+    system, ordered = search.system, in_order(search.pieces)
+    points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
-    onward = [1.0 if piece.up else -1.0 for piece in pieces for _ in piece.path.points]
-    backward = np.array([p.kind != "walk" and s * p.tangent[-1] < 0.0 for s, p in zip(onward, points)], bool)
-    branch = np.repeat([piece.branch for piece in pieces], [len(p.path.points) for p in pieces])
+    onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
+    backward = np.array([p.kind != "walk" and to < 0.0 for p, to in zip(points, onward)], bool)
     return Curve(
         kind="tracking",
         frequency=y[:, -1] / TWO_PI,
@@ -213,7 +213,7 @@ def _curve(
         shares=np.array([p.shares for p in points]).reshape(-1, 3),
         backward=backward,
         rank_deficiency=np.array([p.rank_deficiency for p in points], int),
-        branch=branch.astype(int),
+        branch=np.array([way.branch for _, way in ordered], int),
         point_kind=tuple(p.kind for p in points),
         preload=preload,
         status=end[0],

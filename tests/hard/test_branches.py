@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core, continuation, start, tracking
-from bdamper.branches import Piece, ending, uncovered
+from bdamper.branches import Piece, ending, in_order, uncovered
 from bdamper.branchsearch import LAST_VISIT, BranchSearch
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
@@ -445,3 +445,19 @@ def _unless_held(correct_at):
         return c if self.lets_go else replace(c, status=NOT_CONVERGED)
 
     return failing
+
+
+def test_both_ways_from_a_solution_make_one_branch():
+    """Its points follow each other; the solution itself counts once and is no end."""
+    path = {up: follow(Ellipse(), np.array([3.0, 10.0]), (8.5, 11.0), up=up) for up in (True, False)}
+    assert {p.status for p in path.values()} == {"complete"}
+    other = Piece(path[True], True, branch=0)
+    ways = [Piece(path[up], up, branch=1, inside=True) for up in (True, False)]
+    ordered = in_order([other, *ways])
+    assert [p for p, _ in ordered[: len(path[True].points)]] == list(path[True].points)
+    omega = np.array([p.y[1] for p, piece in ordered if piece.branch == 1])
+    assert len(omega) == len(path[True].points) + len(path[False].points) - 1
+    assert (np.diff(omega) > 0.0).all() and omega[0] == 8.5 and omega[-1] == 11.0
+    assert [p.kind for p, piece in ordered if piece.branch == 1 and p.kind == "end"] == ["end", "end"]
+    assert [piece.up for p, piece in ordered if piece.branch == 1 and p.y[1] < 10.0] == [False] * int(sum(omega < 10.0))
+    assert len(in_order(ways[:1])) == len(path[True].points) and in_order([]) == []

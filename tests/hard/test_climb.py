@@ -309,6 +309,9 @@ def test_branches_that_pass_a_frequency():
     found = crossings(curve, 2.0 * np.pi * 2.5)
     assert [i for i, _ in found] == [1, 2, 5] and [t for _, t in found] == pytest.approx([0.5, 0.5, 0.75])
     assert not crossings(curve, 2.0 * np.pi * 3.5)
+    # a point that lies there counts once, also at an end of a branch
+    assert [i for i, _ in crossings(curve, 2.0 * np.pi * 1.0)] == [0, 5]
+    assert [(i, t) for i, t in crossings(curve, 2.0 * np.pi * 3.0)] == [(2, 0.0), (5, 1.0)]
 
 
 def test_the_curve_with_one_harmonic_fewer_is_followed_once_and_counts(monkeypatch):

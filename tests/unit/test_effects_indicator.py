@@ -494,8 +494,27 @@ def test_curves_with_more_on_go_by_the_first_one(full, monkeypatch):
     for u, (i, t) in zip(given[-1](omega), passes):
         between = (1.0 - t) * first.unknowns[i] + t * first.unknowns[i + 1]
         assert np.array_equal(u, search.moved(np.append(between, omega), one, search.everything)[:-1])
-    search.no_guess_at = INTERVAL[1]
-    assert given[-1](high) == [] and given[-1](low)
+    for end in (104.0, 337.77, INTERVAL[1]):  # some are others when divided by 2 pi again
+        search.no_guess_at = 2.0 * np.pi * end
+        assert given[-1](2.0 * np.pi * end) == []
+    assert given[-1](low)
+
+
+def test_where_there_is_another_response_its_curve_gets_no_guess(full, monkeypatch):
+    search = Search(full, 60.0, INTERVAL, 0.01)
+    followed = []
+    tracked = search.tracked
+
+    def watched(on, options=None, from_high=False):
+        ends = [len(search.guesses(2.0 * np.pi * f, search.everything)) for f in INTERVAL]
+        followed.append((on == search.everything, from_high, ends))
+        return tracked(on, options, from_high)
+
+    monkeypatch.setattr(search, "tracked", watched)
+    monkeypatch.setattr(search, "another_response", lambda *_: True)
+    search.run()
+    assert followed[0] == (False, False, [0, 0])
+    assert followed[1] == (True, True, [1, 0])
 
 
 def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full):
@@ -505,7 +524,9 @@ def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full)
     def found(*given):
         guesses = (lambda at: [u for u in given if at == omega]) if given else None
         start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), Aids(guesses))
-        return start, [line for line in log if "guess" in line], any("raised" in line for line in log)
+        at = [i for i, line in enumerate(log) if "guess" in line]
+        assert all(log[i - 1].startswith("Newton from the stuck response") for i in at)  # others take longer
+        return start, [log[i] for i in at], any("raised" in line for line in log)
 
     alone, said, raised = found()
     assert not said and raised
