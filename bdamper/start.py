@@ -5,7 +5,7 @@ The chain is, in this order,
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from guesses, if there are any, from
-   there and from the free response,
+   there and from the free response; then the harmonics that a guess lacks are let in at once;
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 6. where paths of that are too long, longer ones; then the highest harmonic is let in from solutions without it
@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.climb import Ladder
+from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, follow
 from bdamper.preload import PreloadState
 from bdamper.system import OK, STATUS_TEXT, CostMeter, HarmonicSystem
@@ -47,6 +47,10 @@ SUPPORTS: tuple[Support, ...] = (
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
 LOOSE_TURN = 1.3
 """Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
+COMPLETING = ((0.2, 0.0), (1.0, 1.0))
+"""Drag and mass by which harmonics that a guess lacks are held, all at once."""
+COMPLETING_POINTS = 50
+"""Of each path."""
 FROM_FEWER = 10_000
 """Points of all paths from solutions without the highest harmonic."""
 WALKS = "leave their seats"
@@ -117,15 +121,17 @@ def first_point(
         ("Newton with line search from the stuck response", system.pack(mean, stuck), True, 60),
         ("Newton with line search from the free response", system.pack(mean, free), True, 60),
     ]
-    if aids.guesses is not None:
-        tries[1:1] = [("Newton with line search from a guess given", u, True, 25) for u in aids.guesses(omega)]
+    guesses = [] if aids.guesses is None else aids.guesses(omega)
+    tries[1:1] = [("Newton with line search from a guess given", u, True, 25) for u in guesses]
     for name, u, search, iterations in tries:
         c = system.correct_at(u, omega, scale, options.tolerance, iterations, search)
         meter.iterations += c.iterations
         log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
         if c.status == OK:
             return c.y, log, c.y
-    found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
+    found = _complete(system, guesses, omega, options, meter, log)
+    if found is None:
+        found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
         if found is None and longer:
@@ -135,6 +141,38 @@ def first_point(
         if found is None and longer and aids.climbing:
             found = _climb(system, state, springs, omega, options, meter, log)
     return found, log, c.y
+
+
+def _complete(
+    system: HarmonicSystem,
+    guesses: Sequence[NDArray],
+    omega: float,
+    options: ContinuationOptions,
+    meter: CostMeter,
+    log: list[str],
+) -> NDArray | None:
+    """All harmonics that guesses lack let in at once."""
+    for u in guesses:
+        there = [l for l in range(1, system.n_harmonics + 1) if any(np.any(u[part]) for part in system.slices(l))]
+        first = max(there, default=0) + 1
+        if first > system.n_harmonics:
+            continue
+        scale = np.full(len(u) + 1, max(float(np.linalg.norm(u[system.n_mean :])), 1e-300))
+        scale[-1] = HELD
+        for drag, mass in COMPLETING:
+            held = system.letting_in(omega, drag, mass, first)
+            c = held.correct_at(u, HELD, scale, options.tolerance, 60, True)
+            meter.iterations += c.iterations
+            if c.status != OK:
+                continue
+            few = replace(options, patience=COMPLETING_POINTS, max_turn=LOOSE_TURN)
+            path = _homotopy(held, c.y, few, meter, COMPLETING_POINTS)
+            if path.status == "complete":
+                log.append(f"harmonics that a guess lacks let in at once: {len(path.points)} steps")
+                return np.append(path.points[-1].y[:-1], omega)
+    if guesses:
+        log.append("harmonics that guesses lack let in at once: no solution")
+    return None
 
 
 def _raise_excitation(

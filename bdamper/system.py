@@ -291,19 +291,19 @@ class HarmonicSystem:
                 support[s[free], c[free]] = -drag * l * omega**2
         return self._supported(omega, support, raising)
 
-    def letting_in(self, omega: float, drag: float, mass: float) -> HarmonicSystem:
-        """The same equations at fixed omega with the highest harmonic held by a support that fades as s goes to 1.
+    def letting_in(self, omega: float, drag: float, mass: float, first: int | None = None) -> HarmonicSystem:
+        """The same equations at fixed omega with the highest harmonic, or all from the first on, held by a fading support.
 
-        ``drag`` and ``mass`` (stiffness for modes above this harmonic, so that none resonates on the way) in units of its
+        ``drag`` and ``mass`` (stiffness for modes above the harmonic, so that none resonates on the way) in units of its
         frequency squared, times ``1/s - 1``.  The last entry of a point ``y`` is then s; at 0 the equations are those
-        without this harmonic (:meth:`with_harmonics`).
+        without these harmonics (:meth:`with_harmonics`), at 1 they are unchanged.
         """
-        l = self.n_harmonics
-        square = (l * omega) ** 2
-        c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
         support = np.zeros((self.n_unknowns, self.n_unknowns))
-        support[c, c] = support[s, s] = mass * np.where(self.bases[l].omega2 < square, -square, square)
-        support[c, s], support[s, c] = drag * square, -drag * square
+        for l in range(first or self.n_harmonics, self.n_harmonics + 1):
+            square = (l * omega) ** 2
+            c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
+            support[c, c] = support[s, s] = mass * np.where(self.bases[l].omega2 < square, -square, square)
+            support[c, s], support[s, c] = drag * square, -drag * square
         return self._supported(omega, support)
 
     def _supported(self, omega: float, support: NDArray, raising: bool = False) -> HarmonicSystem:

@@ -59,6 +59,58 @@ def test_support_is_drag_and_mass_of_the_highest_harmonic():
     np.testing.assert_allclose(by_part, slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
+def test_several_harmonics_are_held_like_each_of_them():
+    system, drag, mass = study(harmonics=3).system(200.0), 0.7, 0.2
+    y = np.append(1e-5 * np.random.default_rng(0).normal(size=system.n_unknowns), 0.25)
+
+    def support(many, first=None):
+        return many.letting_in(OMEGA, drag, mass, first).derivatives(y[-many.n_unknowns - 1 :])[0]
+
+    few = system.with_harmonics(2)
+    m = few.n_unknowns
+    u = y[:m]
+    second = few.letting_in(OMEGA, drag, mass).derivatives(np.append(u, 0.25))[0] - few.evaluate(u, OMEGA)[1]
+    third = support(system) - system.evaluate(y[:-1], OMEGA)[1]
+    both = support(system, 2) - system.evaluate(y[:-1], OMEGA)[1]
+    third[:m, :m] += second
+    np.testing.assert_allclose(both, third, rtol=0, atol=1e-9 * np.abs(third).max())
+    assert np.abs(second).max() > 0.0
+
+
+def test_harmonics_that_a_guess_lacks_are_let_in_at_once(monkeypatch):
+    """Where Newton does not lead from a guess to a solution; one that lacks none is left."""
+    s, preload = study(harmonics=3), 200.0
+    system = s.system(preload)
+    known, _ = study(harmonics=1).find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+    guess = np.zeros(system.n_unknowns)
+    guess[: len(known) - 1] = known[:-1]
+    correct_at, letting_in, held = start.HarmonicSystem.correct_at, start.HarmonicSystem.letting_in, []
+
+    def fails(self, u, omega, scale, *rest):
+        c = correct_at(self, u, omega, scale, *rest)
+        return c if self._parameter else replace(c, status=1)
+
+    def watched(self, omega, drag, mass, first=None):
+        held.append((omega, first))
+        return letting_in(self, omega, drag, mass, first)
+
+    monkeypatch.setattr(start.HarmonicSystem, "correct_at", fails)
+    monkeypatch.setattr(start.HarmonicSystem, "letting_in", watched)
+
+    def found(*guesses):
+        return s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(lambda omega: list(guesses)))
+
+    y, log = found(guess)
+    assert held[0] == (OMEGA, 2) and log[-1].startswith("harmonics that a guess lacks let in at once: ")
+    r, _, _ = system.evaluate(y[:-1], OMEGA)
+    assert np.abs(r * system.row_scale).max() < 1e-9
+    held.clear()
+    _, log = found(np.ones(system.n_unknowns))
+    assert not held and any("let in at once: no solution" in line for line in log)
+    _, log = found()
+    assert not any("at once" in line for line in log)
+
+
 @pytest.fixture(scope="module")
 def tangle():
     """A damper at 20 times the excitation that bounces, within a tangle of folds."""

@@ -524,7 +524,7 @@ def test_a_guess_is_tried_where_linear_responses_do_not_lead_to_a_solution(full)
     def found(*given):
         guesses = (lambda at: [u for u in given if at == omega]) if given else None
         start, log = full.find_start(preload, omega, options, adaptive.CostMeter(0.0), Aids(guesses))
-        at = [i for i, line in enumerate(log) if "guess" in line]
+        at = [i for i, line in enumerate(log) if "guess given" in line]
         assert all(log[i - 1].startswith("Newton from the stuck response") for i in at)  # others take longer
         return start, [log[i] for i in at], any("raised" in line for line in log)
 
