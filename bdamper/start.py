@@ -5,7 +5,7 @@ The chain is, in this order,
 1. the static state under the preload (:mod:`bdamper.preload`),
 2. the stuck linear response on top of it, then plain Newton,
 3. Newton with line search (and least norm where the Jacobian is rank-deficient), from guesses, if there are any, from
-   there and from the free response; then the harmonics that a guess lacks are let in at once;
+   there and from the free response; then, in gaps, the harmonics that a guess lacks are let in at once;
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 6. where paths of that are too long, longer ones; then the highest harmonic is let in from solutions without it
@@ -71,12 +71,16 @@ class Aids:
         Solutions without the highest harmonic at a frequency (rad/s), or guesses of them, (n_unknowns,) each; called only
         if they are needed.
     climbing : bool
-        Whether harmonics may be let in one by one, which takes long: for gaps of a curve.
+        Whether harmonics may be let in one by one, which takes long.
+    completing : bool
+        Whether the harmonics that a guess lacks may be let in at once: for gaps of a curve.  At its ends the ways from
+        nothing are kept, as they may lead to other branches than that of the guess.
     """
 
     guesses: Callable[[float], list[NDArray]] | None = None
     fewer: Callable[[float], list[NDArray]] | None = None
     climbing: bool = False
+    completing: bool = False
 
 
 NO_AIDS = Aids()
@@ -129,7 +133,7 @@ def first_point(
         log.append(f"{name}: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
         if c.status == OK:
             return c.y, log, c.y
-    found = _complete(system, guesses, omega, options, meter, log)
+    found = _complete(system, guesses, omega, options, meter, log) if aids.completing else None
     if found is None:
         found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:

@@ -128,14 +128,17 @@ def _start(
     omega: float,
     guesses: Callable[[float], list[NDArray]] | None = None,
     fewer: _Fewer | None = None,
-    visit: int = LAST_VISIT,
+    visit: int | None = None,
 ) -> NDArray | None:
-    """A solution at one frequency; ways that take minutes only on the visits that are meant for them."""
+    """A solution at one frequency; ways that take minutes only on the visits (None: an end) that are meant for them."""
+    inside = visit is not None
+    visit = LAST_VISIT if visit is None else visit
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
     aids = Aids(
         guesses,
         fewer if visit >= VISIT_FEWER and let_in < LETTINGS_IN else None,
         climbing=visit >= VISIT_CLIMBING and climbed < CLIMBS,
+        completing=inside,
     )
     start, tried = study.find_start(preload, omega, search.options, search.meter, aids)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]

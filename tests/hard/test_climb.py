@@ -97,8 +97,9 @@ def test_harmonics_that_a_guess_lacks_are_let_in_at_once(monkeypatch):
     monkeypatch.setattr(start.HarmonicSystem, "correct_at", fails)
     monkeypatch.setattr(start.HarmonicSystem, "letting_in", watched)
 
-    def found(*guesses):
-        return s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(lambda omega: list(guesses)))
+    def found(*guesses, inside=True):
+        aids = Aids(lambda omega: list(guesses), completing=inside)
+        return s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), aids)
 
     y, log = found(guess)
     assert held[0] == (OMEGA, 2) and log[-1].startswith("harmonics that a guess lacks let in at once: ")
@@ -107,8 +108,8 @@ def test_harmonics_that_a_guess_lacks_are_let_in_at_once(monkeypatch):
     held.clear()
     _, log = found(np.ones(system.n_unknowns))
     assert not held and any("let in at once: no solution" in line for line in log)
-    _, log = found()
-    assert not any("at once" in line for line in log)
+    for _, log in (found(), found(guess, inside=False)):
+        assert not any("at once" in line for line in log)
 
 
 @pytest.fixture(scope="module")
@@ -300,13 +301,13 @@ def test_what_takes_minutes_waits_for_later_visits_of_a_gap():
 
     class Study:
         def find_start(self, preload, omega, options, meter, aids):
-            asked.append((aids.fewer is not None, aids.climbing))
+            asked.append((aids.fewer is not None, aids.climbing, aids.completing))
             return None, []
 
     search = SimpleNamespace(log=[], options=None, meter=None)
-    for visit in range(LAST_VISIT + 1):
+    for visit in (None, *range(LAST_VISIT + 1)):
         tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], visit)
-    assert asked == [(False, False), (True, False), (True, True)]
+    assert asked == [(True, True, False), (False, False, True), (True, False, True), (True, True, True)]
 
 
 def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbed, monkeypatch):
