@@ -26,9 +26,14 @@ ENTRIES = 4
 ARRIVED = ("complete", "turned back")
 PLACES = ((0.5, 0.2, 0.8, 0.05, 0.95), (0.35, 0.65, 0.12), (0.88, 0.27, 0.73))
 """Where in a gap solutions are looked for, visit by visit."""
-LAST_VISIT = len(PLACES) - 1
+EVERY_VISIT = tuple(range(len(PLACES)))
+CLOSE = 0.05
+"""Part of a gap by which a place is nearer to one that was asked in vain on such a visit than to be asked again."""
 WIDE = 0.1
 """Part of the interval above which a gap in which nothing was found is not visited again."""
+
+FindStart = Callable[[float, Sequence[int]], NDArray | None]
+"""The chain of the first point, by frequency (rad/s) and visits."""
 
 
 @dataclass
@@ -55,6 +60,7 @@ class BranchSearch:
     on_point: Callable[[PathPoint], None] | None = None
     pieces: list[Piece] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
+    _vain: list[tuple[float, Sequence[int]]] = field(default_factory=list)
 
     @property
     def finished(self) -> bool:
@@ -172,16 +178,17 @@ class BranchSearch:
 
     # ---- what is left without solutions ----
 
-    def fill(self, find_start: Callable[[float, int], NDArray | None]) -> None:
+    def fill(self, find_start: FindStart) -> None:
         """Looks for solutions in what is left without and follows them both ways.
 
         At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that
         finds the first point of a curve.  A narrow gap in which nothing is found is visited again, at other frequencies,
         after the others; a wide one is left.  All are left once the chain was called ``searches`` times.  The chain is
-        told which visit it is, so that it leaves what takes long to the last ones.
+        told which visits these are (all at once, of a wide gap), as each has ways of its own that take long.
         """
         if self.finished:
             return
+        self._vain.clear()
         visits: Counter[tuple[float, float]] = Counter()
         tries = iter(range(self.options.searches))
         for _ in range(self.options.searches):
@@ -203,7 +210,7 @@ class BranchSearch:
         self,
         gap: tuple[float, float],
         visit: int,
-        find_start: Callable[[float, int], NDArray | None],
+        find_start: FindStart,
         tries: Iterator[int],
     ) -> NDArray | None:
         """A solution in a gap."""
@@ -216,11 +223,17 @@ class BranchSearch:
                 c = self._solve(point.y[:-1], omega, point.scale, 30, True)
                 if c.status == OK:
                     return c.y
-        for omega, _ in zip(frequencies if wide else frequencies[:3], tries):
-            start = find_start(omega, LAST_VISIT if wide else visit)
+        visits = EVERY_VISIT if wide else (visit,)
+        new = (w for w in (frequencies if wide else frequencies[:3]) if not self._was_vain(w, visits, CLOSE * (b - a)))
+        for omega, _ in zip(new, tries):
+            start = find_start(omega, visits)
             if start is not None:
                 return start
+            self._vain.append((omega, visits))
         return None
+
+    def _was_vain(self, omega: float, visits: Sequence[int], close: float) -> bool:
+        return any(abs(omega - w) < close and set(visits) <= set(before) for w, before in self._vain)
 
     # ---- other branches ----
 

@@ -45,6 +45,8 @@ SUPPORTS: tuple[Support, ...] = (
     (0.1, 1.0, True),
 )
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
+STRONG = ((10.0, 0.1, False), (1.0, 0.1, False), (10.0, 1.0, True), (1.0, 1.0, False))
+"""Those by which long paths arrive most."""
 LOOSE_TURN = 1.3
 """Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
 COMPLETING = ((0.2, 0.0), (1.0, 1.0))
@@ -72,6 +74,8 @@ class Aids:
         if they are needed.
     climbing : bool
         Whether harmonics may be let in one by one, which takes long.
+    longer : sequence of Support
+        By which bodies may be let go along longer paths.
     completing : bool
         Whether the harmonics that a guess lacks may be let in at once: for gaps of a curve.  At its ends the ways from
         nothing are kept, as they may lead to other branches than that of the guess.
@@ -80,6 +84,7 @@ class Aids:
     guesses: Callable[[float], list[NDArray]] | None = None
     fewer: Callable[[float], list[NDArray]] | None = None
     climbing: bool = False
+    longer: Sequence[Support] = SUPPORTS
     completing: bool = False
 
 
@@ -138,8 +143,9 @@ def first_point(
         found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
         found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
-        if found is None and longer:
-            found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, longer, RAMP_POINTS)
+        again = [support for support in longer if support in aids.longer]
+        if found is None and again:
+            found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, again, RAMP_POINTS)
         if found is None and longer and aids.fewer is not None:
             found = _let_in(system, aids.fewer(omega), omega, options, meter, log)
         if found is None and longer and aids.climbing:

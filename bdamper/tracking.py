@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.branches import TWO_PI, LeftOut, Piece, ending, in_order
-from bdamper.branchsearch import LAST_VISIT, BranchSearch
+from bdamper.branchsearch import EVERY_VISIT, BranchSearch
 from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
 from bdamper.response import Curve, passing
-from bdamper.start import NOT_CLIMBED, NOT_LET_IN, WALKS, Aids
+from bdamper.start import NOT_CLIMBED, NOT_LET_IN, STRONG, SUPPORTS, WALKS, Aids
 from bdamper.system import Cost, CostMeter
 
 if TYPE_CHECKING:
@@ -31,9 +31,10 @@ CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
 LETTINGS_IN = 12
 """The same of the highest harmonic alone, from solutions without it."""
-VISIT_FEWER, VISIT_CLIMBING = 1, LAST_VISIT
-"""Visits of a narrow gap, from 0, from which on these are tried there: the quick ways come first in all of them.  The ends
-of the interval and wide gaps, which have one visit, get all at once."""
+VISIT_STRONG, VISIT_FEWER, VISIT_REST, VISIT_CLIMBING = EVERY_VISIT[0], EVERY_VISIT[1], EVERY_VISIT[-1], EVERY_VISIT[-1]
+"""Visits of a narrow gap, from 0, on which ways that take long are tried: longer paths of bodies let go from strong
+supports, and from the others; the highest harmonic let in; one harmonic after the other.  The ends of the interval and wide
+gaps, which have one visit, get all at once."""
 
 
 def track_curve(
@@ -73,7 +74,7 @@ def track_curve(
                 if search.finished:
                     break
             fewer = _Fewer(study, preload, frequency, options, search.meter)
-            search.fill(lambda omega, visit: _start(study, preload, search, omega, guesses, fewer, visit))
+            search.fill(lambda omega, visits: _start(study, preload, search, omega, guesses, fewer, visits, inside=True))
             if ratios:
                 for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
@@ -128,16 +129,17 @@ def _start(
     omega: float,
     guesses: Callable[[float], list[NDArray]] | None = None,
     fewer: _Fewer | None = None,
-    visit: int | None = None,
+    visits: Sequence[int] = EVERY_VISIT,
+    *,
+    inside: bool = False,
 ) -> NDArray | None:
-    """A solution at one frequency; ways that take minutes only on the visits (None: an end) that are meant for them."""
-    inside = visit is not None
-    visit = LAST_VISIT if visit is None else visit
+    """A solution at one frequency; ways that take minutes only on the visits that are meant for them."""
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
     aids = Aids(
         guesses,
-        fewer if visit >= VISIT_FEWER and let_in < LETTINGS_IN else None,
-        climbing=visit >= VISIT_CLIMBING and climbed < CLIMBS,
+        fewer if VISIT_FEWER in visits and let_in < LETTINGS_IN else None,
+        climbing=VISIT_CLIMBING in visits and climbed < CLIMBS,
+        longer=[by for by in SUPPORTS if (VISIT_STRONG if by in STRONG else VISIT_REST) in visits],
         completing=inside,
     )
     start, tried = study.find_start(preload, omega, search.options, search.meter, aids)

@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper import _core, continuation, start, tracking
 from bdamper.branches import Piece, ending, in_order, uncovered
-from bdamper.branchsearch import LAST_VISIT, BranchSearch
+from bdamper.branchsearch import EVERY_VISIT, BranchSearch
 from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
 from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
@@ -243,7 +243,7 @@ def test_a_gap_between_known_solutions_is_filled():
     ]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
     search = BranchSearch(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
-    search.fill(lambda omega, visit: None)
+    search.fill(lambda omega, visits: None)
     assert len(search.log) == 1
     assert not uncovered(pieces, 1.0, 3.5)
 
@@ -390,9 +390,9 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from
         assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
 
 
-@pytest.mark.parametrize(("high", "visits"), [(2.05, [0, 0, 0, 1, 1, 1, 2, 2, 2]), (2.5, [LAST_VISIT] * 5)])
+@pytest.mark.parametrize(("high", "visits"), [(2.05, [(v // 3,) for v in range(9)]), (2.5, [EVERY_VISIT] * 5)])
 def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
-    """What takes long is left to the last visit; a wide gap has only one."""
+    """Each visit has ways of its own; a wide gap has only one visit, with all of them."""
     class Unsolvable(Ellipse):
         def correct_at(self, u, omega, *args):
             return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), 1, np.inf, 0.0, 0)
@@ -405,11 +405,11 @@ def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
     search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
     seen = []
 
-    def ask(omega, visit):
-        seen.append((omega, visit))
+    def ask(omega, visits):
+        seen.append((omega, visits))
 
     search.fill(ask)
-    assert [visit for _, visit in seen] == visits
+    assert [of for _, of in seen] == visits
     assert len(set(seen)) == len(seen)
     assert all(2.0 < omega < high for omega, _ in seen)
     few = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(searches=2), CostMeter(0.0), pieces=pieces)
