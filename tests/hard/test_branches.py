@@ -390,17 +390,19 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from
         assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
 
 
+class Unsolvable(Ellipse):
+    def correct_at(self, u, omega, *args):
+        return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), 1, np.inf, 0.0, 0)
+
+
+def span(low, high, branch):
+    points = tuple(PathPoint(np.array([1.0, w]), np.ones(2), np.ones(2), np.zeros(3), 0.0, 1, 0) for w in (low, high))
+    return Piece(Path(points, "tangle", "cut off", 0, 0), True, branch)
+
+
 @pytest.mark.parametrize(("high", "visits"), [(2.05, [(v // 3,) for v in range(9)]), (2.5, [EVERY_VISIT] * 5)])
 def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
     """Each visit has ways of its own; a wide gap has only one visit, with all of them."""
-    class Unsolvable(Ellipse):
-        def correct_at(self, u, omega, *args):
-            return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), 1, np.inf, 0.0, 0)
-
-    def span(low, high, branch):
-        points = tuple(PathPoint(np.array([1.0, w]), np.ones(2), np.ones(2), np.zeros(3), 0.0, 1, 0) for w in (low, high))
-        return Piece(Path(points, "tangle", "cut off", 0, 0), True, branch)
-
     pieces = [span(1.0, 2.0, 0), span(high, 3.5, 1)]
     search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
     seen = []
@@ -415,6 +417,45 @@ def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
     few = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(searches=2), CostMeter(0.0), pieces=pieces)
     few.fill(ask)
     assert len(seen) == len(visits) + 2
+
+
+def test_no_place_is_asked_twice_on_the_same_visit(monkeypatch):
+    """A solution at the third place narrows the gap a little: its places are those asked before, but that one."""
+    search = BranchSearch(
+        Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=[span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
+    )
+    monkeypatch.setattr(search, "both_ways", lambda y: search.pieces.append(span(2.096, 2.1, 2)))
+    seen = []
+
+    def ask(omega, visits):
+        seen.append((omega, visits))
+        return np.array([1.0, omega]) if len(seen) == 3 else None
+
+    search.fill(ask)
+    first = [2.05, 2.02, 2.08]
+    second = [2.0 + 0.096 * part for part in (0.8, 0.35, 0.65, 0.12, 0.88, 0.27, 0.73)]
+    np.testing.assert_allclose([omega for omega, _ in seen], first + second, atol=1e-12)
+    assert [visits for _, visits in seen] == [(0,)] * 4 + [(1,)] * 3 + [(2,)] * 3
+
+
+def test_long_paths_only_by_the_supports_asked_for(monkeypatch):
+    s, preload, _ = random_study(3)
+    asked = []
+
+    def cut_off(system, y, options, meter, points=start.RAMP_POINTS):
+        if system.lets_go:
+            asked.append(points)
+        return Path((), "too many points", "cut off", 0, 0)
+
+    monkeypatch.setattr(start, "_homotopy", cut_off)
+    monkeypatch.setattr(start.HarmonicSystem, "correct_at", _unless_held(start.HarmonicSystem.correct_at))
+    for longer in (start.STRONG[:2], ()):
+        asked.clear()
+        aids = start.Aids(longer=longer)
+        found, _ = s.find_start(preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0), aids)
+        assert found is None
+        assert asked.count(start.RAMP_POINTS) == len(longer)
+        assert asked.count(start.FEW_POINTS) >= 5
 
 
 def test_every_way_of_letting_go_gets_few_points_before_any_gets_all(monkeypatch):

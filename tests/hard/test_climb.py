@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core, climb, start, tracking
-from bdamper.branchsearch import LAST_VISIT
+from bdamper.branchsearch import EVERY_VISIT
 from bdamper.climb import HELD, Ladder
 from bdamper.continuation import ContinuationOptions, Path, PathPoint
 from bdamper.response import crossings
@@ -296,18 +296,23 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
     assert asked == [True] * tracking.CLIMBS + [False] * 2
 
 
-def test_what_takes_minutes_waits_for_later_visits_of_a_gap():
+def test_each_visit_of_a_gap_has_long_ways_of_its_own():
+    """Those of a wide gap and of an end are all of them."""
     asked = []
 
     class Study:
         def find_start(self, preload, omega, options, meter, aids):
-            asked.append((aids.fewer is not None, aids.climbing, aids.completing))
+            assert aids.completing == inside
+            asked.append((list(aids.longer), aids.fewer is not None, aids.climbing))
             return None, []
 
     search = SimpleNamespace(log=[], options=None, meter=None)
-    for visit in (None, *range(LAST_VISIT + 1)):
-        tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], visit)
-    assert asked == [(True, True, False), (False, False, True), (True, False, True), (True, True, True)]
+    for visits, inside in ((EVERY_VISIT, False), (EVERY_VISIT, True), *(((visit,), True) for visit in EVERY_VISIT)):
+        tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], visits, inside=inside)
+    rest = [by for by in start.SUPPORTS if by not in start.STRONG]
+    assert 0 < len(rest) < len(start.SUPPORTS)
+    everything = (list(start.SUPPORTS), True, True)
+    assert asked == [everything] * 2 + [(list(start.STRONG), False, False), ([], True, False), (rest, False, True)]
 
 
 def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbed, monkeypatch):
