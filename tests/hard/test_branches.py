@@ -419,6 +419,16 @@ def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
     assert len(seen) == len(visits) + 2
 
 
+def test_another_visit_asks_a_place_again(monkeypatch):
+    monkeypatch.setattr("bdamper.branchsearch.PLACES", 3 * ((0.5, 0.2, 0.8),))
+    pieces = [span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
+    seen = []
+    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search.fill(lambda omega, visits: seen.append((omega, visits)))
+    np.testing.assert_allclose([omega for omega, _ in seen], 3 * [2.05, 2.02, 2.08])
+    assert [visits for _, visits in seen] == [(v // 3,) for v in range(9)]
+
+
 def test_no_place_is_asked_twice_on_the_same_visit(monkeypatch):
     """A solution at the third place narrows the gap a little: its places are those asked before, but that one."""
     search = BranchSearch(
