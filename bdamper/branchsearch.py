@@ -26,14 +26,17 @@ ENTRIES = 4
 ARRIVED = ("complete", "turned back")
 PLACES = ((0.5, 0.2, 0.8, 0.05, 0.95), (0.35, 0.65, 0.12), (0.88, 0.27, 0.73))
 """Where in a gap solutions are looked for, visit by visit."""
-EVERY_VISIT = tuple(range(len(PLACES)))
+ASKED = 3
+"""Of the places of a visit, those at which the chain of the first point is asked; Newton's method is tried at all."""
+EVERY_VISIT = frozenset(range(len(PLACES)))
 CLOSE = 0.05
-"""Part of a gap by which a place is nearer to one that was asked in vain on such a visit than to be asked again."""
+"""A place nearer than this part of the gap to one that was asked in vain on the same visit is not asked again."""
 WIDE = 0.1
 """Part of the interval above which a gap in which nothing was found is not visited again."""
 
-FindStart = Callable[[float, Sequence[int]], NDArray | None]
-"""The chain of the first point, by frequency (rad/s) and visits."""
+Visits = frozenset[int]
+FindStart = Callable[[float, Visits], NDArray | None]
+"""The chain of the first point, by frequency (rad/s) and the visits that a call stands for."""
 
 
 @dataclass
@@ -60,7 +63,6 @@ class BranchSearch:
     on_point: Callable[[PathPoint], None] | None = None
     pieces: list[Piece] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
-    _vain: list[tuple[float, Sequence[int]]] = field(default_factory=list)
 
     @property
     def finished(self) -> bool:
@@ -183,12 +185,13 @@ class BranchSearch:
 
         At a few frequencies in the widest gap: Newton with line search from solutions on both sides, then the chain that
         finds the first point of a curve.  A narrow gap in which nothing is found is visited again, at other frequencies,
-        after the others; a wide one is left.  All are left once the chain was called ``searches`` times.  The chain is
-        told which visits these are (all at once, of a wide gap), as each has ways of its own that take long.
+        after the others; a wide one is left.  All are left once the chain was called ``searches`` times, or after as many
+        visits.  The chain is told which visits a call stands for (all at once, in a wide gap), as each has ways of its own
+        that take long; what they were asked in vain they are not asked again.
         """
         if self.finished:
             return
-        self._vain.clear()
+        vain: list[tuple[float, Visits]] = []
         visits: Counter[tuple[float, float]] = Counter()
         tries = iter(range(self.options.searches))
         for _ in range(self.options.searches):
@@ -196,7 +199,7 @@ class BranchSearch:
             if not gaps:
                 return
             gap = min(gaps, key=lambda g: (visits[g], g[0] - g[1]))
-            found = self._within(gap, visits[gap], find_start, tries)
+            found = self._within(gap, visits[gap], find_start, tries, vain)
             if found is None:
                 visits[gap] += 1
                 continue
@@ -212,8 +215,9 @@ class BranchSearch:
         visit: int,
         find_start: FindStart,
         tries: Iterator[int],
+        vain: list[tuple[float, Visits]],
     ) -> NDArray | None:
-        """A solution in a gap."""
+        """A solution in a gap; where the chain does not find one is added to what was vain."""
         a, b = gap
         points = [p for piece in self.pieces for p in piece.path.points]
         frequencies = [a + part * (b - a) for part in PLACES[visit]]
@@ -223,17 +227,17 @@ class BranchSearch:
                 c = self._solve(point.y[:-1], omega, point.scale, 30, True)
                 if c.status == OK:
                     return c.y
-        visits = EVERY_VISIT if wide else (visit,)
-        new = (w for w in (frequencies if wide else frequencies[:3]) if not self._was_vain(w, visits, CLOSE * (b - a)))
-        for omega, _ in zip(new, tries):
+        visits = EVERY_VISIT if wide else frozenset((visit,))
+
+        def new(omega: float) -> bool:
+            return not any(abs(omega - w) < CLOSE * (b - a) and visits <= before for w, before in vain)
+
+        for omega, _ in zip(filter(new, frequencies if wide else frequencies[:ASKED]), tries):
             start = find_start(omega, visits)
             if start is not None:
                 return start
-            self._vain.append((omega, visits))
+            vain.append((omega, visits))
         return None
-
-    def _was_vain(self, omega: float, visits: Sequence[int], close: float) -> bool:
-        return any(abs(omega - w) < close and set(visits) <= set(before) for w, before in self._vain)
 
     # ---- other branches ----
 

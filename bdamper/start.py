@@ -9,7 +9,7 @@ The chain is, in this order,
 4. homotopy: continuation in the level of the excitation from the static state on, around folds,
 5. another homotopy: free bodies are held by springs and dampers, which fade (all bodies, if none is free);
 6. where paths of that are too long, longer ones; then the highest harmonic is let in from solutions without it
-   (:mod:`bdamper.climb`), if there are any; then one harmonic after the other;
+   (:mod:`bdamper.climb`), if there are any; then one harmonic after the other; each as far as :class:`Aids` allow it;
 
 what was tried is kept in the result.
 """
@@ -45,7 +45,7 @@ SUPPORTS: tuple[Support, ...] = (
     (0.1, 1.0, True),
 )
 """By which free bodies are held: drag, spring, and whether the excitation is raised meanwhile."""
-STRONG = ((10.0, 0.1, False), (1.0, 0.1, False), (10.0, 1.0, True), (1.0, 1.0, False))
+PROMISING = ((10.0, 0.1, False), (1.0, 0.1, False), (10.0, 1.0, True), (1.0, 1.0, False))
 """Those by which long paths arrive most."""
 LOOSE_TURN = 1.3
 """Largest angle (rad) between tangents while bodies are let go: any solution at the end will do, whatever its branch."""
@@ -142,13 +142,13 @@ def first_point(
     if found is None:
         found = _raise_excitation(system, mean, stuck, omega, options, meter, log)
     if found is None:
-        found, longer = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
-        again = [support for support in longer if support in aids.longer]
+        found, cut_off = _let_go(system, mean, (free, stuck), omega, options, meter, log, SUPPORTS, FEW_POINTS)
+        again = [support for support in cut_off if support in aids.longer]
         if found is None and again:
             found, _ = _let_go(system, mean, (free, stuck), omega, options, meter, log, again, RAMP_POINTS)
-        if found is None and longer and aids.fewer is not None:
+        if found is None and cut_off and aids.fewer is not None:
             found = _let_in(system, aids.fewer(omega), omega, options, meter, log)
-        if found is None and longer and aids.climbing:
+        if found is None and cut_off and aids.climbing:
             found = _climb(system, state, springs, omega, options, meter, log)
     return found, log, c.y
 
@@ -246,7 +246,7 @@ def _let_go(
         walked += path.status == "walked off"
         if path.status == "too many points":
             longer.append((drag, spring, raising))
-    tried = f"bodies held and let go: no solution in {points} steps"
+    tried = f"bodies held and let go by {len(supports)} supports: no solution in {points} steps"
     log.append(tried + (f", {WALKS} ({walked} supports)" if walked else ""))
     return None, longer
 

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.branches import TWO_PI, LeftOut, Piece, ending, in_order
-from bdamper.branchsearch import EVERY_VISIT, BranchSearch
+from bdamper.branchsearch import EVERY_VISIT, BranchSearch, Visits
 from bdamper.continuation import ContinuationOptions, Path
 from bdamper.linear import linear_resonances
 from bdamper.meanposition import notes
 from bdamper.progress import progress_bar
 from bdamper.response import Curve, passing
-from bdamper.start import NOT_CLIMBED, NOT_LET_IN, STRONG, SUPPORTS, WALKS, Aids
+from bdamper.start import NOT_CLIMBED, NOT_LET_IN, PROMISING, SUPPORTS, WALKS, Aids
 from bdamper.system import Cost, CostMeter
 
 if TYPE_CHECKING:
@@ -31,10 +31,10 @@ CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
 LETTINGS_IN = 12
 """The same of the highest harmonic alone, from solutions without it."""
-VISIT_STRONG, VISIT_FEWER, VISIT_REST, VISIT_CLIMBING = EVERY_VISIT[0], EVERY_VISIT[1], EVERY_VISIT[-1], EVERY_VISIT[-1]
-"""Visits of a narrow gap, from 0, on which ways that take long are tried: longer paths of bodies let go from strong
-supports, and from the others; the highest harmonic let in; one harmonic after the other.  The ends of the interval and wide
-gaps, which have one visit, get all at once."""
+VISIT_PROMISING, VISIT_FEWER, VISIT_REST, VISIT_CLIMBING = 0, 1, 2, 2
+"""Visits of a narrow gap, from 0, on which ways that take long are tried: longer paths of bodies let go from the supports
+that promise most; the highest harmonic let in (where it is not, the next way already); longer paths from the others, and
+one harmonic let in after the other.  The ends of the interval and wide gaps, which have one visit, get all at once."""
 
 
 def track_curve(
@@ -73,8 +73,8 @@ def track_curve(
                 search.beyond_ends()
                 if search.finished:
                     break
-            fewer = _Fewer(study, preload, frequency, options, search.meter)
-            search.fill(lambda omega, visits: _start(study, preload, search, omega, guesses, fewer, visits, inside=True))
+            fewer = _Fewer(study, preload, frequency, options, search.meter) if len(study.harmonic_numbers) > 1 else None
+            search.fill(lambda omega, visits: _start(study, preload, search, omega, guesses, fewer, visits))
             if ratios:
                 for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
@@ -98,6 +98,7 @@ class _Fewer:
     """Solutions of a study without its highest harmonic, from a tracking curve that is followed when they are asked for.
 
     Where a curve runs into a tangle, that with one harmonic fewer often passes; it may have a tangle of its own elsewhere.
+    The study has more than one harmonic.
     """
 
     def __init__(
@@ -110,8 +111,6 @@ class _Fewer:
     def __call__(self, omega: float) -> list[NDArray]:
         if self._curve is None:
             study, preload, frequency, options = self._asked
-            if len(study.harmonic_numbers) == 1:
-                return []
             self._curve = track_curve(
                 study.without_highest_harmonic(), preload, frequency, from_high=False, options=options, progress=False,
                 ratios=(),
@@ -129,18 +128,18 @@ def _start(
     omega: float,
     guesses: Callable[[float], list[NDArray]] | None = None,
     fewer: _Fewer | None = None,
-    visits: Sequence[int] = EVERY_VISIT,
-    *,
-    inside: bool = False,
+    visits: Visits = EVERY_VISIT,
 ) -> NDArray | None:
     """A solution at one frequency; ways that take minutes only on the visits that are meant for them."""
     climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
+    letting_in = fewer is not None and let_in < LETTINGS_IN
+    visit_rest = VISIT_REST if letting_in else VISIT_FEWER
     aids = Aids(
         guesses,
-        fewer if VISIT_FEWER in visits and let_in < LETTINGS_IN else None,
+        fewer if VISIT_FEWER in visits and letting_in else None,
         climbing=VISIT_CLIMBING in visits and climbed < CLIMBS,
-        longer=[by for by in SUPPORTS if (VISIT_STRONG if by in STRONG else VISIT_REST) in visits],
-        completing=inside,
+        longer=[by for by in SUPPORTS if (VISIT_PROMISING if by in PROMISING else visit_rest) in visits],
+        completing=search.limits[0] < omega < search.limits[1],
     )
     start, tried = study.find_start(preload, omega, search.options, search.meter, aids)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]

@@ -283,6 +283,7 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
     class Search:
         def __init__(self):
             self.log, self.options, self.meter = [], ContinuationOptions(), CostMeter(0.0)
+            self.limits = (0.5, 2.0)
 
     class Study:
         def find_start(self, preload, omega, options, meter, aids):
@@ -296,23 +297,58 @@ def test_given_up_for_a_curve_after_some_vain_climbs(monkeypatch):
     assert asked == [True] * tracking.CLIMBS + [False] * 2
 
 
-def test_each_visit_of_a_gap_has_long_ways_of_its_own():
-    """Those of a wide gap and of an end are all of them."""
+def test_a_curve_with_one_harmonic_has_none_to_let_in(monkeypatch):
+    asked = []
+
+    def fails(study, preload, search, omega, guesses=None, fewer=None, visits=None):
+        search.log.append("nothing found")
+        if visits is not None:  # within a gap
+            asked.append(fewer is not None)
+
+    monkeypatch.setattr(tracking, "_start", fails)
+    for harmonics in (1, 2):
+        curve = study(harmonics=harmonics).track(200.0, (300.0, 301.0), options=ContinuationOptions(searches=1))
+        assert curve.status == "no start"
+    assert asked == [False, True]
+
+
+@pytest.mark.parametrize("to_let_in", [True, False])
+def test_each_visit_of_a_gap_has_long_ways_of_its_own(to_let_in):
+    """Those of a wide gap and of an end are all of them; where no harmonic is left to be let in, the others come sooner."""
     asked = []
 
     class Study:
         def find_start(self, preload, omega, options, meter, aids):
-            assert aids.completing == inside
+            assert aids.completing == (omega == 1.0)
             asked.append((list(aids.longer), aids.fewer is not None, aids.climbing))
             return None, []
 
-    search = SimpleNamespace(log=[], options=None, meter=None)
-    for visits, inside in ((EVERY_VISIT, False), (EVERY_VISIT, True), *(((visit,), True) for visit in EVERY_VISIT)):
-        tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], visits, inside=inside)
-    rest = [by for by in start.SUPPORTS if by not in start.STRONG]
+    search = SimpleNamespace(log=[], options=None, meter=None, limits=(0.5, 2.0))
+    fewer = (lambda omega: []) if to_let_in else None
+    tracking._start(Study(), 1.0, search, 0.5, None, fewer)
+    tracking._start(Study(), 1.0, search, 2.0, None, fewer)
+    for visits in (EVERY_VISIT, *(frozenset((visit,)) for visit in sorted(EVERY_VISIT))):
+        tracking._start(Study(), 1.0, search, 1.0, None, fewer, visits)
+    rest = [by for by in start.SUPPORTS if by not in start.PROMISING]
     assert 0 < len(rest) < len(start.SUPPORTS)
-    everything = (list(start.SUPPORTS), True, True)
-    assert asked == [everything] * 2 + [(list(start.STRONG), False, False), ([], True, False), (rest, False, True)]
+    first, everything = (list(start.PROMISING), False, False), (list(start.SUPPORTS), to_let_in, True)
+    later = [([], True, False), (rest, False, True)] if to_let_in else [(rest, False, False), ([], False, True)]
+    assert asked == [everything] * 3 + [first, *later]
+
+
+def test_letting_the_highest_harmonic_in_is_given_up_for_a_curve_after_some_vain_attempts():
+    asked = []
+
+    class Study:
+        def find_start(self, preload, omega, options, meter, aids):
+            asked.append((aids.fewer is not None, len(aids.longer)))
+            return None, [f"{start.NOT_LET_IN} (10 paths)"]
+
+    search = SimpleNamespace(log=[], options=None, meter=None, limits=(0.5, 2.0))
+    for _ in range(tracking.LETTINGS_IN + 2):
+        tracking._start(Study(), 1.0, search, 1.0, None, lambda omega: [], frozenset((tracking.VISIT_FEWER,)))
+    rest = len(start.SUPPORTS) - len(start.PROMISING)
+    assert asked == [(True, 0)] * tracking.LETTINGS_IN + [(False, rest)] * 2
 
 
 def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbed, monkeypatch):
@@ -392,4 +428,3 @@ def test_the_curve_with_one_harmonic_fewer_is_followed_once_and_counts(monkeypat
     status = "interrupted"
     with pytest.raises(KeyboardInterrupt):
         tracking._Fewer(s, 50.0, (1.0, 2.0), ContinuationOptions(), meter)(7.0)
-    assert tracking._Fewer(study(harmonics=1), 50.0, (1.0, 2.0), ContinuationOptions(), meter)(7.0) == []
