@@ -16,8 +16,9 @@ The settings of the study are the answer that counts; what they would cost is sp
 4. so are the other maxima that the full study could raise above the peak found.  Points of the first curve near its top are
    asked as well: where the full response should be higher it is solved for and followed up to its maximum; where the
    estimate cannot be relied on, the curve through the peak found is followed to both sides, unless reliable ones all have
-   the full response below it.  Between those points a harmonic that is off may resonate in a narrow interval: near linear
-   modes the full response is solved for as well, where estimates do not exclude it;
+   the full response below it; to sides where it may be nearly as high the curve is followed for a little at least, as one
+   maximum with few harmonics may be several with more.  Between those points a harmonic that is off may resonate in a
+   narrow interval: near linear modes the full response is solved for as well, where estimates do not exclude it;
 5. at the far end of the interval a solution is looked for from nothing.
 
 If a peak cannot be carried over (what it leads to being so far away that it is another one counts as well), or if the first
@@ -41,7 +42,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.brief import brief
-from bdamper.carryover import AROUND, LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
+from bdamper.carryover import AROUND, BOTH_WAYS, LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
 from bdamper.continuation import ContinuationOptions, PathPoint
 from bdamper.effects import Effects
 from bdamper.errors import SettingError
@@ -85,6 +86,8 @@ SHORT = replace(ROUGH, max_points=300)
 """How a curve with three harmonics is followed: a path that is longer spares little against all harmonics."""
 MOST_UNSOLVED = 2
 """Points beside a resonance without a full response after which no others are asked."""
+CLOSE_BY = 0.9
+"""Share of the amplitude of the best peak down to which the curve through it is followed at least."""
 MOST_AROUND = 100
 """Points of the curve through a peak to each side."""
 FOLLOWED = (AROUND, None)
@@ -312,7 +315,7 @@ class Search:
         self.meter = CostMeter(time.perf_counter())
         self.log: list[str] = []
         self.best: _Found | None = None
-        self.walked: Peak | None = None
+        self.walked: tuple[Peak, float] | None = None
         self.stuck = True
         self.coexisting: list[Coexisting] = []
         self.first: tuple[Curve, On] | None = None  # curve, if it is complete: those with more on go by it
@@ -439,7 +442,7 @@ class Search:
         self.log.append(str(self.coexisting[-1]))
         return True
 
-    def higher_nearby(self, peak: Peak, on: On, share: float = STAYS_UP) -> Peak:
+    def higher_nearby(self, peak: Peak, on: On, share: float = STAYS_UP, ways: Sequence[bool] = BOTH_WAYS) -> Peak:
         """:func:`higher_nearby`, with a note of what the curve through the peak meets."""
 
         def note(points: list[PathPoint]) -> None:
@@ -447,7 +450,7 @@ class Search:
             frequency = np.array([p.y[-1] for p in points]) / (2.0 * np.pi)
             self.notice_path(frequency, [p.kind for p in points], f"on the curve through the peak with {on}")
 
-        return higher_nearby(self.variant(on)[1], peak, share, MOST_AROUND, note)
+        return higher_nearby(self.variant(on)[1], peak, share, MOST_AROUND, note, ways)
 
     def estimate(self, y: NDArray, on: On) -> Estimate:
         """What the full study would change in a point."""
@@ -499,7 +502,9 @@ class Search:
             surprise = found is not None and not found.amplitude / peak.amplitude - 1.0 >= estimate.amplitude - SURPRISE
             if found is not None and surprise and found.amplitude < expected:
                 short = found.amplitude / peak.amplitude / (1.0 + estimate.amplitude) if estimate.size < RELIED_ON else 1.0
-                self.walked = found = self.higher_nearby(found, wanted, max(short * STAYS_UP, NEAR))
+                share = max(short * STAYS_UP, NEAR)
+                found = self.higher_nearby(found, wanted, share)
+                self.walked = found, share
             if found is None or another(found, peak):
                 lost = Place(peak.y, peak.frequency, peak.amplitude, estimate)
                 raise LostPeakError(f"{peak.frequency:.5g} Hz: the peak is not found with {wanted}", lost)
@@ -562,6 +567,15 @@ class Search:
         sure = surely(places)
         if unknown and (not sure or sure > (1.0 - self.tolerance) * self.best.peak.amplitude):
             self.walk()
+        else:
+            self.walk(CLOSE_BY, self._ways_near_top(places))
+
+    def _ways_near_top(self, places: Sequence[Place]) -> list[bool]:
+        """To which sides of the best peak (True: up) the full response may be nearly as high, at another frequency."""
+        assert self.best is not None
+        top = self.best.peak
+        off = {p.frequency / top.frequency - 1.0 for p in places if p.most > CLOSE_BY * top.amplitude}
+        return [up for up in BOTH_WAYS if any((d if up else -d) > 0.5 * self.tolerance for d in off)]
 
     def _lose(self, lost: LostError) -> None:
         """Raises what was lost, unless it is below the best peak, as it is and at least in the full study."""
@@ -609,14 +623,15 @@ class Search:
                     self._take(_Found(peak, self.everything, None), where)
         return self.best is not before
 
-    def walk(self) -> None:
+    def walk(self, share: float = STAYS_UP, ways: Sequence[bool] = BOTH_WAYS) -> None:
         """Follows the curve through the best peak, unless that has been done, and takes what is higher."""
         assert self.best is not None
         peak, on = self.best.peak, self.best.on
-        if self.walked is not None and same_peak(peak, self.walked, 1e-4):
+        if self.walked is not None and self.walked[1] <= share and same_peak(peak, self.walked[0], 1e-4):
             return
-        higher = self.higher_nearby(peak, on)
-        self.walked = higher
+        higher = self.higher_nearby(peak, on, share, ways)
+        if len(ways) == len(BOTH_WAYS):
+            self.walked = higher, share
         if higher is not peak:
             self._take(self.lift(higher, on), "the full response is higher nearby")
 

@@ -7,7 +7,7 @@ folds.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -25,6 +25,9 @@ LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, locate=False)
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, corner_step=0.1)
 """How a curve is followed to both sides of a peak, or where only its maxima matter."""
+BOTH_WAYS = (True, False)
+ITSELF = 1e-4
+"""Relative differences in frequency and amplitude up to which a maximum of the curve through a peak is that peak."""
 
 
 class _Downhill(Exception):
@@ -75,6 +78,7 @@ def higher_nearby(
     share: float = STAYS_UP,
     most: int = 200,
     on_path: Callable[[list[PathPoint]], None] | None = None,
+    ways: Sequence[bool] = BOTH_WAYS,
 ) -> Peak:
     """The highest maximum of the curve through a peak, over folds, as far as it stays above a share of the highest.
 
@@ -87,13 +91,17 @@ def higher_nearby(
         Points to each side.
     on_path : callable
         Called with the points to each side.
+    ways : sequence of bool
+        Which to follow: True is up in frequency, as the curve sets off.
     """
     best = peak
-    for up in (True, False):
+    for up in ways:
         points, heights = _downhill(system, peak, up, share * best.amplitude, most)
         if on_path is not None:
             on_path(points)
         for i in range(1, len(heights) - 1):
+            if max(abs(points[i].y[-1] / peak.y[-1] - 1.0), abs(heights[i] / peak.amplitude - 1.0)) < ITSELF:
+                continue
             if heights[i - 1] < heights[i] >= heights[i + 1] and heights[i] > 0.98 * best.amplitude:
                 found = find_peak(system, points[i].y, options=LOOSE, walk=False)
                 if not found.converged and points[i].kind == "maximum":

@@ -11,7 +11,7 @@ from bdamper import adaptive
 from bdamper.adaptive import LostError, LostPeakError, On, Search, adaptive_peak, surely
 from bdamper.advice import fullest, judged
 from bdamper.branches import LeftOut
-from bdamper.carryover import STAYS_UP
+from bdamper.carryover import BOTH_WAYS, STAYS_UP, higher_nearby
 from bdamper.indicator import Estimate, embed, estimate_change, highest_peaks
 from bdamper.peaks import coarse_options, find_peak
 from bdamper.response import crossings
@@ -588,7 +588,7 @@ def test_a_point_that_falls_short_of_its_estimate_triggers_a_walk(full, monkeypa
         walks, solved = [], []
         near = adaptive.solutions_near
         monkeypatch.setattr(search, "lift", lambda peak, on, expected: top)
-        monkeypatch.setattr(search, "walk", lambda: walks.append(1))
+        monkeypatch.setattr(search, "walk", lambda *close_by: close_by or walks.append(1))
         monkeypatch.setattr(search, "_take_superharmonics", lambda *_: False)
         true = search.estimate
         monkeypatch.setattr(search, "estimate", lambda y, on: replace(true(y, on), amplitude=expected, defect=0.0))
@@ -605,6 +605,41 @@ def test_a_point_that_falls_short_of_its_estimate_triggers_a_walk(full, monkeypa
     assert walked(-0.2) == (0, 0)
     walks, solved = walked(0.2)
     assert walks == 1 and solved > 0
+
+
+def test_the_curve_through_the_peak_is_followed_to_sides_where_the_response_may_be_nearly_as_high(full, monkeypatch):
+    search = Search(full, 60.0, INTERVAL, 0.01)
+    _, (peak, *_) = search.tracked(On((1,), 1), coarse_options())
+    search.best = adaptive._Found(peak, search.everything, None)
+
+    def ways(*places):
+        there = [SimpleNamespace(frequency=f * peak.frequency, most=a * peak.amplitude) for f, a in places]
+        return search._ways_near_top(there)
+
+    assert ways() == ways((1.0, 1.0), (1.004, 0.99), (0.996, 2.0)) == []  # the peak itself
+    assert ways((1.006, 0.91), (0.99, 0.89)) == [True]
+    assert ways((1.006, 0.89), (0.99, np.inf)) == [False]
+    assert ways((1.02, 0.95), (0.98, 0.95)) == [True, False]
+    followed = []
+    monkeypatch.setattr(search, "higher_nearby", lambda peak, on, *how: followed.append(how) or peak)
+    search.walk(adaptive.CLOSE_BY, [True])
+    search.walk(adaptive.CLOSE_BY, BOTH_WAYS)
+    search.walk(adaptive.CLOSE_BY, BOTH_WAYS)  # has been done
+    search.walk()  # not as far down
+    search.walk(adaptive.CLOSE_BY, BOTH_WAYS)
+    assert followed == [(adaptive.CLOSE_BY, [True]), (adaptive.CLOSE_BY, BOTH_WAYS), (STAYS_UP, BOTH_WAYS)]
+
+
+def test_the_curve_through_a_peak_leads_back_to_the_peak_itself(full):
+    """To each side by itself, and no search uphill is spent on it."""
+    search = Search(full, 60.0, INTERVAL, 0.01)
+    _, (peak, *_) = search.tracked(search.everything, coarse_options())
+    for ways in ((True,), (False,), BOTH_WAYS):
+        paths = []
+        assert higher_nearby(search.variant(search.everything)[1], peak, 0.9, 50, paths.append, ways) is peak
+        assert len(paths) == len(ways)
+        for up, points in zip(ways, paths):
+            assert len(points) > 1 and (points[-1].y[-1] > peak.y[-1]) == up
 
 
 def test_another_response_at_the_end_of_the_interval_is_seen(full):
