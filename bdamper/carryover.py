@@ -26,6 +26,7 @@ ROUGH = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6
 AROUND = replace(ROUGH, locate=True, locate_folds=False, locate_tolerance=0.05, corner_step=0.1)
 """How a curve is followed to both sides of a peak, or where only its maxima matter."""
 BOTH_WAYS = (True, False)
+"""Up and down in frequency, as a curve sets off."""
 ITSELF = 1e-4
 """Relative differences in frequency and amplitude up to which a maximum of the curve through a peak is that peak."""
 

@@ -50,8 +50,8 @@ class ContinuationOptions:
         Points without getting any further in frequency, to either side of where it set off, after which a path is left as a
         tangle of folds.
     searches : int
-        Frequencies in gaps of a curve at which solutions are looked for; three more per gap are needed before the ways that
-        take minutes have their turn, and another three before all had it.
+        Frequencies in gaps of a curve at which solutions are looked for.  A narrow gap takes up to three on each of three
+        visits, and harmonics are let in on the second and third; all gaps have their first before any has its second.
     max_iterations : int
         Newton iterations in a step.
     locate : bool

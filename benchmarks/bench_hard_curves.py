@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--rotation", nargs="+", choices=ROTATION, default=list(ROTATION))
     parser.add_argument("--preload", type=float, nargs="+", default=list(PRELOADS))
     parser.add_argument("--jobs", type=int, default=1)
-    parser.add_argument("--figures", type=Path)
+    parser.add_argument("--figures", type=Path, help="folder for a figure of each curve")
     asked = parser.parse_args(arguments or [])
     if asked.figures is not None:
         asked.figures.mkdir(parents=True, exist_ok=True)

@@ -433,42 +433,37 @@ def test_another_visit_asks_a_place_again(monkeypatch):
     assert [visits for _, visits in seen] == BY_THREE
 
 
-def test_no_place_is_asked_twice_on_the_same_visit(monkeypatch):
-    """A solution at the third place narrows the gap a little: its places are those asked before, but that one."""
-    search = BranchSearch(
-        Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=[span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
-    )
-    monkeypatch.setattr(search, "both_ways", lambda y: search.pieces.append(span(2.096, 2.1, 2)))
+def asked_until_filled(monkeypatch, before, after, call):
+    """Frequencies and visits asked in a gap from 2 to ``before``, which the solution of one call narrows to ``after``."""
+    pieces = [span(1.0, 2.0, 0), span(before, 3.5, 1)]
+    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    monkeypatch.setattr(search, "both_ways", lambda y: search.pieces.append(span(after, before, 2)))
     seen = []
 
     def ask(omega, visits):
         seen.append((omega, visits))
-        return np.array([1.0, omega]) if len(seen) == 3 else None
+        return np.array([1.0, omega]) if len(seen) == call else None
 
     search.fill(ask)
+    return [omega for omega, _ in seen], [visits for _, visits in seen]
+
+
+def test_no_place_is_asked_twice_on_the_same_visit(monkeypatch):
+    """A solution at the third place narrows the gap a little: its places are those asked before, but that one."""
+    omegas, visits = asked_until_filled(monkeypatch, 2.1, 2.096, call=3)
     first = [2.05, 2.02, 2.08]
     second = [2.0 + 0.096 * part for part in (0.8, 0.35, 0.65, 0.12, 0.88, 0.27, 0.73)]
-    np.testing.assert_allclose([omega for omega, _ in seen], first + second, atol=1e-12)
-    assert [visits for _, visits in seen] == [frozenset((v,)) for v in (0, 0, 0, 0, 1, 1, 1, 2, 2, 2)]
+    np.testing.assert_allclose(omegas, first + second, atol=1e-12)
+    assert visits == [frozenset((v,)) for v in (0, 0, 0, 0, 1, 1, 1, 2, 2, 2)]
 
 
 def test_a_wide_gap_asked_in_vain_was_asked_on_every_visit(monkeypatch):
     """Once it is narrow, its places near those asked before are not asked on any visit."""
-    search = BranchSearch(
-        Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=[span(1.0, 2.0, 0), span(2.26, 3.5, 1)]
-    )
-    monkeypatch.setattr(search, "both_ways", lambda y: search.pieces.append(span(2.24, 2.26, 2)))
-    seen = []
-
-    def ask(omega, visits):
-        seen.append((omega, visits))
-        return np.array([1.0, omega]) if len(seen) == 5 else None
-
-    search.fill(ask)
+    omegas, visits = asked_until_filled(monkeypatch, 2.26, 2.24, call=5)
     wide = [2.0 + 0.26 * part for part in (0.5, 0.2, 0.8, 0.05, 0.95)]
     narrow = [2.0 + 0.24 * part for part in (0.8, 0.35, 0.65, 0.12, 0.27, 0.73)]  # not 0.5, 0.2, 0.88
-    np.testing.assert_allclose([omega for omega, _ in seen], wide + narrow[:1] + narrow[1:4] + narrow[4:], atol=1e-12)
-    assert [visits for _, visits in seen] == [EVERY_VISIT] * 5 + [frozenset((v,)) for v in (0, 1, 1, 1, 2, 2)]
+    np.testing.assert_allclose(omegas, wide + narrow, atol=1e-12)
+    assert visits == [EVERY_VISIT] * 5 + [frozenset((v,)) for v in (0, 1, 1, 1, 2, 2)]
 
 
 def test_long_paths_only_by_the_supports_asked_for(monkeypatch):
