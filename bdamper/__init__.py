@@ -1,34 +1,15 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
-from bdamper.accuracy import AccuracyCost, Setting, accuracy_cost, load_accuracy
-from bdamper.adaptive import AdaptivePeak
-from bdamper.advice import Advice, load_advice
-from bdamper.continuation import ContinuationOptions
-from bdamper.coupling import RIGID_NAMES
-from bdamper.effects import Effects
-from bdamper.errors import BdamperError, ModelError, SettingError
-from bdamper.estimates import ErrorEstimates, SourceError
-from bdamper.excitation import Excitation, Response
-from bdamper.io import load_model, save_model
-from bdamper.laws import LawComparison
-from bdamper.microslip import Microslip, microslip
-from bdamper.misfit import misfit
-from bdamper.model import Model
-from bdamper.optimal import OptimalCurve, load_optimal_curve
-from bdamper.peaks import Peak, PeakOptions
-from bdamper.preload import PreloadState
-from bdamper.prescribed import prescribe_preload
-from bdamper.reference import reference_model
-from bdamper.residual import ResidualModes
-from bdamper.response import Curve, Fold, load_curve
-from bdamper.seating import ContactMap, WedgeFriction, load_contact_map
-from bdamper.settling import SettledResponse
-from bdamper.stiffness import PerArea
-from bdamper.study import Study
-from bdamper.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
-from bdamper.system import Cost, Sampled
-from bdamper.timedomain import Verification
-from bdamper.uncertainty import (
+from bdamper.accuracy.ladders import AccuracyCost, Setting, accuracy_cost, load_accuracy
+from bdamper.balance.system import Cost, Sampled
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.contact.static import PreloadState
+from bdamper.contact.stiffness import PerArea
+from bdamper.contact.wedge import ContactMap, WedgeFriction, load_contact_map
+from bdamper.continuation.curve import Curve, Fold, load_curve
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.design.sweep import OptimalTask, PeakTask, SweepResult, load_sweep, sweep
+from bdamper.design.uncertainty import (
     RobustOptimum,
     UncertainCurve,
     draw,
@@ -36,6 +17,25 @@ from bdamper.uncertainty import (
     robust_optimum,
     uncertain_curve,
 )
+from bdamper.effects.adaptive import AdaptivePeak
+from bdamper.effects.advice import Advice, load_advice
+from bdamper.effects.compare_laws import LawComparison
+from bdamper.effects.microslip import Microslip, microslip
+from bdamper.io import load_model, save_model
+from bdamper.io.reference import reference_model
+from bdamper.model.coupling import RIGID_NAMES
+from bdamper.model.loads import Excitation, Response
+from bdamper.model.misfit import misfit
+from bdamper.model.model import Model
+from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.optimal import OptimalCurve, load_optimal_curve
+from bdamper.problem.effects import Effects
+from bdamper.problem.prescribed import prescribe_preload
+from bdamper.stability.steady_state import SettledResponse
+from bdamper.stability.time_integration import Verification
+from bdamper.study import Study
+from bdamper.util.errors import BdamperError, ModelError, SettingError
+from bdamper.util.estimates import ErrorEstimates, SourceError
 
 __version__ = "0.1.0"
 

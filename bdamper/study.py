@@ -15,40 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper import expect
-from bdamper.aggregation import unite_contact_points, united_gap, united_stiffness
-from bdamper.brief import brief, short
-from bdamper.checks import check_model
-from bdamper.continuation import ContinuationOptions
-from bdamper.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
-from bdamper.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
-from bdamper.errors import SettingError, StaticError
-from bdamper.excitation import Excitation, Response, direction_vector
-from bdamper.friction_axes import major_angles, turned
-from bdamper.laws import CHOICES, LawComparison, known_laws
-from bdamper.linear import linear_curve
-from bdamper.meanposition import why_no_solution
-from bdamper.model import ContactStiffness, Model
-from bdamper.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
-from bdamper.reduced_contact import without_separation
-from bdamper.residual import ResidualModes
-from bdamper.response import Curve, InterruptedCurve, uninterrupted
-from bdamper.seating import ContactMap, WedgeFriction, wedge_friction
-from bdamper.settling import FEWEST, Motion, SettledResponse, settle
-from bdamper.stability import stability_of_points
-from bdamper.start import NO_AIDS, Aids, first_point
-from bdamper.stiffness import (
-    METHODS,
-    Contact,
-    PerArea,
-    StiffnessComparison,
-    StiffnessReport,
-    check_method,
-    contact_stiffness,
-    literal_negative,
-    report,
-)
-from bdamper.system import (
+from bdamper.balance.linear import linear_curve
+from bdamper.balance.system import (
     LAW_BONDED,
     LAW_COUPLED,
     LAW_NORMAL,
@@ -60,16 +28,49 @@ from bdamper.system import (
     Sampled,
     check_evaluation,
 )
-from bdamper.threads import one_thread
-from bdamper.timedomain import Verification, verify_solution
-from bdamper.tracking import track_curve
+from bdamper.contact.friction_axes import major_angles, turned
+from bdamper.contact.no_separation import without_separation
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.contact.static import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.contact.stiffness import (
+    METHODS,
+    Contact,
+    PerArea,
+    StiffnessComparison,
+    StiffnessReport,
+    check_method,
+    contact_stiffness,
+    literal_negative,
+    report,
+)
+from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
+from bdamper.continuation.curve import Curve, InterruptedCurve, uninterrupted
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.mean_position import why_no_solution
+from bdamper.continuation.start import NO_AIDS, Aids, first_point
+from bdamper.continuation.track import track_curve
+from bdamper.effects.compare_laws import CHOICES, LawComparison, known_laws
+from bdamper.model.coarsening import unite_contact_points, united_gap, united_stiffness
+from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
+from bdamper.model.loads import Excitation, Response, direction_vector
+from bdamper.model.model import ContactStiffness, Model
+from bdamper.model.validation import check_model
+from bdamper.problem.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
+from bdamper.stability.floquet import stability_of_points
+from bdamper.stability.steady_state import FEWEST, Motion, SettledResponse, settle
+from bdamper.stability.time_integration import Verification, verify_solution
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.errors import SettingError, StaticError
+from bdamper.util.repr import brief, short
 
 if TYPE_CHECKING:
-    from bdamper.adaptive import AdaptivePeak
-    from bdamper.advice import Advice
-    from bdamper.estimates import ErrorEstimates
-    from bdamper.optimal import OptimalCurve, OptimumPoint
-    from bdamper.peaks import Peak, PeakOptions, PeakSensitivity
+    from bdamper.effects.adaptive import AdaptivePeak
+    from bdamper.effects.advice import Advice
+    from bdamper.peaks.newton import Peak, PeakOptions
+    from bdamper.peaks.optimal import OptimalCurve, OptimumPoint
+    from bdamper.peaks.sensitivity import PeakSensitivity
+    from bdamper.util.estimates import ErrorEstimates
 
 _SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
@@ -96,7 +97,7 @@ class Study:
     harmonics : int or tuple of int
         Harmonics of the response besides the mean: how many, or which.
     contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
-        Method (see :mod:`bdamper.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
+        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
     contact_stiffness_factor : float
         On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
         divided by it.
@@ -118,11 +119,11 @@ class Study:
     friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
         "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
         radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
-        :mod:`bdamper.preload`).  "bonded": linear springs in all directions and both senses.  "constant_normal_load":
-        separable with ``variable_normal_load=False``; together with "coupled" give the latter.
+        :mod:`bdamper.contact.static`).  "bonded": linear springs in all directions and both senses.
+        "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
     friction_axes : {"contact", "major"}
         Axes of the separable law: those of the interface, or at each point the major directions of its motion
-        (:mod:`bdamper.friction_axes`).
+        (:mod:`bdamper.contact.friction_axes`).
     major_frequency : float, Hz, optional
         At which the stuck response shows the major directions; by default its resonance with the largest response.  Only
         with ``friction_axes="major"``.
@@ -133,11 +134,11 @@ class Study:
         can ("upper").  Directions that are normal to the load keep the static value.
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
-        otherwise stands in :class:`~bdamper.effects.Effects`.
+        otherwise stands in :class:`~bdamper.problem.effects.Effects`.
     contact_points : int, optional
         At most so many contact points on each friction face, by uniting neighbouring patches.
     gap : mapping of interface name to (n_points,) float, optional
-        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit.misfit`.  None under
+        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.model.misfit.misfit`.  None under
         the law "bonded".
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
@@ -185,21 +186,21 @@ class Study:
 
     def __post_init__(self) -> None:
         if self.effects is not None:
-            self._take_effects(expect.instance("effects", self.effects, Effects))
+            self._take_effects(validate.instance("effects", self.effects, Effects))
         if not getattr(self.model, "_checked", False):
             check_model(self.model)
             object.__setattr__(self.model, "_checked", True)
-        expect.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
+        validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
         if self.response is not None:
-            expect.instance("response", self.response, Response, "a Response(location, direction)")
+            validate.instance("response", self.response, Response, "a Response(location, direction)")
         for name, place in (("excitation", self.excitation), ("response", self._response)):
-            expect.choice(f"{name} location", place.location, sorted(self.model.locations))
+            validate.choice(f"{name} location", place.location, sorted(self.model.locations))
         self._check_friction()
-        expect.fields(self, expect.whole, "engine_order", "damper_modes")
-        expect.fields(self, expect.whole, "blade_modes", least=1, most=max(BLADE_MODES, self._modes_of("constrained")))
-        expect.fields(self, expect.names, "rigid_modes", choices=RIGID_NAMES)
+        validate.fields(self, validate.whole, "engine_order", "damper_modes")
+        validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self._modes_of("constrained")))
+        validate.fields(self, validate.names, "rigid_modes", choices=RIGID_NAMES)
         switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
-        expect.fields(self, expect.flag, *switches)
+        validate.fields(self, validate.flag, *switches)
         _ = Effects.of(self)
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
@@ -207,8 +208,8 @@ class Study:
         if self.load_history[-1] != 1.0:
             raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history}")
         if self.damping_ratio is not None:
-            expect.fields(self, expect.number, "damping_ratio", least=0.0, below=1.0)
-        expect.fields(self, expect.number, "contact_stiffness_factor", above=0.0)
+            validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
+        validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
         _ = self._modal_bases  # the nodal diameters that the harmonics need
         _ = self._gap
         self._check_stiffness()
@@ -254,9 +255,9 @@ class Study:
             check_law(given, (*LAW_NAMES, "constant_normal_load"))
             faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
             if isinstance(given, Mapping) and set(given) != set(faces):
-                raise expect.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
-        expect.choice("friction_axes", self.friction_axes, ("contact", "major"))
-        expect.choice("residual_traction", self.residual_traction, TRACTIONS)
+                raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+        validate.choice("friction_axes", self.friction_axes, ("contact", "major"))
+        validate.choice("residual_traction", self.residual_traction, TRACTIONS)
         laws = set(self._law_by_interface().values())
         if self.residual_traction != "static" and LAW_COUPLED in laws:
             raise SettingError('residual_traction: expected "static" with coupled friction, found an end of the interval')
@@ -265,7 +266,7 @@ class Study:
                 'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
             )
         if self.major_frequency is not None:
-            expect.fields(self, expect.number, "major_frequency", above=0.0, unit="Hz")
+            validate.fields(self, validate.number, "major_frequency", above=0.0, unit="Hz")
             if self.friction_axes != "major":
                 raise SettingError(
                     f'major_frequency: expected friction_axes="major" with it, found friction_axes="{self.friction_axes}"'
@@ -312,7 +313,7 @@ class Study:
 
     def with_effects(self, effects: Effects) -> Study:
         """The same study with other effects; what does not depend on them is shared."""
-        settings = self._settings_for(expect.instance("effects", effects, Effects))
+        settings = self._settings_for(validate.instance("effects", effects, Effects))
         changed = {name for name, value in settings.items() if value != getattr(self, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
@@ -350,16 +351,16 @@ class Study:
         out = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
-            expect.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
+            validate.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
         for name in self._interfaces():
             if self.model.interfaces[name].kind == "constraint":
                 out[name] = 0.0
             elif isinstance(given, Mapping):
                 if name not in given:
                     raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
-                out[name] = expect.number(f"friction_coefficient of '{name}'", given[name], least=0.0)
+                out[name] = validate.number(f"friction_coefficient of '{name}'", given[name], least=0.0)
             else:
-                out[name] = expect.number("friction_coefficient", given, least=0.0)
+                out[name] = validate.number("friction_coefficient", given, least=0.0)
         return out
 
     @cached_property
@@ -455,7 +456,7 @@ class Study:
 
     def compare_stiffness(self, n_frequencies: int = 5) -> StiffnessComparison:
         """All methods of contact stiffness side by side: values, fallbacks, frequencies with the contact bonded."""
-        expect.whole("n_frequencies", n_frequencies, least=1)
+        validate.whole("n_frequencies", n_frequencies, least=1)
         names = tuple(n for n in self.coupling.interfaces if self.coupling.model.interfaces[n].kind == "friction")
         faces = {name: self.coupling.model.interfaces[name] for name in names}
         stiffness, frequencies = {}, {}
@@ -480,16 +481,16 @@ class Study:
 
     @cached_property
     def _gap(self) -> NDArray:
-        given = {} if self.gap is None else expect.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
+        given = {} if self.gap is None else validate.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
         parts = []
         for name in self.coupling.interfaces:
             face = self.coupling.model.interfaces[name]
-            gap = expect.numbers(f"gap of '{name}'", given[name]) if name in given else face.gap
+            gap = validate.numbers(f"gap of '{name}'", given[name]) if name in given else face.gap
             whole = self.model.interfaces[name]
             if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
                 gap = united_gap(whole, self.contact_points, gap)
             if gap.shape != (face.n_points,):
-                raise expect.unfit(f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
+                raise validate.unfit(f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
             if self._law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
                 raise SettingError(
                     f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
@@ -636,7 +637,7 @@ class Study:
         return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
 
     def _check_preload(self, preload: float) -> float:
-        preload = expect.number("preload", preload, least=0.0, unit="N")
+        preload = validate.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not np.any(self._load[0]):
             raise SettingError(f"preload: expected 0, since {self._why_no_load}, found {preload:g} N")
         return preload
@@ -778,7 +779,7 @@ class Study:
         LawComparison
             Prints the differences of the peaks to the last law.
         """
-        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
+        preload, frequency = self._check_preload(preload), validate.interval("frequency", frequency)
         curves = []
         for law in known_laws(laws):
             settings: dict[str, Any] = dict(CHOICES[law])
@@ -795,7 +796,7 @@ class Study:
     def find_start(
         self, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, aids: Aids = NO_AIDS
     ) -> tuple[NDArray | None, list[str]]:
-        """A solution at one frequency (rad/s); see :func:`bdamper.start.first_point`.
+        """A solution at one frequency (rad/s); see :func:`bdamper.continuation.start.first_point`.
 
         Returns
         -------
@@ -845,11 +846,11 @@ class Study:
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         effects : {"all", "auto"}
             "auto": harmonics of the study are on only where they matter; see
-            :func:`bdamper.adaptive_curves.adaptive_curve`.
+            :func:`bdamper.effects.adaptive_curves.adaptive_curve`.
         tolerance : float, optional
             Relative.  With "auto": at every point, by leaving harmonics of the study out (0.01 by default).  With "all": at
             the highest peak, by choosing harmonics and evaluation whatever the study has
-            (:func:`bdamper.tolerance.track_to_tolerance`); the notes of the curve say what was chosen and why.
+            (:func:`bdamper.accuracy.tolerance.track_to_tolerance`); the notes of the curve say what was chosen and why.
 
         Returns
         -------
@@ -857,22 +858,22 @@ class Study:
             ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
             found so far are there.  A branch that does not reach the other end is complemented by one from there.
         """
-        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
+        preload, frequency = self._check_preload(preload), validate.interval("frequency", frequency)
         for name, value in (("from_high", from_high), ("progress", progress), ("stability", stability)):
-            expect.flag(name, value)
+            validate.flag(name, value)
         ratios: tuple[float, ...] = (0.9, 1.2) if search_branches is True else ()
         if not isinstance(search_branches, bool):
-            ratios = tuple(expect.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
+            ratios = tuple(validate.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
         if options is not None:
-            expect.instance("options", options, ContinuationOptions)
+            validate.instance("options", options, ContinuationOptions)
         if tolerance is not None:
-            tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
-        expect.choice("effects", effects, ("all", "auto"))
+            tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+        validate.choice("effects", effects, ("all", "auto"))
         if effects == "auto" and (from_high or progress or search_branches is not False):
             raise SettingError('effects: expected "all" with from_high, progress or search_branches, found "auto"')
         if self.static(preload).converged and (effects == "auto" or tolerance is not None):
-            from bdamper.adaptive_curves import adaptive_curve
-            from bdamper.tolerance import track_to_tolerance
+            from bdamper.accuracy.tolerance import track_to_tolerance
+            from bdamper.effects.adaptive_curves import adaptive_curve
 
             try:
                 if effects == "auto":
@@ -902,7 +903,8 @@ class Study:
         oscillating: bool = False,
         every_point: bool = False,
     ) -> Curve:
-        """The same tracking curve with the stability of every point; see :mod:`bdamper.stability` for what it covers.
+        """The same tracking curve with the stability of every point; see :mod:`bdamper.stability.floquet` for what it
+        covers.
 
         Parameters
         ----------
@@ -918,13 +920,13 @@ class Study:
             the same modes and without residual modes: all disturbances are judged then.  The note of the curve says which
             were.
         every_point : bool
-            Count oscillating growth at every point, instead of only where :mod:`bdamper.wavestability` asks for it.
+            Count oscillating growth at every point, instead of only where :mod:`bdamper.stability.wave` asks for it.
         """
         if (study := self.of(curve)) is not self:
             return study.with_stability(curve, nodal_diameters, oscillating, every_point)
         self._check_curve(curve)
-        oscillating, every_point = expect.flag("oscillating", oscillating), expect.flag("every_point", every_point)
-        others = {int(d): self._bases_beside(int(d)) for d in expect.wholes("nodal_diameters", nodal_diameters)}
+        oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
+        others = {int(d): self._bases_beside(int(d)) for d in validate.wholes("nodal_diameters", nodal_diameters)}
         omega = 2.0 * np.pi * curve.frequency
         result = stability_of_points(
             self.system(curve.preload),
@@ -974,8 +976,8 @@ class Study:
         """March in time from a point of a tracking curve and compare where the motion settles.
 
         All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
-        (:mod:`bdamper.timedomain`).  A period takes some ten thousand steps: seconds on a reference bladed disk, so that
-        the default of 100 takes minutes.
+        (:mod:`bdamper.stability.time_integration`).  A period takes some ten thousand steps: seconds on a reference bladed
+        disk, so that the default of 100 takes minutes.
 
         Parameters
         ----------
@@ -993,10 +995,10 @@ class Study:
         if (study := self.of(curve)) is not self:
             return study.verify(curve, index, periods=periods, steps_per_period=steps_per_period)
         self._check_curve(curve)
-        periods = expect.whole("periods", periods, least=1)
+        periods = validate.whole("periods", periods, least=1)
         if steps_per_period is not None:
-            steps_per_period = expect.whole("steps_per_period", steps_per_period, least=1)
-        i = curve.peak.index if index is None else expect.whole("index of a point", index, -len(curve), len(curve) - 1)
+            steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
+        i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
         return verify_solution(
             self.system(curve.preload),
             curve.unknowns[i],
@@ -1022,7 +1024,7 @@ class Study:
 
         For frequencies at which no solution was found, or none that is stable: a damper that rattles in its seat may have
         no periodic response at all, and then it is a mean amplitude and a range that count.  All sectors take part, each
-        with its own contacts (:mod:`bdamper.settling`).
+        with its own contacts (:mod:`bdamper.stability.steady_state`).
 
         Parameters
         ----------
@@ -1049,28 +1051,28 @@ class Study:
             If the curve has a solution at every frequency and none is given, if the settings describe something else than a
             structure in time, or a number does not fit.
         """
-        expect.instance("start", start, (Curve, SettledResponse))
+        validate.instance("start", start, (Curve, SettledResponse))
         if isinstance(start, Curve) and (study := self.of(start)) is not self:
             return study.settle(
                 start, frequency, periods=periods, steps_per_period=steps_per_period, progress=progress
             )
-        periods = expect.whole("periods", periods, least=FEWEST)
+        periods = validate.whole("periods", periods, least=FEWEST)
         if steps_per_period is not None:
-            steps_per_period = expect.whole("steps_per_period", steps_per_period, least=1)
+            steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
         if frequency is not None:
-            frequency = expect.number("frequency", frequency, above=0.0, unit="Hz")
+            frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
         if isinstance(start, Curve):
             self._check_curve(start)
             if not len(start):
-                raise expect.unfit("start", "a curve with points", f"one without ({start.status}: {start.reason})")
+                raise validate.unfit("start", "a curve with points", f"one without ({start.status}: {start.reason})")
             if frequency is None:
                 if start.gap is None:
-                    raise expect.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+                    raise validate.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
                 frequency = float(np.mean(start.gap))
             state: NDArray | Motion = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
         else:
             if start.model_hash != self.model.hash:
-                raise expect.unfit("start", "a response of this study", "one of another model")
+                raise validate.unfit("start", "a response of this study", "one of another model")
             frequency = start.frequency if frequency is None else frequency
             state = start.motion
         return settle(
@@ -1092,7 +1094,7 @@ class Study:
         For any other curve it is the study itself.  The study's own functions find it by themselves; those that take
         ``curve.unknowns`` need it: ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
         """
-        expect.instance("curve", curve, Curve, "a tracking curve of this study")
+        validate.instance("curve", curve, Curve, "a tracking curve of this study")
         if "chosen" not in curve.settings:
             return self
         evaluation = curve.settings["evaluation"]
@@ -1127,13 +1129,13 @@ class Study:
     def estimate_errors(
         self, result: Curve | Peak | AdaptivePeak, preload: float | None = None, *, sources: Sequence[str] | None = None
     ) -> ErrorEstimates:
-        """Estimated errors of a peak by source; see :func:`bdamper.estimation.estimate_errors`.
+        """Estimated errors of a peak by source; see :func:`bdamper.accuracy.estimate.estimate_errors`.
 
         They are those of the settings that the result was computed with: the harmonics that were chosen for a curve to a
         tolerance, or those that were on in an adaptive peak.
         """
-        from bdamper.adaptive import AdaptivePeak, plain_peak
-        from bdamper.estimation import SOURCES, estimate_errors
+        from bdamper.accuracy.estimate import SOURCES, estimate_errors
+        from bdamper.effects.adaptive import AdaptivePeak, plain_peak
 
         study: Study = self
         if isinstance(result, AdaptivePeak):
@@ -1145,7 +1147,7 @@ class Study:
     @one_thread
     def with_errors(self, curve: Curve, *, sources: Sequence[str] | None = None) -> Curve:
         """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
-        expect.instance("curve", curve, Curve)
+        validate.instance("curve", curve, Curve)
         return replace(curve, error_estimates=self.estimate_errors(curve, sources=sources))
 
     # ---- peaks ----
@@ -1185,25 +1187,25 @@ class Study:
         effects: Literal["all", "auto"] = "all",
         tolerance: float | None = None,
     ) -> Peak | AdaptivePeak:
-        """The highest resonance peak at one preload; see :func:`bdamper.optimal.highest_peak`.
+        """The highest resonance peak at one preload; see :func:`bdamper.peaks.optimal.highest_peak`.
 
         With ``effects="auto"`` only those harmonics of the study are on that change it by more than the relative
-        ``tolerance`` (0.01 by default); see :func:`bdamper.adaptive.adaptive_peak`.
+        ``tolerance`` (0.01 by default); see :func:`bdamper.effects.adaptive.adaptive_peak`.
         """
-        auto = expect.choice("effects", effects, ("all", "auto")) == "auto"
+        auto = validate.choice("effects", effects, ("all", "auto")) == "auto"
         if not auto and tolerance is not None:
             raise SettingError(
                 'tolerance: expected effects="auto" with it, found "all"; to a tolerance whatever harmonics the study has, '
                 "track a curve (Study.track)"
             )
         if auto:
-            from bdamper.optimal import peak_interval
+            from bdamper.peaks.optimal import peak_interval
 
             if options is not None:
                 raise SettingError('effects: expected "all" with options, found "auto"')
             within = 0.01 if tolerance is None else tolerance
             return self.adaptive_peak(preload, peak_interval(self, frequency, mode), tolerance=within)
-        from bdamper.optimal import highest_peak
+        from bdamper.peaks.optimal import highest_peak
 
         return highest_peak(self, preload, frequency, mode=mode, options=options)
 
@@ -1211,12 +1213,12 @@ class Study:
     def peak_sensitivities(
         self, peak: Peak | AdaptivePeak, parameters: Sequence[str] | None = None
     ) -> dict[str, PeakSensitivity]:
-        """Derivatives of a peak with respect to settings; see :func:`bdamper.optimal.peak_sensitivities`.
+        """Derivatives of a peak with respect to settings; see :func:`bdamper.peaks.optimal.peak_sensitivities`.
 
         Those of an adaptive peak are taken with the harmonics that were on in it.
         """
-        from bdamper.adaptive import AdaptivePeak, plain_peak
-        from bdamper.optimal import PARAMETERS, peak_sensitivities
+        from bdamper.effects.adaptive import AdaptivePeak, plain_peak
+        from bdamper.peaks.optimal import PARAMETERS, peak_sensitivities
 
         study: Study = self
         if isinstance(peak, AdaptivePeak):
@@ -1234,8 +1236,8 @@ class Study:
         checks: int = 0,
         options: PeakOptions | None = None,
     ) -> OptimalCurve:
-        """Resonance amplitude and frequency over the preload; see :func:`bdamper.optimal.optimal_curve`."""
-        from bdamper.optimal import optimal_curve
+        """Resonance amplitude and frequency over the preload; see :func:`bdamper.peaks.optimal.optimal_curve`."""
+        from bdamper.peaks.optimal import optimal_curve
 
         return optimal_curve(self, preload, n, frequency=frequency, mode=mode, checks=checks, options=options)
 
@@ -1249,7 +1251,7 @@ class Study:
         mode: int = 1,
         options: PeakOptions | None = None,
     ) -> OptimumPoint:
-        """The preload of least resonance amplitude; see :func:`bdamper.optimal.optimal_curve`."""
+        """The preload of least resonance amplitude; see :func:`bdamper.peaks.optimal.optimal_curve`."""
         return self.optimal_curve(preload, n, frequency=frequency, mode=mode, options=options).optimum
 
     # ---- effects ----
@@ -1263,24 +1265,24 @@ class Study:
         against: Effects | None = None,
         tolerance: float = 0.01,
     ) -> Advice:
-        """Which of the effects that are off would change the highest peak; see :func:`bdamper.advice.advise`."""
-        from bdamper.advice import advise
+        """Which of the effects that are off would change the highest peak; see :func:`bdamper.effects.advice.advise`."""
+        from bdamper.effects.advice import advise
 
-        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
-        tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
+        preload, frequency = self._check_preload(preload), validate.interval("frequency", frequency)
+        tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         if against is not None:
-            expect.instance("against", against, Effects)
+            validate.instance("against", against, Effects)
         return advise(self, preload, frequency, against=against, tolerance=tolerance)
 
     @one_thread
     def adaptive_peak(
         self, preload: float, frequency: tuple[float, float], *, tolerance: float = 0.01
     ) -> AdaptivePeak:
-        """The highest peak with no more harmonics than it calls for; see :func:`bdamper.adaptive.adaptive_peak`."""
-        from bdamper.adaptive import adaptive_peak
+        """The highest peak with no more harmonics than it calls for; see :func:`bdamper.effects.adaptive.adaptive_peak`."""
+        from bdamper.effects.adaptive import adaptive_peak
 
-        preload, frequency = self._check_preload(preload), expect.interval("frequency", frequency)
-        tolerance = expect.number("tolerance", tolerance, above=0.0, below=1.0)
+        preload, frequency = self._check_preload(preload), validate.interval("frequency", frequency)
+        tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         return adaptive_peak(self, preload, frequency, tolerance=tolerance)
 
     # ---- linear limits ----
@@ -1310,7 +1312,7 @@ class Study:
         return self._linear("stuck", preload, frequency, self._stuck_springs(self._at_rest(preload)))
 
     def _linear(self, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
-        low, high = (2.0 * np.pi * f for f in expect.interval("frequency", frequency))
+        low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
         system, settings = self.system(preload), self._settings(None)
         return linear_curve(system, kind, (low, high), springs, preload, settings, self.model.hash)
 
@@ -1367,4 +1369,4 @@ def _plain(value: Any) -> Any:
 
 
 def _check_history(history: Sequence[float], name: str) -> tuple[float, ...]:
-    return tuple(expect.numbers(f"{name}, load factors", history, least=0.0).tolist())
+    return tuple(validate.numbers(f"{name}, load factors", history, least=0.0).tolist())

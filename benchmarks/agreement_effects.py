@@ -28,13 +28,13 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
-from bdamper.adaptive import RESPONSES, AdaptivePeak
-from bdamper.advice import advise
-from bdamper.carryover import LOOSE, carried_over
-from bdamper.indicator import embed, highest_peaks
-from bdamper.peaks import coarse_options, peak_scale
-from bdamper.rivals import amplitude_of
-from bdamper.system import OK
+from bdamper.balance.system import OK
+from bdamper.effects.adaptive import RESPONSES, AdaptivePeak
+from bdamper.effects.advice import advise
+from bdamper.effects.indicator import embed, highest_peaks
+from bdamper.effects.rivals import amplitude_of
+from bdamper.peaks.carryover import LOOSE, carried_over
+from bdamper.peaks.newton import coarse_options, peak_scale
 from tests.effect_cases import Case, draw, everything_on, found, scene, study_of
 
 TOLERANCE = 0.01

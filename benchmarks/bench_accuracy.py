@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy import AccuracyCost, Answer, by_peak, by_sweep, by_tracking, by_tracking_with
+from bdamper.accuracy.ladders import AccuracyCost, Answer, by_peak, by_sweep, by_tracking, by_tracking_with
+from bdamper.balance.system import OK
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
-from bdamper.peaks import peak_scale
-from bdamper.plotting import plot_accuracy, save_figure
-from bdamper.system import OK
-from bdamper.timedomain import Ring
+from bdamper.peaks.newton import peak_scale
+from bdamper.plot import plot_accuracy, save_figure
+from bdamper.stability.time_integration import Ring
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -54,7 +54,7 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
 
 
 def _meter() -> object:
-    from bdamper.system import CostMeter
+    from bdamper.balance.system import CostMeter
 
     return CostMeter(time.perf_counter())
 

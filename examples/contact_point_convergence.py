@@ -88,7 +88,7 @@ def main() -> None:
             flush=True,
         )
     if arguments.figure:
-        from bdamper.plotting import new_axes, save_figure
+        from bdamper.plot import new_axes, save_figure
 
         ax = new_axes()
         last = rows[-1]

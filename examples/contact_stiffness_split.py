@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import bdamper as bd
-from bdamper.microslip import Microslip, microslip
+from bdamper.effects.microslip import Microslip, microslip
 
 PRELOADS = (1500.0, 4000.0, 10000.0)
 CHOICES: tuple[str | bd.ResidualModes, ...] = (
@@ -117,7 +117,7 @@ def print_microslip(points: int, figure: str | None) -> None:
             + (f"{c.force[-1]:>9g}" if c.complete else f"{c.force[-1]:>9g}  slides below {last:g} N")
         )  # fmt: skip
     if figure:
-        from bdamper.plotting import new_axes, save_figure
+        from bdamper.plot import new_axes, save_figure
 
         ax = new_axes(6.0, 3.4)
         for name, c in curves.items():
@@ -148,7 +148,7 @@ def main() -> None:
             + ("" if r.status == "complete" else f"  {r.status}")
         )
     if arguments.figure:
-        from bdamper.plotting import new_axes, save_figure
+        from bdamper.plot import new_axes, save_figure
 
         ax = new_axes(6.0, 3.4)
         names = [name_of(c) for c in CHOICES]

@@ -12,7 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import bdamper as bd
-from bdamper.plotting import plot_curves, save_figure
+from bdamper.plot import plot_curves, save_figure
 
 PRELOADS = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
 PRELOADS_MODE_2 = (200.0, 500.0, 1000.0, 2000.0, 5000.0)

@@ -32,7 +32,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.plotting import plot_optimal, save_figure
+from bdamper.plot import plot_optimal, save_figure
 
 PAPER_RATIO = {"mode 1": 4.4, "mode 2": 5.5}
 PAPER_SHIFT = {"mode 1": 17.2, "mode 2": 3.4}

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bdamper as bd
-from bdamper.plotting import plot_curves, plot_optimal, save_figure
+from bdamper.plot import plot_curves, plot_optimal, save_figure
 
 MODES = {
     3: ("tangential", (1050.0, 1550.0), (20.0, 50.0, 100.0, 200.0, 500.0, 2000.0), (15.0, 25e3)),

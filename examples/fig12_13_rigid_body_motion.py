@@ -21,8 +21,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import bdamper as bd
-from bdamper.motion import rigid_motion
-from bdamper.plotting import plot_rigid_motion, save_figure
+from bdamper.plot import plot_rigid_motion, save_figure
+from bdamper.plot.motion import rigid_motion
 
 PRELOADS = tuple(float(p) for p in np.geomspace(50.0, 25e3, 19))
 BAND = (270.0, 370.0)

@@ -15,7 +15,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.plotting import plot_curves, save_figure
+from bdamper.plot import plot_curves, save_figure
 
 PRELOADS = (100.0, 200.0, 1000.0, 10000.0)
 BAND = (270.0, 390.0)

@@ -23,8 +23,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 
 import bdamper as bd
-from bdamper.motion import contact_status
-from bdamper.plotting import animate_damper, plot_curves, plot_status_bars, plot_status_map, save_figure
+from bdamper.plot import animate_damper, plot_curves, plot_status_bars, plot_status_map, save_figure
+from bdamper.plot.motion import contact_status
 
 PRELOADS = (100.0, 200.0, 1000.0, 25000.0)
 BAND = (270.0, 380.0)

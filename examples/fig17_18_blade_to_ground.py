@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.motion import contact_status
-from bdamper.plotting import plot_curves, plot_points_3d, save_figure
+from bdamper.plot import plot_curves, plot_points_3d, save_figure
+from bdamper.plot.motion import contact_status
 
 LOADS = (400.0, 2000.0, 4000.0, 10000.0, 20000.0, 40000.0)
 BAND = (260.0, 400.0)

@@ -28,8 +28,8 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.measured import Fit, load_measured
-from bdamper.plotting import plot_over_measurement, save_figure
+from bdamper.io.measured import Fit, load_measured
+from bdamper.plot import plot_over_measurement, save_figure
 
 BAND = (240.0, 380.0)
 LOADS = (25.0, 1.5e5)

@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy import varied
-from bdamper.carryover import carried_over, higher_nearby
-from bdamper.estimation import estimate_errors, points_on_a_face
-from bdamper.indicator import embed_between
-from bdamper.peaks import Peak
-from bdamper.tolerance import richest_study
+from bdamper.accuracy.estimate import estimate_errors, points_on_a_face
+from bdamper.accuracy.ladders import varied
+from bdamper.accuracy.tolerance import richest_study
+from bdamper.effects.indicator import embed_between
+from bdamper.peaks.carryover import carried_over, higher_nearby
+from bdamper.peaks.newton import Peak
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes")
@@ -119,7 +119,8 @@ class Tried:
     tolerance: float
     error: float
     work: float
-    """Million operations (:class:`bdamper.system.Cost`), which do not depend on the machine and what else it does."""
+    """Million operations (:class:`bdamper.balance.system.Cost`), which do not depend on the machine and what else it
+    does."""
     cheapest: float
     """Those of the shortest series of harmonics whose curve is within the tolerance."""
     seconds: float

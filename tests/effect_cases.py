@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.effects import Effects
+from bdamper.problem.effects import Effects
 from tests import models
 
 HARMONICS = 5

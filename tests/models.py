@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model import (
+from bdamper.model.model import (
     Body,
     BodyLoad,
     ContactStiffness,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.coupling import Coordinate, HarmonicBasis
-from bdamper.system import HarmonicSystem, PointArrays
+from bdamper.balance.system import HarmonicSystem, PointArrays
+from bdamper.model.coupling import Coordinate, HarmonicBasis
 
 
 def oscillator(

@@ -27,7 +27,7 @@ from bdamper.fe.reference import bladed_disk
 from bdamper.fe.rig import rig
 from bdamper.fe.sector import SectorFE
 from bdamper.io.model_file import load_model, save_model
-from bdamper.model import Model
+from bdamper.model.model import Model
 
 POINTS = (9, 24, 48)
 BONDED_DIAMETER = 5

@@ -11,4 +11,4 @@ cp -r tests pyproject.toml $place/project/
 [ ! -d ../shared ] || ln -s "$(cd ../shared && pwd)" $place/shared
 cd $place/project
 # the installed package is tested, not the source tree, so only this copy is on the path
-"../../$venv/bin/python" -m pytest -q tests/unit/test_io_files.py
+"../../$venv/bin/python" -m pytest -q tests/io/test_io_files.py

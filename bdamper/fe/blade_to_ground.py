@@ -23,7 +23,7 @@ from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, sector_mesh
 from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
-from bdamper.model import Body, Model
+from bdamper.model.model import Body, Model
 from bdamper.reduction.bodies import constrained_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches

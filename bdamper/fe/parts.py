@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from bdamper.fe.assemble import Discretisation
 from bdamper.fe.contact_points import surface_facets
 from bdamper.fe.geometry import Geometry
-from bdamper.model import Interface, Location, SurfaceMesh
+from bdamper.model.model import Interface, Location, SurfaceMesh
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
 

@@ -29,7 +29,7 @@ from bdamper.fe.geometry import turn
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
-from bdamper.model import Body, Interface, Location, Model
+from bdamper.model.model import Body, Interface, Location, Model
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 
 __all__ = ["BLADE_PORTS", "DAMPER_PORTS", "bladed_disk", "needed_nodal_diameters", "surface_mesh"]

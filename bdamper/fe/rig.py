@@ -30,7 +30,7 @@ from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patch
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, rig_mesh
 from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
-from bdamper.model import Body, Interface, Model
+from bdamper.model.model import Body, Interface, Model
 from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody

@@ -28,10 +28,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.fe_body import FEBody, Modes
 from bdamper.io.matrices import triangle_to_full
 from bdamper.io.reading import check_count, reading
+from bdamper.util.errors import mismatch
 
 FilePath = str | os.PathLike[str]
 

@@ -18,10 +18,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper import expect
-from bdamper.brief import brief
-from bdamper.checks import check_model
-from bdamper.errors import BdamperError, ModelError, SettingError, mismatch
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.import_report import FaceSummary, ImportReport
 from bdamper.io.model_file import save_model
@@ -35,13 +31,17 @@ from bdamper.io.plausible import (
     check_sizes,
 )
 from bdamper.io.prepare import FaceSet, NodeSet, PreparedBody, placement
-from bdamper.model import Body, ContactStiffness, Interface, Location, Model, Port, SurfaceMesh
+from bdamper.model.model import Body, ContactStiffness, Interface, Location, Model, Port, SurfaceMesh
+from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.cyclic import CyclicSector, match_faces
 from bdamper.reduction.facets import Facets, area_vectors, corner_count
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
 from bdamper.reduction.rotation import turn
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
+from bdamper.util.repr import brief
 
 MATCH_TOLERANCE = 1e-5
 """Largest distance of matching nodes of the sector faces, relative to the size of the sector (files round positions)."""
@@ -102,32 +102,32 @@ class ContactFaces:
 
     def __post_init__(self) -> None:
         item = f"contact '{self.name}'"
-        expect.instance("name of a contact", self.name, str, "a text")
-        expect.choice(f"{item}: kind", self.kind, ("friction", "constraint"))
+        validate.instance("name of a contact", self.name, str, "a text")
+        validate.choice(f"{item}: kind", self.kind, ("friction", "constraint"))
         pair = isinstance(self.points, Sequence | np.ndarray) and not isinstance(self.points, str | bytes)
         counts = tuple(self.points) if pair else (self.points,)  # type: ignore[arg-type]
         if len(counts) != (2 if pair else 1):
-            raise expect.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
-        counts = tuple(expect.whole(f"{item}: points", n, 1, MOST_POINTS) for n in counts)
+            raise validate.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
+        counts = tuple(validate.whole(f"{item}: points", n, 1, MOST_POINTS) for n in counts)
         if int(np.prod(counts)) > MOST_POINTS:
-            raise expect.unfit(f"{item}: points", f"at most {MOST_POINTS} contact points on a face", self.points)
+            raise validate.unfit(f"{item}: points", f"at most {MOST_POINTS} contact points on a face", self.points)
         object.__setattr__(self, "points", counts if pair else counts[0])
         if not (isinstance(self.gap, str) and self.gap == "measured"):
             if isinstance(self.gap, str):
-                raise expect.unfit(f"{item}: gap", "a distance in metres or 'measured'", self.gap)
-            object.__setattr__(self, "gap", expect.number(f"{item}: gap", self.gap, unit="m"))
+                raise validate.unfit(f"{item}: gap", "a distance in metres or 'measured'", self.gap)
+            object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap, unit="m"))
         if self.sector_b is not None:
-            object.__setattr__(self, "sector_b", expect.whole(f"{item}: sector_b", self.sector_b, -1, 1))
+            object.__setattr__(self, "sector_b", validate.whole(f"{item}: sector_b", self.sector_b, -1, 1))
         if self.frame is not None:
             _check_frame(self.frame, item)
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
     rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
-    axes = np.array([expect.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
+    axes = np.array([validate.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
     if not np.allclose(axes @ axes.T, np.eye(3), atol=FRAME_TOLERANCE) or np.linalg.det(axes) < 0.0:
         expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
-        raise expect.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
+        raise validate.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
 
 
 @brief
@@ -223,20 +223,20 @@ def build_model(
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
     place = placement(axis, radial, origin, units)
-    n_blades = expect.whole("n_blades", n_blades, least=1)
-    n_modes = expect.whole("n_modes", n_modes, 1, MOST_MODES)
-    n_damper_modes = expect.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)
-    damping_ratio = expect.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    expect.flag("check_units", check_units)
-    expect.instance("blade", blade, FEBody, "an FEBody, as read_arrays returns it")
+    n_blades = validate.whole("n_blades", n_blades, least=1)
+    n_modes = validate.whole("n_modes", n_modes, 1, MOST_MODES)
+    n_damper_modes = validate.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)
+    damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
+    validate.flag("check_units", check_units)
+    validate.instance("blade", blade, FEBody, "an FEBody, as read_arrays returns it")
     if damper is not None:
-        expect.instance("damper", damper, FEBody, "an FEBody, as read_arrays returns it")
+        validate.instance("damper", damper, FEBody, "an FEBody, as read_arrays returns it")
     contacts = _given_contacts(contacts)
     for name, mapping in (("locations", locations), ("expected_frequencies", expected_frequencies)):
         if mapping is not None:
-            expect.instance(name, mapping, Mapping, "a mapping")
+            validate.instance(name, mapping, Mapping, "a mapping")
     for d, known in (expected_frequencies or {}).items():
-        expect.numbers(f"expected_frequencies at nodal diameter {d}", known, above=0.0, unit="Hz")
+        validate.numbers(f"expected_frequencies at nodal diameter {d}", known, above=0.0, unit="Hz")
     bodies = {"blade": PreparedBody("blade", blade, place)}
     if damper is not None:
         bodies["damper"] = PreparedBody("damper", damper, place)
@@ -338,9 +338,9 @@ def build_model(
 
 def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
     several = isinstance(given, Iterable) and not isinstance(given, str)
-    contacts = tuple(expect.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
+    contacts = tuple(validate.instance("contacts", contact, ContactFaces) for contact in given) if several else ()
     if not contacts:
-        raise expect.unfit("contacts", "a sequence of one or more ContactFaces", given)
+        raise validate.unfit("contacts", "a sequence of one or more ContactFaces", given)
     repeated = [c.name for k, c in enumerate(contacts) if c.name in [other.name for other in contacts[:k]]]
     if repeated:
         raise SettingError(f"contacts: expected each name once, found '{repeated[0]}' twice")
@@ -359,9 +359,9 @@ def _diameters(
             else:
                 given = (0,)
         else:
-            order, most = expect.whole("engine_order", engine_order), expect.whole("harmonics", harmonics, 1, 64)
+            order, most = validate.whole("engine_order", engine_order), validate.whole("harmonics", harmonics, 1, 64)
             given = needed_nodal_diameters(n_blades, order, most)
-    wanted = expect.wholes("nodal_diameters", given, most=n_blades // 2)
+    wanted = validate.wholes("nodal_diameters", given, most=n_blades // 2)
     return tuple(sorted({0, *wanted}))
 
 
@@ -372,7 +372,7 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
     if given is None:
         raise SettingError("sector_faces: expected the two faces of the sector, since n_blades > 1; found none")
     if isinstance(given, str) or not isinstance(given, Sequence) or len(given) != 2:
-        raise expect.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
+        raise validate.unfit("sector_faces", "two sets of nodes, the faces at which the sector repeats", given)
     first, second = (body.node_set(s, "sector_faces") for s in given)
     # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
     pitch = 2.0 * np.pi / n_blades

@@ -20,11 +20,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.fe_body import FEBody, Modes
 from bdamper.io.matrices import as_integers, triangle_to_full
 from bdamper.io.reading import LARGEST_COUNT, reading
 from bdamper.reduction.facets import N_CORNER, oriented_facet
+from bdamper.util.errors import mismatch
 
 FilePath = str | os.PathLike[str]
 

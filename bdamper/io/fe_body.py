@@ -13,9 +13,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper import expect
-from bdamper.brief import brief
-from bdamper.errors import mismatch
+from bdamper.util import validate
+from bdamper.util.errors import mismatch
+from bdamper.util.repr import brief
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Units:
     mass: float = 1.0
 
     def __post_init__(self) -> None:
-        expect.fields(self, expect.number, "length", "mass", above=0.0)
+        validate.fields(self, validate.number, "length", "mass", above=0.0)
 
 
 UNITS = {

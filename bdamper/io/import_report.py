@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.brief import brief
-from bdamper.model import Model
+from bdamper.model.model import Model
+from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -107,7 +107,7 @@ class ImportReport:
         return "\n".join(lines)
 
     def plot(self) -> Figure:
-        """Frequencies over nodal diameter, and the bodies with faces and points; see :mod:`bdamper.plotting`."""
-        from bdamper.plotting import plot_import_report
+        """Frequencies over nodal diameter, and the bodies with faces and points; see :mod:`bdamper.plot.plotting`."""
+        from bdamper.plot.plotting import plot_import_report
 
         return plot_import_report(self)

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.reading import check_count
+from bdamper.util.errors import mismatch
 
 
 def read_market(source: Path) -> sp.coo_matrix | NDArray:

@@ -10,12 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.fe_body import FEBody
 from bdamper.io.market import read_market
 from bdamper.io.matlab import read_mat
 from bdamper.io.reading import LARGEST_COUNT, check_count, reading
 from bdamper.reduction.facets import N_CORNER
+from bdamper.util.errors import mismatch
 
 FilePath = str | os.PathLike[str]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.brief import brief
-from bdamper.errors import SettingError, mismatch
-from bdamper.resultfile import reading, writing
+from bdamper.util.errors import SettingError, mismatch
+from bdamper.util.hdf5 import reading, writing
+from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -89,8 +89,8 @@ class Measurement:
         )
 
     def plot(self, ax: Axes | None = None, scale: float | None = None, **style: Any) -> Axes:
-        """Draw the amplitude in metres as small open circles; see :func:`bdamper.plotting.plot_measurement`."""
-        from bdamper.plotting import plot_measurement
+        """Draw the amplitude in metres as small open circles; see :func:`bdamper.plot.plotting.plot_measurement`."""
+        from bdamper.plot.plotting import plot_measurement
 
         return plot_measurement(self, ax=ax, scale=scale, **style)
 

@@ -1,8 +1,8 @@
-"""The model file: a :class:`~bdamper.model.Model` in HDF5.
+"""The model file: a :class:`~bdamper.model.model.Model` in HDF5.
 
 The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how
 to write such a file with h5py alone.  The reader looks after the container: what must be there, of which
-type, in which units.  What the numbers have to satisfy is checked by :func:`~bdamper.checks.check_model`, for
+type, in which units.  What the numbers have to satisfy is checked by :func:`~bdamper.model.validation.check_model`, for
 files and for models built in memory alike.
 
 A file is a closed box: links to other files, external storage and virtual datasets are refused, and so is
@@ -23,9 +23,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.checks import check_model, shape_text
-from bdamper.errors import ModelError, mismatch
-from bdamper.model import (
+from bdamper.model.model import (
     Body,
     BodyLoad,
     ContactStiffness,
@@ -37,7 +35,9 @@ from bdamper.model import (
     StaticContact,
     SurfaceMesh,
 )
-from bdamper.resultfile import check_folder
+from bdamper.model.validation import check_model, shape_text
+from bdamper.util.errors import ModelError, mismatch
+from bdamper.util.hdf5 import check_folder
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -101,7 +101,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ModelError
-        If the model does not pass :func:`~bdamper.checks.check_model`.
+        If the model does not pass :func:`~bdamper.model.validation.check_model`.
     BdamperError
         If its directory does not exist.
     OSError
@@ -264,7 +264,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         If there is no such file.
     ModelError
         If the file cannot be read as a model, or the model in it does not pass
-        :func:`~bdamper.checks.check_model`.
+        :func:`~bdamper.model.validation.check_model`.
     """
     source = Path(path)
     if not source.exists():

@@ -13,15 +13,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.fe_body import MassProperties, Modes
 from bdamper.io.plausible import compare_frequencies
 from bdamper.io.prepare import PreparedBody
-from bdamper.model import Body, BodyLoad, ModalBasis, Port
+from bdamper.model.model import Body, BodyLoad, ModalBasis, Port
 from bdamper.reduction.bodies import location_rows
 from bdamper.reduction.cyclic import fix_phase
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.waves import Waves, travelling_waves
+from bdamper.util.errors import mismatch
 
 NO_RECEPTANCE = (
     "static receptances of the {name} (no matrices): contact stiffness cannot be derived; give it as numbers "

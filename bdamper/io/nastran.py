@@ -17,10 +17,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.errors import BdamperError, mismatch
 from bdamper.io.fe_body import FEBody, Modes
 from bdamper.io.matrices import square_matrix
 from bdamper.io.reading import check_count, reading
+from bdamper.util.errors import BdamperError, mismatch
 
 FilePath = str | os.PathLike[str]
 

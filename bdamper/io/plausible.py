@@ -7,12 +7,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.errors import mismatch
 from bdamper.io.fe_body import UNITS
 from bdamper.io.prepare import PreparedBody
-from bdamper.model import Body
+from bdamper.model.model import Body
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.structure import Structure
+from bdamper.util.errors import mismatch
 
 SIZE = (1e-3, 30.0)
 """Largest extent of a body, m."""

@@ -15,12 +15,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from bdamper import expect
-from bdamper.errors import ModelError, SettingError, mismatch
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
+from bdamper.util import validate
+from bdamper.util.errors import ModelError, SettingError, mismatch
 
 SYMMETRY_TOLERANCE = 1e-6
 """Largest difference between a matrix and its transpose, relative to its largest entry."""
@@ -63,11 +63,11 @@ def placement(axis: object, radial: object, origin: object, units: str | Units) 
     SettingError
     """
     given = {"axis": axis, "radial": radial, "origin": origin}
-    z, y, start = (expect.numbers(name, value, 3) for name, value in given.items())
+    z, y, start = (validate.numbers(name, value, 3) for name, value in given.items())
     if not np.linalg.norm(z) or abs(z @ y) > 1e-6 * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
         raise SettingError(f"axis and radial: expected two directions at right angles, found {axis!r} and {radial!r}")
     if not isinstance(units, Units):
-        units = UNITS[expect.choice("units (or Units(...))", units, sorted(UNITS))]
+        units = UNITS[validate.choice("units (or Units(...))", units, sorted(UNITS))]
     return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), start, units)
 
 

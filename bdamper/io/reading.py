@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from bdamper.errors import BdamperError, mismatch
+from bdamper.util.errors import BdamperError, mismatch
 
 # What damaged input makes parsers and libraries raise.  Programming errors (AttributeError, NameError) of this package
 # are let through; libraries that raise those too are wrapped with ``library=True``.

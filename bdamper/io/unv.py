@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.errors import BdamperError, mismatch
 from bdamper.io.fe_body import FEBody, Modes
 from bdamper.io.measurement import Measurement
 from bdamper.io.reading import reading
+from bdamper.util.errors import BdamperError, mismatch
 
 FilePath = str | os.PathLike[str]
 

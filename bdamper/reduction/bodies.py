@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.model import Body, BodyLoad, ModalBasis, Port
+from bdamper.model.model import Body, BodyLoad, ModalBasis, Port
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 

@@ -15,13 +15,13 @@ if shutil.which("ccx") is None:
 
 from skfem import MeshHex
 
+from bdamper.contact.contact_solver import OPEN, StaticContactProblem, solve_static_contact
 from bdamper.fe.assemble import discretise
 from bdamper.fe.calculix import _model
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.damper import FreeBody
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
-from bdamper.staticcontact import OPEN, StaticContactProblem, solve_static_contact
 
 OVERLAP = 1e-8  # m, holds the damper before the load
 LOAD, MU = 1000.0, 0.3

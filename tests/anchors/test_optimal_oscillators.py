@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
-from bdamper.continuation import follow
-from bdamper.peaks import Peak, coarse_options, follow_peak, least_peak, refine_maxima, sensitivities
+from bdamper.continuation.follower import follow
+from bdamper.peaks.follower import follow_peak
+from bdamper.peaks.leastpeak import least_peak
+from bdamper.peaks.newton import Peak, coarse_options, refine_maxima
+from bdamper.peaks.sensitivity import sensitivities
 from tests.oscillators import oscillator
 
 # slip limit: (peak, frequency)
@@ -127,7 +130,7 @@ class TestJenkins:
         """A1, 31 harmonics, F = 1: 3.536132 at 1.10864."""
         system = jenkins(1.0, n_harm=31)
         one = follow_peak(jenkins, next(p for p in branch.peaks if p.parameter == 0.9), [1.0]).peaks[0]
-        from bdamper.peaks import find_peak
+        from bdamper.peaks.newton import find_peak
 
         guess = np.concatenate([one.y[:2], np.zeros(system.n_unknowns - 2), one.y[-1:]])
         peak = find_peak(system, guess)

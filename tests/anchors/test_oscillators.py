@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from bdamper.continuation import ContinuationOptions, follow
-from bdamper.system import OK
+from bdamper.balance.system import OK
+from bdamper.continuation.follower import ContinuationOptions, follow
 from tests.oscillators import oscillator
 
 FINE = ContinuationOptions(tolerance=1e-12, max_step=0.05, step=0.02, locate_tolerance=1e-10)

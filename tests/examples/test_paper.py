@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from bdamper.measured import Measured
-from bdamper.plotting import plot_over_measurement
+from bdamper.io.measured import Measured
+from bdamper.plot import plot_over_measurement
 
 matplotlib.use("Agg")
 

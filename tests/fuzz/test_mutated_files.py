@@ -23,8 +23,6 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.checks import check_model
-from bdamper.errors import BdamperError
 from bdamper.fe.assemble import discretise
 from bdamper.fe.calculix import local_order
 from bdamper.fe.geometry import Material
@@ -48,6 +46,8 @@ from bdamper.io import (
     read_unv,
     save_model,
 )
+from bdamper.model.validation import check_model
+from bdamper.util.errors import BdamperError
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 

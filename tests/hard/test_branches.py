@@ -6,11 +6,14 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core, continuation, start, tracking
-from bdamper.branches import Piece, ending, in_order, uncovered
-from bdamper.branchsearch import EVERY_VISIT, BranchSearch
-from bdamper.continuation import ContinuationOptions, Path, PathPoint, follow
-from bdamper.system import NOT_CONVERGED, OK, Correction, CostMeter
+from bdamper import _core
+from bdamper.balance.system import NOT_CONVERGED, OK, Correction, CostMeter
+from bdamper.continuation import follower as continuation
+from bdamper.continuation import start
+from bdamper.continuation import track as tracking
+from bdamper.continuation.coverage import Piece, ending, in_order, uncovered
+from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint, follow
+from bdamper.continuation.search import EVERY_VISIT, BranchSearch
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
@@ -325,7 +328,7 @@ def test_bodies_held_and_let_go_where_nothing_else_starts(seed, wide, monkeypatc
     assert any("bodies held" in line and "no solution" not in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
-    monkeypatch.setattr("bdamper.start.SUPPORTS", ())
+    monkeypatch.setattr("bdamper.continuation.start.SUPPORTS", ())
     assert not s.track(preload, interval).complete
 
 
@@ -424,7 +427,7 @@ def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
 
 
 def test_another_visit_asks_a_place_again(monkeypatch):
-    monkeypatch.setattr("bdamper.branchsearch.PLACES", 3 * ((0.5, 0.2, 0.8),))
+    monkeypatch.setattr("bdamper.continuation.search.PLACES", 3 * ((0.5, 0.2, 0.8),))
     pieces = [span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
     seen = []
     search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)

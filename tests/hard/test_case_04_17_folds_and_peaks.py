@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import brentq
 
 import bdamper as bd
-from bdamper.continuation import ContinuationOptions, follow, turns_twice
-from bdamper.linear import linear_resonances
-from bdamper.system import OK
+from bdamper.balance.linear import linear_resonances
+from bdamper.balance.system import OK
+from bdamper.continuation.follower import ContinuationOptions, follow, turns_twice
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 

@@ -9,8 +9,7 @@ bisection along the disturbance, and the Jacobian beyond it must give the differ
 import numpy as np
 import pytest
 
-from bdamper.stability import _contact_changes
-from bdamper.system import (
+from bdamper.balance.system import (
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
@@ -22,6 +21,7 @@ from bdamper.system import (
     Sampled,
     segments,
 )
+from bdamper.stability.floquet import _contact_changes
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 

@@ -7,13 +7,15 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper import _core, climb, start, tracking
-from bdamper.branchsearch import EVERY_VISIT
-from bdamper.climb import HELD, Ladder
-from bdamper.continuation import ContinuationOptions, Path, PathPoint
-from bdamper.response import crossings
-from bdamper.start import LOOSE_TURN, Aids, first_point
-from bdamper.system import OK, Correction, Cost, CostMeter
+from bdamper import _core
+from bdamper.balance.system import OK, Correction, Cost, CostMeter
+from bdamper.continuation import climb, start
+from bdamper.continuation import track as tracking
+from bdamper.continuation.climb import HELD, Ladder
+from bdamper.continuation.curve import crossings
+from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint
+from bdamper.continuation.search import EVERY_VISIT
+from bdamper.continuation.start import LOOSE_TURN, Aids, first_point
 from tests.hard.test_branches import study
 
 OMEGA = 2.0 * np.pi * 300.0

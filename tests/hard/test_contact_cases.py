@@ -11,8 +11,8 @@ import pytest
 
 import bdamper as bd
 from tests import oracle
+from tests.contact.test_laws import COUPLED, EXACT, SAMPLED, SEPARABLE, evaluate, random_state
 from tests.oscillators import oscillator
-from tests.unit.test_laws import COUPLED, EXACT, SAMPLED, SEPARABLE, evaluate, random_state
 
 
 def single(A, B, phi, n0, mu=0.5, kt=1.0, kn=1.0, **kw):

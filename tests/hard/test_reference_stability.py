@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.coupling import HarmonicBasis
-from bdamper.disturbances import WaveDisturbances
-from bdamper.timedomain import Ring
+from bdamper.model.coupling import HarmonicBasis
+from bdamper.stability.disturbances import WaveDisturbances
+from bdamper.stability.time_integration import Ring
 
 DRAG = 4.0 * 2.0 * np.pi * 350.0
 

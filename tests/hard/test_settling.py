@@ -8,9 +8,9 @@ from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 import bdamper as bd
-from bdamper.branches import NO_SOLUTION, LeftOut
-from bdamper.settling import FEWEST, repeats_after, settle, to_come
-from bdamper.timedomain import Ring, amplitudes_of
+from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
+from bdamper.stability.steady_state import FEWEST, repeats_after, settle, to_come
+from bdamper.stability.time_integration import Ring, amplitudes_of
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
 from tests.oscillators import oscillator

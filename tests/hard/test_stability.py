@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.stability import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
-from bdamper.system import LAW_COUPLED, HarmonicSystem
-from bdamper.timedomain import Ring, verify_solution
+from bdamper.balance.system import LAW_COUPLED, HarmonicSystem
+from bdamper.stability.floquet import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
+from bdamper.stability.time_integration import Ring, verify_solution
 from tests.event_march import Marcher
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model

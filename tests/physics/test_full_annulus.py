@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation import ContinuationOptions
-from bdamper.coupling import HarmonicBasis
-from bdamper.model import Body, ModalBasis
-from bdamper.system import CostMeter, HarmonicSystem, PointArrays
+from bdamper.balance.system import CostMeter, HarmonicSystem, PointArrays
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.model import Body, ModalBasis
 from tests.models import wedge_model
 
 N, H, DOF = 8, 4, 6

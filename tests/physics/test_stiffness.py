@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.errors import ModelError
-from bdamper.model import ContactStiffness
-from bdamper.stiffness import SMALL_FORCE, paper_contact, paper_equations, unit_traction
+from bdamper.contact.stiffness import SMALL_FORCE, paper_contact, paper_equations, unit_traction
+from bdamper.model.model import ContactStiffness
+from bdamper.util.errors import ModelError
 from tests.models import wedge_model
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation import ContinuationOptions
-from bdamper.errors import SettingError
-from bdamper.system import OK, CostMeter
+from bdamper.balance.system import OK, CostMeter
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.util.errors import SettingError
 from tests import oracle
 from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model
 
@@ -269,7 +269,7 @@ def test_the_neighbour_is_turned_the_right_way():
         locations={"tip": np.zeros((3, 1))},
         flexibility=None,
     )
-    from bdamper.coupling import Coupling
+    from bdamper.model.coupling import Coupling
 
     moved = replace(model, bodies={**model.bodies, "blade": replace(blade, bases={0: basis})})
     coupling = Coupling(moved, ("left", "right"), {"blade": np.arange(1), "damper": np.arange(6)}, 2)

@@ -1,0 +1,1 @@
+"""Accuracy: what richer settings would change, and what accuracy costs in time."""

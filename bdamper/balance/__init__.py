@@ -1,0 +1,1 @@
+"""Harmonic balance: the equations of one preload, assembled and solved by the C core."""

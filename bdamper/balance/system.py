@@ -1,0 +1,697 @@
+"""Harmonic balance equations of a model under given settings: the only module that talks to the C core.
+
+Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmonic its cosine and its sine amplitudes.
+``y = (u, omega)`` is a point in the space in which response curves live.
+"""
+
+from __future__ import annotations
+
+import math
+from copy import copy
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bdamper import _core
+from bdamper.model.coupling import HarmonicBasis
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
+STATUS_TEXT = {
+    OK: "converged",
+    NOT_CONVERGED: "Newton did not converge",
+    DIVERGED: "Newton diverged",
+    SINGULAR: "singular Jacobian",
+    NOT_FINITE: "not finite",
+}
+LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
+
+
+def norm2(x: NDArray) -> float:
+    """Euclidean norm of a vector."""
+    return math.sqrt(x.dot(x))
+
+
+MAX_SAMPLES = 1 << 20
+"""Samples per period that the core takes at most."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Contact forces from samples in time (alternating frequency/time) instead of exact events.
+
+    Parameters
+    ----------
+    n_time : int
+        Samples per period, at least ``4 harmonics + 4``.
+    interpolate : bool
+        Interpolate the instant of closing between samples; without it the derivative does not converge.
+    """
+
+    n_time: int = 128
+    interpolate: bool = True
+
+    def __post_init__(self) -> None:
+        validate.fields(self, validate.whole, "n_time", least=8, most=MAX_SAMPLES)
+        validate.fields(self, validate.flag, "interpolate")
+
+
+@brief
+@dataclass(frozen=True)
+class PointArrays:
+    """Parameters of all contact points, stacked.
+
+    Parameters
+    ----------
+    kt : (n_points, 2) float, N/m
+    kn : (n_points,) float, N/m
+    mu, n0 : (n_points,) float
+        Friction coefficient; normal load at zero closing (N), negative for a gap.
+    slider : (n_points, 2) float, m
+        An infinite slider asks for that end of the interval of admissible ones where a point never slips.
+    law : (n_points,) int
+        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
+        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
+    shift : (n_points, 3) float, m
+        Constant part of (u1, u2, v) that the modes do not carry.
+    load : (n_points,) float, N, optional
+        Normal load that limits friction under the laws of constant load; ``n0`` by default.
+    index : (n_points,) int, optional
+        Contact point of the structure that each is made of; where two are made of one, the second one's normal force is
+        taken off that of the first.
+    """
+
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    slider: NDArray
+    law: NDArray
+    shift: NDArray
+    load: NDArray | None = None
+    index: NDArray | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class Correction:
+    """Outcome of one Newton corrector.
+
+    Parameters
+    ----------
+    status : int
+    y, tangent : (n_unknowns + 1,) float
+    iterations : int
+    residual : float
+        Largest residual relative to the excitation (harmonics) or the static load (mean).
+    condition : float
+        Estimated reciprocal condition of the equilibrated bordered matrix.
+    rank_deficiency : int
+        Directions that the equations leave undetermined, held by least norm.
+    shares : tuple of three floats
+        Shares of the cycle that stick, slip and are open, averaged over the points with friction.
+    orientation : int
+        Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
+    """
+
+    status: int
+    y: NDArray
+    tangent: NDArray
+    iterations: int
+    residual: float
+    condition: float
+    rank_deficiency: int
+    shares: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    orientation: int = 0
+
+
+class HarmonicSystem:
+    """Residual, Jacobian and corrector for one structure, one preload, one excitation.
+
+    Parameters
+    ----------
+    bases : sequence of HarmonicBasis
+        One for each harmonic 0..n_harmonics.
+    points : PointArrays
+    force : (n_unknowns,) float
+        Modal excitation and static load, in the layout of the unknowns.
+    response : sequence of (n_modes,) complex
+        Row of modal amplitudes that gives the response, for each harmonic.
+    evaluation : {"exact"} or Sampled
+    force_scale : (2,) float
+        Reference modal forces of the mean and of the harmonics, for the relative residual.
+    """
+
+    def __init__(
+        self,
+        bases: list[HarmonicBasis],
+        points: PointArrays,
+        force: NDArray,
+        response: list[NDArray],
+        evaluation: str | Sampled = "exact",
+        force_scale: tuple[float, float] = (1.0, 1.0),
+    ) -> None:
+        self.bases = bases
+        self.spring_bases = bases
+        """Modes at the points and along the axes to which linear springs are given."""
+        self.points = points
+        self.force = np.ascontiguousarray(force, float)
+        self.response_rows = response
+        self.n_harmonics = len(bases) - 1
+        self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
+        if self.n_harmonics < 1:
+            raise SettingError("harmonics: expected at least 1, found 0")
+        mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
+        self.exact = mode == 0
+        damping = [b.damping for b in bases]
+        self.arrays: dict[str, Any] = {
+            "n_mode": self.n_mode,
+            "stiffness": np.concatenate([b.omega2 for b in bases]),
+            "mass": np.concatenate([b.mass for b in bases]),
+            "damping": np.concatenate(damping),
+            "G": np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
+            "kt": np.ascontiguousarray(points.kt, float),
+            "kn": np.ascontiguousarray(points.kn, float),
+            "mu": np.ascontiguousarray(points.mu, float),
+            "n0": np.ascontiguousarray(points.n0, float),
+            "w": np.ascontiguousarray(points.slider, float),
+            "law": np.ascontiguousarray(points.law, np.intc),
+            "shift": np.ascontiguousarray(points.shift, float),
+            "force": self.force,
+            "load": np.ascontiguousarray(points.n0 if points.load is None else points.load, float),
+        }
+        self._evaluation: dict[str, Any] = {"evaluation": mode, "n_time": n_time}
+        self.core = _core.System(**self.arrays, **self._evaluation)
+        self.n_unknowns = self.core.n_unknown
+        self.n_mean = int(self.n_mode[0])
+        self.n_points = len(points.kn)
+        self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
+        self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
+        self._made_with = evaluation, force_scale
+        self._parameter: dict[str, Any] = {}
+        self.allowed = math.inf
+        """Million operations of the core in all after which no correction is begun (:meth:`limited`)."""
+        self.watched: list[tuple[float, float, NDArray]] = []
+        """Linear resonances that a path must not step over: frequency and half-width (rad/s), modal row."""
+
+    @property
+    def work(self) -> NDArray:
+        """(4,) million operations of an evaluation, Jacobian, factorisation, solution by least norm (:class:`Cost`)."""
+        n, points = self.n_unknowns, self.n_points
+        contact = 28e3 * (2 * self.n_harmonics + 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
+        return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
+
+    @property
+    def work_done(self) -> float:
+        """Million operations of the core so far."""
+        return float(self.work @ np.array(self.core.cost[3:]))
+
+    def limited(self, work: float) -> HarmonicSystem:
+        """The same equations; corrections end without success when so many million operations have been spent on them."""
+        out = copy(self)
+        out.allowed = self.work_done + work
+        return out
+
+    @property
+    def iterations_left(self) -> int:
+        """What is left of the limit, in iterations as they have been so far."""
+        done = self.work_done
+        each = max(float(self.work[:3].sum()), done / max(self.core.cost[4], 1))
+        return int(max(self.allowed - done, 0.0) / each)
+
+    @property
+    def spent(self) -> bool:
+        """Whether what is left of the limit would not do for three iterations."""
+        return self.allowed < math.inf and self.iterations_left < 3
+
+    @property
+    def lets_go(self) -> bool:
+        """Whether the parameter fades a support out (:meth:`letting_go`)."""
+        return "support" in self._parameter
+
+    def slices(self, harmonic: int) -> tuple[slice, slice]:
+        """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
+        n = self.n_mode
+        if harmonic == 0:
+            return slice(0, n[0]), slice(0, 0)
+        start = int(n[0] + 2 * n[1:harmonic].sum())
+        return slice(start, start + n[harmonic]), slice(start + n[harmonic], start + 2 * n[harmonic])
+
+    def amplitudes(self, u: NDArray, harmonic: int) -> NDArray:
+        """(..., n_modes) complex modal amplitudes of one harmonic."""
+        c, s = self.slices(harmonic)
+        if harmonic == 0:
+            return u[..., c].astype(complex)
+        return u[..., c] - 1j * u[..., s]
+
+    def response(self, u: NDArray) -> NDArray:
+        """(..., n_harmonics + 1) complex response amplitudes, the mean first."""
+        u = np.asarray(u)
+        return np.stack(
+            [self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1
+        )
+
+    def excitation_ramp(self, omega: float) -> HarmonicSystem:
+        """The same equations with a factor on the excitation of harmonics as the parameter, at fixed omega.
+
+        The core is shared; the last entry of a point ``y`` is then the factor.
+        """
+        out = copy(self)
+        ramp = self.force.copy()
+        ramp[: self.n_mean] = 0.0
+        out._parameter = {"ramp": ramp, "omega": float(omega)}
+        out.watched = []
+        return out
+
+    @property
+    def held_coordinates(self) -> list[NDArray]:
+        """For each harmonic (n_modes,) bool: those of free bodies, or all if no body is free."""
+        free = [basis.omega2 == 0.0 for basis in self.bases]
+        return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
+
+    def letting_go(self, omega: float, drag: float, spring: float, raising: bool = False) -> HarmonicSystem:
+        """The same equations at fixed omega with free bodies held by a support that fades as the parameter s goes to 1.
+
+        Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own (of all,
+        if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is
+        then s; with ``raising`` it is also the factor on the excitation.
+        """
+        support = np.zeros((self.n_unknowns, self.n_unknowns))
+        for l, free in enumerate(self.held_coordinates):
+            c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
+            if l == 0:
+                support[c[free], c[free]] = spring * omega**2
+            else:
+                support[c[free], s[free]] = drag * l * omega**2
+                support[s[free], c[free]] = -drag * l * omega**2
+        return self._supported(omega, support, raising)
+
+    def letting_in(self, omega: float, drag: float, mass: float, first: int | None = None) -> HarmonicSystem:
+        """The same equations at fixed omega with the highest harmonic, or all from the first on, held by a fading support.
+
+        ``drag`` and ``mass`` (stiffness for modes above the harmonic, so that none resonates on the way) in units of its
+        frequency squared, times ``1/s - 1``.  The last entry of a point ``y`` is then s; at 0 the equations are those
+        without these harmonics (:meth:`with_harmonics`), at 1 they are unchanged.
+        """
+        support = np.zeros((self.n_unknowns, self.n_unknowns))
+        for l in range(first or self.n_harmonics, self.n_harmonics + 1):
+            square = (l * omega) ** 2
+            c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
+            support[c, c] = support[s, s] = mass * np.where(self.bases[l].omega2 < square, -square, square)
+            support[c, s], support[s, c] = drag * square, -drag * square
+        return self._supported(omega, support)
+
+    def _supported(self, omega: float, support: NDArray, raising: bool = False) -> HarmonicSystem:
+        """With a linear support times ``1/s - 1``, and the factor s on the excitation if it is to be raised."""
+        out = self.excitation_ramp(omega)
+        if not raising:
+            out._parameter["ramp"] = np.zeros(self.n_unknowns)
+        out._parameter["support"] = support
+        return out
+
+    def with_harmonics(self, n: int) -> HarmonicSystem:
+        """The same structure with harmonics up to the n-th; its unknowns are the first of those of this one."""
+        m = self.slices(n)[1].stop
+        out = HarmonicSystem(
+            self.bases[: n + 1], self.points, self.force[:m], self.response_rows[: n + 1], *self._made_with
+        )
+        out.spring_bases = self.spring_bases[: n + 1]
+        return out
+
+    def with_force(self, force: NDArray) -> HarmonicSystem:
+        """The same equations under another modal force."""
+        out = self._with(force=np.ascontiguousarray(force, float))
+        out.force = out.arrays["force"]
+        return out
+
+    def with_sliders(self, slider: NDArray) -> HarmonicSystem:
+        """The same equations with other sliders (n_points, 2), m, where points never slip (:meth:`slider_interval`)."""
+        out = self._with(w=np.ascontiguousarray(slider, float))
+        out.points = replace(self.points, slider=out.arrays["w"])
+        return out
+
+    def _with(self, **arrays: NDArray) -> HarmonicSystem:
+        out = copy(self)
+        out.arrays = {**self.arrays, **arrays}
+        out.core = _core.System(**out.arrays, **self._evaluation)
+        return out
+
+    def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
+        """Jacobian and derivative with respect to the parameter at a point."""
+        if self._parameter:
+            _, J, _ = self.evaluate(y[:-1], self._parameter["omega"])
+            by_factor = -self._parameter["ramp"]
+            if self.lets_go:
+                J += (1.0 / y[-1] - 1.0) * self._parameter["support"]
+                by_factor = by_factor - self._parameter["support"] @ y[:-1] / y[-1] ** 2
+            return J, by_factor
+        _, J, r_omega = self.evaluate(y[:-1], y[-1])
+        return J, r_omega
+
+    def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
+        """Residual, Jacobian and derivative with respect to omega."""
+        n = self.n_unknowns
+        r, J, r_omega = np.empty(n), np.empty((n, n)), np.empty(n)
+        status = self.core.evaluate(np.ascontiguousarray(u, float), float(omega), r, J, r_omega)
+        if status != OK:
+            raise FloatingPointError("the residual is not finite at this point")
+        return r, J, r_omega
+
+    def residual(self, y: NDArray) -> NDArray:
+        """Residual alone at a point."""
+        r = np.empty(self.n_unknowns)
+        if self.core.evaluate(np.ascontiguousarray(y[:-1], float), float(y[-1]), r) != OK:
+            raise FloatingPointError("the residual is not finite at this point")
+        return r
+
+    def correct(
+        self,
+        y: NDArray,
+        normal: NDArray,
+        scale: NDArray,
+        tolerance: float,
+        max_iterations: int,
+        line_search: bool = False,
+    ) -> Correction:
+        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
+        y = np.array(y, float)
+        tangent = np.zeros_like(y)
+        if self.allowed < math.inf:
+            if self.spent:
+                return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
+            max_iterations = min(max_iterations, self.iterations_left)
+        status, iterations, residual, _, _, condition, rank, shares, orientation = self.core.correct(
+            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
+        )
+        return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares, orientation)
+
+    @cached_property
+    def response_parts(self) -> tuple[NDArray, NDArray]:
+        """Rows of the unknowns that give real and imaginary part of the first harmonic of the response."""
+        re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
+        row = np.asarray(self.response_rows[1])
+        c, s = self.slices(1)
+        re[c], re[s] = row.real, row.imag
+        im[c], im[s] = row.imag, -row.real
+        return re, im
+
+    def peak(
+        self,
+        y: NDArray,
+        tangent: NDArray,
+        scale: NDArray,
+        curvature: float,
+        tolerance: float,
+        place_tolerance: float,
+        max_iterations: int,
+        max_step: float,
+    ) -> tuple[Correction, float, float]:
+        """Newton to the peak of the first harmonic of the response near a point of the curve.
+
+        Parameters
+        ----------
+        y, tangent, scale : (n_unknowns + 1,) float
+            ``tangent`` of unit length in scaled unknowns, an estimate.
+        curvature : float
+            Estimate of the second derivative of ln(amplitude) along the curve, negative.
+        tolerance, place_tolerance : float
+            On the residual, and on the distance to the peak in scaled unknowns.
+
+        Returns
+        -------
+        Correction, slope and curvature of ln(amplitude)
+        """
+        y, tangent = np.array(y, float), np.array(tangent, float)
+        status, iterations, residual, slope, curvature, rank, shares = self.core.peak(
+            y, tangent, scale, self.row_scale, *self.response_parts, tolerance, max_iterations, curvature, place_tolerance,
+            max_step,
+        )  # fmt: skip
+        return Correction(status, y, tangent, iterations, residual, 0.0, len(y) - rank, shares), slope, curvature
+
+    def correct_at(
+        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
+    ) -> Correction:
+        """Newton at a fixed frequency."""
+        normal = np.zeros(self.n_unknowns + 1)
+        normal[-1] = 1.0
+        return self.correct(np.append(u, omega), normal, scale, tolerance, max_iterations, line_search)
+
+    def shares(self) -> NDArray:
+        """(n_points, 5) shares of the cycle at the latest evaluation: stick, slip (t1), stick, slip (t2), open."""
+        out = np.empty((self.n_points, 5))
+        self.core.shares(out)
+        return out
+
+    def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""
+        n_coef = 2 * self.n_harmonics + 1
+        X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
+        share = np.empty((self.n_points, 5))
+        if self.core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+            raise FloatingPointError("the contact forces are not finite at this point")
+        return X, F, share
+
+    def closing(self, u: NDArray, direction: NDArray) -> tuple[NDArray, NDArray]:
+        """Largest closing in the cycle at every contact point, and its rate along a direction of the mean.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+        direction : (n_mean,) float
+
+        Returns
+        -------
+        closing : (n_points,) float, m
+            Negative: the gap that is left, so the point is open all the cycle; 0 for points without a normal spring.
+        rate : (n_points,) float
+            m per unit of the direction.
+        """
+        X, _, _ = self.contact(u)
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * self.n_harmonics, endpoint=False)
+        l = np.arange(1, self.n_harmonics + 1)
+        wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(-1, len(theta))
+        kn = self.arrays["kn"]
+        held = kn > 0.0
+        closing = (X[:, 2, :1] + X[:, 2, 1:] @ wave).max(axis=1) + self.arrays["n0"] / np.where(held, kn, 1.0)
+        return np.where(held, closing, 0.0), self.bases[0].G[:, 2].real @ direction
+
+    def slider_interval(self, u: NDArray) -> NDArray:
+        """Sliders that a point which never slips may have: the interval of residual tractions.
+
+        Such a point rests with any slider from the largest ``u_d - mu N/kt`` to the smallest ``u_d + mu N/kt`` of the
+        cycle; its mean friction force is ``kt (mean of u_d - slider)``.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+
+        Returns
+        -------
+        (n_points, 2, 2) float, m
+            Lower and upper end for both tangential directions; NaN where the point slips, opens or has no friction.
+        """
+        law = self.arrays["law"]
+        one_d = (law == LAW_SEPARABLE) | (law == LAW_CONSTANT)
+        out = np.full((self.n_points, 2, 2), np.nan)
+        X, F = (np.empty((self.n_points, 3, 2 * self.n_harmonics + 1)) for _ in range(2))
+        share = np.empty((self.n_points, 5))
+        for end, far in enumerate((-np.inf, np.inf)):
+            w = np.where(one_d[:, None], far, self.arrays["w"])
+            core = _core.System(**{**self.arrays, "w": w}, **self._evaluation)
+            if core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+                raise FloatingPointError("the contact forces are not finite at this point")
+            rests = one_d[:, None] & (share[:, [0, 2]] > 1.0 - 1e-9)
+            kt = np.where(rests, self.arrays["kt"], 1.0)
+            out[..., end] = np.where(rests, X[:, :2, 0] - F[:, :2, 0] / kt, np.nan)
+        return out
+
+    def linear_matrix(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex dynamic stiffness of one harmonic with linear springs (n_points, 3) at the contact points."""
+        b = self.spring_bases[harmonic]
+        w = harmonic * omega
+        Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
+        if contact is not None:
+            G = b.G.reshape(-1, len(b.omega2))
+            Z += G.conj().T @ (contact.reshape(-1, 1) * G)
+        return Z
+
+    def linear_modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:
+        """Undamped frequencies (rad/s), ascending, and mass-normalised modes under linear springs (n_points, 3).
+
+        Modal coordinates without mass follow the others statically and add no frequency.
+        """
+        b = self.bases[harmonic]
+        K = self.linear_matrix(0.0, contact, harmonic)
+        shift = max(float(np.abs(np.diag(K)).max()) * 1e-6, 1.0)  # free rigid-body modes have no stiffness
+        M = np.diag(b.mass)
+        inverse, vectors = scipy.linalg.eigh(M, 0.5 * (K + K.conj().T) + shift * M)
+        keep = np.flatnonzero(inverse > 1e-12 * inverse[-1])[::-1]
+        pole = np.maximum(1.0 / inverse[keep] - shift, 0.0)
+        return np.sqrt(pole), vectors[:, keep] / np.sqrt(inverse[keep])
+
+    def linear_response(self, omega: float, contact: NDArray | None, harmonic: int = 1) -> NDArray:
+        """Complex modal amplitudes of one harmonic under linear contact; rigid modes without any contact stay at rest."""
+        c, s = self.slices(harmonic)
+        e = self.force[c] - 1j * self.force[s]
+        return np.linalg.lstsq(self.linear_matrix(omega, contact, harmonic), e, rcond=1e-14)[0]
+
+    def pack(self, mean: NDArray, harmonic_one: NDArray) -> NDArray:
+        """Unknowns from the mean and the complex amplitudes of the first harmonic, the others zero."""
+        u = np.zeros(self.n_unknowns)
+        u[: self.n_mean] = mean
+        c, s = self.slices(1)
+        u[c], u[s] = harmonic_one.real, -harmonic_one.imag
+        return u
+
+
+def segments(
+    x: NDArray,
+    kt: NDArray,
+    kn: float,
+    mu: float,
+    n0: float,
+    slider: NDArray,
+    law: int = LAW_SEPARABLE,
+    evaluation: str | Sampled = "exact",
+    load: float | None = None,
+) -> list[list[tuple[float, float, int]]]:
+    """Parts of the cycle at one contact point: for each tangential direction a list of (start, end, state).
+
+    Parameters
+    ----------
+    x : (3, n_coef) float
+        Motion (u1, u2, v) as coefficients.
+    evaluation : {"exact"} or Sampled
+        Coupled laws need samples.
+    load : float, N, optional
+        Normal load that limits friction under the laws of constant load; ``n0`` by default.
+
+    Returns
+    -------
+    list of two lists; states 0 stick, 1 slip + (or slip of a coupled law), 2 slip -, 3 open; angles in radians, the last
+    may pass 2 pi.
+    """
+    F = np.empty_like(x)
+    J = np.empty(x.shape + x.shape)
+    mode, n_time = _evaluation_code(evaluation, x.shape[1] // 2, np.array(law))
+    _, parts = _core.evaluate_contact(
+        np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law, mode, n_time, n0 if load is None else load
+    )
+    return list(parts)
+
+
+def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
+    if evaluation == "exact" and ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT)).any():
+        raise SettingError(
+            'evaluation: expected Sampled(n_time) with coupled friction, which has no closed form, found "exact"'
+        )
+    check_evaluation(evaluation, harmonics)
+    if isinstance(evaluation, Sampled):
+        return (1 if evaluation.interpolate else 2), evaluation.n_time
+    return 0, 0
+
+
+def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
+    """Refuse what is no evaluation, or too few samples for the highest harmonic."""
+    if isinstance(evaluation, Sampled):
+        if evaluation.n_time < 4 * harmonics + 4:
+            expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
+            raise validate.unfit("evaluation", expected, evaluation.n_time)
+    elif not isinstance(evaluation, str) or evaluation != "exact":
+        raise validate.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Where the time went.
+
+    Parameters
+    ----------
+    seconds : float
+        Wall-clock time in all.
+    contact, assembly, algebra : float
+        Seconds in the C core: contact forces, modal sums and products, linear algebra.
+    evaluations, jacobians, factorisations : int
+    iterations, failed_steps : int
+    least_norm : int
+        Solutions by least norm, where the equations leave a direction undetermined.
+    work : float
+        Million operations: what the evaluations and Jacobians cost by their sizes, the same on every machine.  With n
+        unknowns, p contact points and H harmonics an evaluation counts 28,000 p (2 H + 1), or p (120,000 + 1,200 samples),
+        a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are
+        fitted to processor times of tracking curves, with what Python and the rest of the core spend in between.
+    """
+
+    seconds: float = 0.0
+    contact: float = 0.0
+    assembly: float = 0.0
+    algebra: float = 0.0
+    evaluations: int = 0
+    jacobians: int = 0
+    factorisations: int = 0
+    iterations: int = 0
+    failed_steps: int = 0
+    least_norm: int = 0
+    work: float = 0.0
+
+    @property
+    def core(self) -> float:
+        """Seconds inside the C core."""
+        return self.contact + self.assembly + self.algebra
+
+    @property
+    def python(self) -> float:
+        """Seconds outside the C core."""
+        return max(0.0, self.seconds - self.core)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.seconds:.3f} s: contact {self.contact:.3f}, assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
+            f"Python {self.python:.3f}; {self.evaluations} evaluations, {self.iterations} iterations, "
+            f"{self.failed_steps} failed steps"
+        )
+
+
+@dataclass
+class CostMeter:
+    """Sums the cost of several systems that serve one result."""
+
+    start: float
+    systems: list[tuple[HarmonicSystem, tuple[float, ...]]] = field(default_factory=list)
+    iterations: int = 0
+    failed_steps: int = 0
+    parts: list[Cost] = field(default_factory=list)
+
+    def add(self, cost: Cost) -> None:
+        """Count in what a part of the work, done while this meter ran, has metered by itself."""
+        self.parts.append(cost)
+
+    def watch(self, system: HarmonicSystem) -> None:
+        self.systems.append((system, system.core.cost))
+
+    @property
+    def work(self) -> float:
+        """Million operations so far."""
+        total = sum(p.work for p in self.parts)
+        for system, before in self.systems:
+            total += float(system.work @ (np.array(system.core.cost[3:]) - before[3:]))
+        return float(total)
+
+    def read(self, now: float) -> Cost:
+        total = np.zeros(7)
+        for system, before in self.systems:
+            total += np.array(system.core.cost) - np.array(before)
+        for p in self.parts:
+            counts = p.evaluations, p.jacobians, p.factorisations, p.least_norm
+            total += np.array([p.contact, p.assembly, p.algebra, *counts])
+        c, a, g = (float(t) for t in total[:3])
+        e, j, f, least = (int(t) for t in total[3:])
+        iterations = self.iterations + sum(p.iterations for p in self.parts)
+        failed = self.failed_steps + sum(p.failed_steps for p in self.parts)
+        return Cost(now - self.start, c, a, g, e, j, f, iterations, failed, least, self.work)

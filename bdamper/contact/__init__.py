@@ -1,0 +1,1 @@
+"""Contact: laws, points, stiffness, residual modes and the static analysis under the preload."""

@@ -1,0 +1,523 @@
+r"""Static contact with friction on the full flexibility, condensed to the contact points, with a certificate.
+
+With the flexibility :math:`R` of both sides, the rigid-body motion :math:`\eta` of free bodies and the displacement
+:math:`x_0` per newton of load, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces and the forces
+:math:`F = (T_1, T_2, N)` satisfy
+
+.. math:: x = \Psi\eta + P x_0 - R F,\qquad \Psi^T F = P f,
+
+.. math:: N \ge 0,\quad v \le g,\quad N (v - g) = 0;\qquad |T_d| \le \mu N,\quad
+          (\mu N - |T_d|)\,(u_d - w_d) = 0,\quad T_d\,(u_d - w_d) \ge 0,
+
+:math:`g` the initial gap and :math:`w` the position at which a point was stuck before the load step.  The same conditions
+read :math:`F = \mathrm{law}(x + F/k)` with the law of an elastic contact element of any stiffness :math:`k > 0`, which
+cancels: piecewise linear equations for :math:`(F, \eta)`, solved by Newton's method on the states of the points, with the
+load in steps where that is needed.  Where Newton's method finds no set of states, as when a body tilts before it touches
+elsewhere, the body creeps into its next state with the sliders carried along (:meth:`_Solver.creep`); :math:`w` is then the
+position of the last step of that motion.  :class:`Certificate` measures the conditions themselves.
+
+With friction there may be several states (:func:`distinct_states`), or none: then no forces within friction balance the
+load, and the error says by how much they miss it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from bdamper.model.coupling import Coupling
+from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.repr import brief
+
+STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
+
+
+@brief
+@dataclass(frozen=True)
+class Certificate:
+    """Largest violations of equilibrium and of the contact conditions, without unit.
+
+    Forces are relative to the largest contact force, displacements to the largest relative motion or gap, products to the
+    product of both.
+
+    Parameters
+    ----------
+    equilibrium : float
+    tension, penetration, separation : float
+        ``N < 0``; ``v > g``; ``N (g - v)``.
+    friction, sticking, sense : float
+        ``|T| > mu N``; motion of a point whose friction is below its limit; friction along the slip instead of against it.
+    """
+
+    equilibrium: float
+    tension: float
+    penetration: float
+    separation: float
+    friction: float
+    sticking: float
+    sense: float
+
+    @property
+    def worst(self) -> float:
+        return max(vars(self).values())
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {value:.1e}" for name, value in vars(self).items())
+
+
+@brief
+@dataclass(frozen=True)
+class StaticContactProblem:
+    """Arrays of the problem.
+
+    Parameters
+    ----------
+    flexibility : (3 n, 3 n) float, m/N
+    rigid : (3 n, n_rigid) float
+        Relative motion by rigid-body coordinates.
+    load : (n_rigid,) float
+        Their generalised force per newton of load.
+    offset : (n, 3) float, m/N
+        Relative motion by the load without contact.
+    friction, gap : (n,) float
+    """
+
+    flexibility: NDArray
+    rigid: NDArray
+    load: NDArray
+    offset: NDArray
+    friction: NDArray
+    gap: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class StaticContactSolution:
+    """A state of the contact.
+
+    Parameters
+    ----------
+    load : float, N
+    force : (n, 3) float, N
+        T1, T2, N; N positive in compression.
+    motion : (n, 3) float, m
+        u1, u2, v of the surfaces.
+    slider : (n, 2) float, m
+    rigid : (n_rigid,) float
+    status : (n, 2) int
+        0 stick, 1 slip +, 2 slip -, 3 open.
+    certificate : Certificate
+    iterations, steps : int
+    """
+
+    load: float
+    force: NDArray
+    motion: NDArray
+    slider: NDArray
+    rigid: NDArray
+    status: NDArray
+    certificate: Certificate
+    iterations: int
+    steps: int
+
+
+def certify(
+    problem: StaticContactProblem,
+    load: float,
+    force: NDArray,
+    motion: NDArray,
+    rest: NDArray,
+    least_force: float = 1e-300,
+) -> Certificate:
+    """Violations of the conditions by forces (n, 3) and motion (n, 3), ``rest`` (n, 2) where the points were stuck before.
+
+    The motion is what the caller claims; that it belongs to the forces is not checked here.  ``least_force`` (N) stands in
+    for the largest contact force where there is hardly any.
+    """
+    size = max(float(np.abs(force).max(initial=0.0)), least_force)
+    slip = motion[:, :2] - rest
+    distance = problem.gap - motion[:, 2]
+    reach = max(float(np.abs(motion).max(initial=0.0)), float(np.abs(problem.gap).max(initial=0.0)), 1e-300)
+    normal = force[:, 2]
+    limit = problem.friction[:, None] * normal[:, None]
+    balance = problem.rigid.T @ force.ravel() - load * problem.load
+    largest = max(float(np.abs(problem.rigid.T).max(initial=0.0)) * size, 1e-300)
+
+    def top(values: NDArray, unit: float) -> float:
+        return max(0.0, float(np.max(values, initial=0.0))) / unit
+
+    return Certificate(
+        equilibrium=top(np.abs(balance), largest),
+        tension=top(-normal, size),
+        penetration=top(-distance, reach),
+        separation=top(np.abs(normal * distance), size * reach),
+        friction=top(np.abs(force[:, :2]) - limit, size),
+        sticking=top(np.abs((limit - np.abs(force[:, :2])) * slip), size * reach),
+        sense=top(-force[:, :2] * slip, size * reach),
+    )
+
+
+def _law(problem: StaticContactProblem, k: NDArray, z: NDArray, rest: NDArray) -> tuple[NDArray, NDArray]:
+    """Forces and states of elements of stiffness k (n, 3) at z (n, 3)."""
+    level = k[:, 2] * (z[:, 2] - problem.gap)
+    normal = np.maximum(level, 0.0)
+    limit = (problem.friction * normal)[:, None]
+    trial = k[:, :2] * (z[:, :2] - rest)
+    status = np.where(trial > limit, SLIP_PLUS, np.where(trial < -limit, SLIP_MINUS, STICK))
+    status[level <= 0.0] = OPEN
+    return np.column_stack([np.clip(trial, -limit, limit), normal]), status
+
+
+def _tangent(problem: StaticContactProblem, k: NDArray, status: NDArray, closed: NDArray) -> NDArray:
+    """(n, 3, 3) derivative of the law in given states."""
+    out = np.zeros((len(k), 3, 3))
+    out[closed, 2, 2] = k[closed, 2]
+    for d in range(2):
+        stick = status[:, d] == STICK
+        out[stick, d, d] = k[stick, d]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = status[:, d] == state
+            out[slip, d, 2] = sign * problem.friction[slip] * k[slip, 2]
+    return out
+
+
+class _Solver:
+    """Newton's method in units of the size of forces, and creeping motion where it fails: unknowns F and eta."""
+
+    def __init__(self, problem: StaticContactProblem) -> None:
+        self.problem = problem
+        n = len(problem.gap)
+        self.n = n
+        self.flexibility = problem.flexibility
+        self.k = (1.0 / np.diag(problem.flexibility)).reshape(n, 3)
+        # a rigid coordinate is measured by the displacement that it gives
+        self.largest = float(np.abs(problem.rigid).max()) if problem.rigid.size else 1.0
+        self.rigid_unit = self.largest * self.k.mean()
+        self.iterations = 0
+        m = problem.rigid.shape[1]
+        # force that goes with a newton of load, and the least force that counts
+        reach = np.abs(problem.rigid).max(axis=0, initial=0.0)
+        unit = np.divide(np.abs(problem.load), reach, out=np.zeros(m), where=reach > 0.0)
+        self.unit_force, self.least = float(unit.max(initial=0.0)), 1e-300
+        D = problem.rigid.T @ (self.k.ravel()[:, None] * problem.rigid)
+        self.damping = D + 1e-9 * np.trace(D) / max(m, 1) * np.eye(m)
+        # of a creeping motion: drag on the rigid coordinates, and what adds to the motion of the surfaces
+        self.drag, self.eta_before, self.extra = np.zeros((m, m)), np.zeros(m), np.zeros((n, 3))
+
+    def motion(self, load: float, F: NDArray, eta: NDArray) -> NDArray:
+        p = self.problem
+        return (p.rigid @ eta - self.flexibility @ F.ravel()).reshape(-1, 3) + load * p.offset + self.extra
+
+    def residual(
+        self, load: float, F: NDArray, eta: NDArray, rest: NDArray
+    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        x = self.motion(load, F, eta)
+        law, status = _law(self.problem, self.k, x + F / self.k, rest)
+        balance = self.problem.rigid.T @ F.ravel() - load * self.problem.load + self.drag @ (eta - self.eta_before)
+        return (F - law).ravel(), balance, status, law[:, 2] > 0.0
+
+    def newton_step(
+        self, r: NDArray, balance: NDArray, status: NDArray, closed: NDArray
+    ) -> tuple[NDArray, NDArray]:
+        p, n, m = self.problem, self.n, self.problem.rigid.shape[1]
+        B = _tangent(p, self.k, status, closed)
+        unit = self.largest
+        # F - law(x + F/k): dF - B (dF/k + Psi deta - R dF)
+        A = np.zeros((3 * n + m, 3 * n + m))
+        A[: 3 * n, : 3 * n] = self._force_block(B)
+        A[: 3 * n, 3 * n :] = -np.matmul(B, p.rigid.reshape(n, 3, m)).reshape(3 * n, m) / self.rigid_unit
+        A[3 * n :, : 3 * n] = p.rigid.T / unit
+        A[3 * n :, 3 * n :] = self.drag / (unit * self.rigid_unit)
+        b = -np.concatenate([r, balance / unit])
+        try:
+            step = np.linalg.solve(A, b)
+            if not np.isfinite(step).all() or np.abs(A @ step - b).max() > 1e-8 * np.abs(b).max():
+                raise np.linalg.LinAlgError
+        except np.linalg.LinAlgError:
+            step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
+        return step[: 3 * n].reshape(n, 3), step[3 * n :] / self.rigid_unit
+
+    def _force_block(self, B: NDArray) -> NDArray:
+        n = self.n
+        block = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
+        block.flat[:: 3 * n + 1] += 1.0
+        for i in range(3):
+            for j in range(3):
+                block[np.arange(n) * 3 + i, np.arange(n) * 3 + j] -= B[:, i, j] / self.k[:, j]
+        return block
+
+    def creep(
+        self,
+        load: float,
+        F: NDArray,
+        eta: NDArray,
+        rest: NDArray,
+        tolerance: float,
+        max_iterations: int,
+        max_steps: int = 200,
+    ) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
+        r"""State at which a creeping motion ends, sliders carried along.
+
+        .. math:: x = \Psi\eta + P x_0 - R F - S \dot F,\qquad \Psi^T F + D \dot\eta = P f
+
+        with ``S`` the diagonal of ``R`` and ``D`` the stiffness of the bonded contact.  A short implicit step has one
+        solution whatever the friction, since ``S/dt`` decouples the points and ``D/dt`` holds the body, with or without
+        contact; steps grow while Newton's method converges, and where the motion ends the conditions of rest hold.
+        """
+        whole, own = self.problem.flexibility, self.k
+        S = 1.0 / own
+        status = np.full((self.n, 2), STICK)
+        dt, quick = 0.1, 0
+        for _ in range(max_steps):
+            try:
+                self.flexibility = whole + np.diag(S.ravel() / dt)
+                self.k = 1.0 / (S + S / dt)
+                self.extra = S * F / dt
+                self.drag, self.eta_before = self.damping / dt, eta
+                before = self.iterations
+                F_new, eta_new, status, ok = self.newton(load, F, eta, rest, 0.01 * tolerance, max_iterations)
+                if not ok:
+                    F_new, eta_new, status, ok = self.newton(load, F_new, eta_new, rest, tolerance, 2)
+                if ok:
+                    rest = np.where(status == STICK, rest, self.motion(load, F_new, eta_new)[:, :2])
+            finally:
+                self.flexibility, self.k = whole, own
+                self.extra, self.drag = np.zeros_like(self.extra), np.zeros_like(self.drag)
+            if not ok:
+                dt *= 0.2
+                if dt < 1e-7:
+                    break
+                continue
+            moved = float(np.abs(F_new - F).max()) / max(float(np.abs(F_new).max()), 1e-300)
+            F, eta = F_new, eta_new
+            quick = quick + 1 if self.iterations - before <= 6 else 0
+            dt *= 4.0 if quick else 1.0
+            if moved < 0.3 * min(1.0, dt) or dt > 1e3:
+                out = self.newton(load, F, eta, rest, tolerance, 8)
+                if out[3]:
+                    return *out, rest
+        return F, eta, status, False, rest
+
+    def newton(
+        self, load: float, F: NDArray, eta: NDArray, rest: NDArray, tolerance: float, max_iterations: int
+    ) -> tuple[NDArray, NDArray, NDArray, bool]:
+        """Newton with a line search; forces, rigid coordinates, states, and whether it converged."""
+        least = max(abs(load) * self.unit_force, self.least)
+        unit = self.largest
+        r, balance, status, closed = self.residual(load, F, eta, rest)
+
+        def norm(r: NDArray, balance: NDArray) -> float:
+            return float(np.sqrt(r @ r + balance @ balance / unit**2))
+
+        now = norm(r, balance)
+        for _ in range(max_iterations):
+            size = max(float(np.abs(F).max(initial=0.0)), least)
+            if now <= tolerance * size:
+                return F, eta, status, True
+            self.iterations += 1
+            dF, deta = self.newton_step(r, balance, status, closed)
+            fraction, best = 1.0, (np.inf, F, eta, r, balance, status, closed)
+            for _ in range(6):
+                trial = F + fraction * dF, eta + fraction * deta
+                r_t, balance_t, status_t, closed_t = self.residual(load, *trial, rest)
+                value = norm(r_t, balance_t)
+                if value < best[0]:
+                    best = (value, *trial, r_t, balance_t, status_t, closed_t)
+                if value < (1.0 - 0.1 * fraction) * now:
+                    break
+                fraction *= 0.5
+            if best[0] >= now:
+                # no descent along Newton's direction: the full step moves to other states
+                F, eta = F + dF, eta + deta
+                r, balance, status, closed = self.residual(load, F, eta, rest)
+                now = norm(r, balance)
+            else:
+                now, F, eta, r, balance, status, closed = best
+        return F, eta, status, now <= tolerance * max(float(np.abs(F).max(initial=0.0)), least)
+
+
+def solve_static_contact(
+    problem: StaticContactProblem,
+    loads: Sequence[float] = (1.0,),
+    *,
+    steps: int = 8,
+    tolerance: float = 1e-12,
+    max_iterations: int = 25,
+) -> list[StaticContactSolution]:
+    """States of the contact at the end of each leg of a history of loads, from rest without load.
+
+    Parameters
+    ----------
+    problem : StaticContactProblem
+    loads : sequence of float, N
+        Passed one after the other.
+    steps : int
+        Load steps of a leg.  Without gaps the first leg, from rest, needs only one: the state is proportional to the load.
+    tolerance : float
+        On the residual, relative to the largest contact force.
+    max_iterations : int
+        In a step; a step that fails creeps, or is halved, down to a tenth.
+
+    Raises
+    ------
+    ModelError
+        If there is nothing that loads the contact, or no state was found.
+    """
+    if not (np.any(problem.load) or np.any(problem.offset)):
+        raise ModelError("static contact: expected a load on a free body, the model has none")
+    n = len(problem.gap)
+    solver = _Solver(problem)
+    # unloading may end at no force at all
+    solver.least = max(1e-3 * max((abs(load) for load in loads), default=0.0) * solver.unit_force, 1e-300)
+    F, eta, rest = np.zeros((n, 3)), np.zeros(problem.rigid.shape[1]), np.zeros((n, 2))
+    at, out = 0.0, []
+    for leg, target in enumerate(loads):
+        if not (np.isfinite(target) and target >= 0.0):
+            raise SettingError(f"load history: expected finite numbers >= 0 N, found {target}")
+        done, taken = 0.0, 0
+        fraction = 1.0 if leg == 0 and not np.any(problem.gap) else 1.0 / steps
+        first = at
+        while done < 1.0 and target != first:
+            now = min(1.0, done + fraction)
+            load = first + now * (target - first)
+            F_guess, eta_guess = _bonded(problem, solver, load) if at == 0.0 else (F, eta)
+            F_new, eta_new, status, ok = solver.newton(load, F_guess, eta_guess, rest, tolerance, max_iterations)
+            before = rest
+            if not ok:
+                _refuse_without_equilibrium(problem, target)
+                F_new, eta_new, status, ok, before = solver.creep(load, F, eta, rest, tolerance, max_iterations)
+            if not ok:
+                fraction *= 0.5
+                if fraction < 0.1 / steps:
+                    raise ModelError(
+                        f"static contact: the states of the points did not settle beyond a load of {at:.6g} N (of "
+                        f"{target:.6g} N); give the contact stiffness or finite element contact forces instead"
+                    )
+                continue
+            F, eta, at, done, taken = F_new, eta_new, load, now, taken + 1
+            motion = solver.motion(load, F, eta)
+            rest = np.where(status == STICK, before, motion[:, :2])
+        if target == first:
+            motion, before = solver.motion(at, F, eta), rest
+            status = solver.residual(at, F, eta, rest)[2]
+        certificate = certify(problem, at, F, motion, before, solver.least)
+        out.append(StaticContactSolution(at, F, motion, rest, eta, status, certificate, solver.iterations, taken))
+    return out
+
+
+def _bonded(problem: StaticContactProblem, solver: _Solver, load: float) -> tuple[NDArray, NDArray]:
+    """All points closed, gaps included, and stuck: the first guess."""
+    n, m = solver.n, problem.rigid.shape[1]
+    status = np.full((n, 2), STICK)
+    eta = np.zeros(m)
+    F = np.zeros((n, 3))
+    x = solver.motion(load, F, eta)
+    x[:, 2] -= problem.gap
+    r = (F - solver.k * x).ravel()
+    balance = problem.rigid.T @ F.ravel() - load * problem.load
+    dF, deta = solver.newton_step(r, balance, status, np.full(n, True))
+    return dF, deta
+
+
+def least_imbalance(problem: StaticContactProblem) -> float:
+    """What the best forces with ``N >= 0``, ``|T| <= mu N`` miss of the load, relative to its largest component.
+
+    A linear program; zero if statics allows an equilibrium, however the surfaces deform.
+    """
+    n, m = len(problem.gap), problem.rigid.shape[1]
+    if not np.any(problem.load):
+        return 0.0
+    # unknowns T1, T2, N of each point, then the largest miss; columns in units of the load
+    unit = float(np.abs(problem.load).max())
+    size = np.abs(problem.rigid).max(axis=0) / np.abs(problem.rigid).max()
+    size[size == 0.0] = 1.0
+    G = problem.rigid.T / (np.abs(problem.rigid).max() * size[:, None])
+    f = problem.load / (unit * size)
+    balance = np.block([[G, -np.ones((m, 1))], [-G, -np.ones((m, 1))]])
+    friction = np.zeros((4 * n, 3 * n + 1))
+    at = np.arange(n)
+    for row, (d, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
+        friction[row * n + at, 3 * at + d] = sign
+        friction[row * n + at, 3 * at + 2] = -problem.friction
+    bounds = [(None, None), (None, None), (0.0, None)] * n + [(0.0, None)]
+    found = scipy.optimize.linprog(
+        np.eye(3 * n + 1)[-1],
+        A_ub=np.concatenate([balance, friction]),
+        b_ub=np.concatenate([f, -f, np.zeros(4 * n)]),
+        bounds=bounds,
+    )
+    return float(found.fun) / float(np.abs(f).max()) if found.status == 0 else 0.0
+
+
+def _refuse_without_equilibrium(problem: StaticContactProblem, load: float) -> None:
+    missing = least_imbalance(problem)
+    if missing > 1e-9:
+        raise ModelError(
+            "static contact: expected contact forces with N >= 0, |T| <= mu N in equilibrium with the load, found that "
+            f"the best of them miss it by {100 * missing:.3g} % ({load:.6g} N): the body slides away"
+        )
+
+
+def distinct_states(
+    problem: StaticContactProblem, load: float, *, starts: int = 8, seed: int = 0, tolerance: float = 1e-12
+) -> list[StaticContactSolution]:
+    """Certified states under one load, all with the sliders where they are without load, from random starts.
+
+    More than one shows that friction leaves the state open; that only one was found does not show that there is no other.
+
+    Parameters
+    ----------
+    problem : StaticContactProblem
+    load : float, N
+    starts : int
+        The first from no force, the others from random forces and motions.
+    seed : int
+    tolerance : float
+    """
+    rng = np.random.default_rng(seed)
+    solver, n, m = _Solver(problem), len(problem.gap), problem.rigid.shape[1]
+    rest = np.zeros((n, 2))
+    size = np.abs(_bonded(problem, solver, load)[0]).max()
+    found: list[StaticContactSolution] = []
+    for start in range(starts):
+        F, eta = np.zeros((n, 3)), np.zeros(m)
+        if start:
+            F = 3.0 * size * rng.standard_normal((n, 3))
+            eta = size * rng.standard_normal(m) / solver.rigid_unit
+            F[:, 2] = np.abs(F[:, 2])
+        F, eta, status, ok = solver.newton(load, F, eta, rest, tolerance, 50)
+        if not ok or any(np.abs(F - s.force).max() < 1e-6 * max(size, np.abs(F).max()) for s in found):
+            continue
+        motion = solver.motion(load, F, eta)
+        certificate = certify(problem, load, F, motion, rest)
+        if certificate.worst < 1e-10:
+            slider = np.where(status == STICK, rest, motion[:, :2])
+            found.append(
+                StaticContactSolution(load, F, motion, slider, eta, status, certificate, solver.iterations, 1)
+            )
+    return found
+
+
+def static_contact_problem(coupling: Coupling, friction: NDArray, gap: NDArray) -> StaticContactProblem:
+    """The problem of a model: every mode counts through the flexibility at nodal diameter 0.
+
+    Parameters
+    ----------
+    coupling : Coupling
+        Interfaces and retained rigid-body modes.
+    friction, gap : (n_points,) float
+    """
+    modes = {}
+    for body in coupling.model.bodies.values():
+        if body.kind != "ground":
+            keep = np.asarray(coupling.modes[body.name])
+            modes[body.name] = keep[body.bases[0].omega2[keep] == 0.0]
+    bare = Coupling(coupling.model, coupling.interfaces, modes, coupling.engine_order, coupling.single_basis)
+    load, offset = bare.load()
+    n = coupling.n_points
+    flexibility = bare.residual_flexibility(0).real
+    return StaticContactProblem(flexibility, bare.basis(0).G.real.reshape(3 * n, -1), load, offset, friction, gap)

@@ -1,0 +1,418 @@
+"""Quasi-static contact analysis: normal load, gap and slider at every contact point under the load of the damper.
+
+The mean equations of the harmonic balance without vibration, paper section 3.1:
+
+    K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
+    N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
+
+The load grows in steps from a small fraction to its full value. Within a step every point has a state (stick, slip in
+one of two senses, open, for each tangential direction); the equations are then linear, and the states are updated from
+the law until they repeat themselves. At the first step all points that touch are taken as stuck, and again where the
+states of the step before lead nowhere. Sliders are carried from step to step, so the result depends on the history of
+loading, as friction does. Bonded points always stick, with springs that push and pull.
+
+Friction acts along each of the two contact axes on its own here, whatever law the vibration follows: the states are those
+of lines, which is what keeps the equations linear between their changes. Where a point slips along both axes its friction
+may then be larger than ``mu N``, by up to the root of two, and under the coupled law the slider that it leaves behind is
+not admissible; the evaluation of that law takes such a slider to the edge of what is (``csrc/bd_coulomb.c``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import get_lapack_funcs
+
+from bdamper.balance.system import Cost
+from bdamper.util.repr import brief
+
+_getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
+
+STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
+
+
+@brief
+@dataclass(frozen=True)
+class StaticSystem:
+    """Arrays of the static problem.
+
+    Parameters
+    ----------
+    stiffness : (n_modes,) float
+        Modal stiffness, zero for rigid-body modes.
+    G : (n_points, 3, n_modes) float
+    kt, kn, mu, n0 : (n_points, 2), (n_points,), (n_points,), (n_points,) float
+    force : (n_modes,) float
+        Modal force per newton of load.
+    shift : (n_points, 3) float
+        Part of (u1, u2, v) per newton of load that the modes do not carry.
+    constant_force : (n_modes,) float
+        Modal force that does not scale with the load.
+    bonded : (n_points,) bool, optional
+        Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
+    """
+
+    stiffness: NDArray
+    G: NDArray
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    force: NDArray
+    shift: NDArray
+    constant_force: NDArray
+    bonded: NDArray | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class PreloadState:
+    """Static state under a load.
+
+    Parameters
+    ----------
+    load : float, N
+    q : (n_modes,) float
+        Modal coordinates of the mean.
+    slider : (n_points, 2) float, m
+    force : (n_points, 3) float, N
+        T1, T2, N.
+    closing : (n_points,) float, m
+        Penetration of the contact spring if positive, gap if negative, initial gap included.
+    status : (n_points, 2) int
+        0 stick, 1 slip +, 2 slip -, 3 open.
+    residual : float
+        Largest violation of modal equilibrium, relative to the modal load.
+    steps, iterations : int
+    converged : bool
+    note : str
+    cost : Cost
+        Time and iterations; no time where it was not measured.
+    """
+
+    load: float
+    q: NDArray
+    slider: NDArray
+    force: NDArray
+    closing: NDArray
+    status: NDArray
+    residual: float
+    steps: int
+    iterations: int
+    converged: bool
+    note: str = ""
+    cost: Cost = field(default_factory=Cost)
+
+    def __str__(self) -> str:
+        head = f"static state under {self.load:g} N: {'converged' if self.converged else 'not converged'}"
+        closed = ~(self.status == OPEN).any(axis=1)
+        stuck = (self.status == STICK).all(axis=1)
+        return (
+            head + (f" ({self.note})" if self.note else "") + f", residual {self.residual:.1e}, {self.steps} steps, "
+            f"{self.iterations} iterations\n  of {len(self.status)} contact points {stuck.sum()} stick, "
+            f"{(closed & ~stuck).sum()} slip, {(~closed).sum()} are open; normal forces up to "
+            f"{self.force[:, 2].max(initial=0.0):.6g} N, {self.force[:, 2].sum():.6g} N in all"
+        )
+
+
+SHORTER = 0.5 ** np.arange(1, 10)
+"""Parts of a Newton step that are tried where all of it does not help."""
+STALLS = 6
+"""Steps in a row of which no part helps until an iteration is given up.  Of 1478 that converge one had more than 4."""
+
+
+def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
+    """(..., n_points, 3) forces and states at motions x for sliders w before the step."""
+    level = system.n0 + system.kn * x[..., 2]
+    force = np.empty_like(x)
+    normal = np.maximum(level, 0.0, out=force[..., 2])
+    limit = (system.mu * normal)[..., None]
+    trial = system.kt * (x[..., :2] - w)
+    tangential = np.minimum(np.maximum(trial, -limit), limit, out=force[..., :2])
+    status = SLIP_PLUS * (trial > limit) + SLIP_MINUS * (trial < -limit)
+    status[level <= 0.0] = OPEN
+    if system.bonded is not None:
+        b = system.bonded
+        tangential[..., b, :], normal[..., b], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    return force, status
+
+
+def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    """Forces, states, sliders after the step and closing at motion x for sliders w before it."""
+    force, status = _forces(system, x, w)
+    safe = np.where(system.kt > 0.0, system.kt, 1.0)
+    slider = np.where(system.kt > 0.0, x[:, :2] - force[:, :2] / safe, x[:, :2])
+    if system.bonded is not None:
+        slider[system.bonded] = w[system.bonded]
+    level = system.n0 + system.kn * x[:, 2]
+    closing = np.where(system.kn > 0.0, level / np.where(system.kn > 0.0, system.kn, 1.0), 0.0)
+    return force, status, slider, closing
+
+
+def _tangent(system: StaticSystem, status: NDArray) -> NDArray:
+    """(n_points, 3, 3) derivative of the force with respect to the motion in the given states."""
+    n = len(status)
+    tangent = np.zeros((n, 3, 3))
+    closed = ~(status == OPEN).any(axis=1)
+    tangent[closed, 2, 2] = system.kn[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        tangent[stick, d, d] = system.kt[stick, d]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            tangent[slip, d, 2] = sign * system.mu[slip] * system.kn[slip]
+    return tangent
+
+
+def _solve(J: NDArray, r: NDArray) -> NDArray:
+    """Least-norm solution where the contact leaves a rigid-body motion undetermined."""
+    size = np.abs(np.diag(J))
+    if not size.any():  # nothing touches and nothing is constrained
+        return np.zeros(len(r))
+    scale = 1.0 / np.sqrt(np.maximum(size, 1e-12 * size.max()))
+    A = J * scale[:, None] * scale
+    factors, pivot, info = _getrf(A)
+    if info == 0 and _gecon(factors, float(np.abs(A).sum(axis=0).max()))[0] > 1e-12:
+        return scale * _getrs(factors, pivot, scale * r)[0]
+    return scale * np.linalg.lstsq(A, scale * r, rcond=1e-12)[0]
+
+
+def _step(
+    system: StaticSystem,
+    load: float,
+    q: NDArray,
+    w: NDArray,
+    status: NDArray,
+    tolerance: float,
+    max_iterations: int,
+    largest: float,
+) -> tuple[NDArray, NDArray, int, float]:
+    """Newton on the states at one load; returns coordinates, states, iterations and residual."""
+    force = load * system.force + system.constant_force
+    shift = load * system.shift
+    G = system.G.reshape(-1, system.G.shape[2])
+    at_rest = G.T @ _law(system, shift, w)[0].ravel()  # interference presses even without a load
+    # unloading may end at no load, where the forces on the way set the scale
+    on_the_way = largest * float(np.abs(system.force).max())
+    size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), on_the_way, 1e-300)
+
+    def residual(q: NDArray) -> tuple[NDArray, NDArray]:
+        x = (G @ q).reshape(-1, 3) + shift
+        F, new_status = _forces(system, x, w)
+        return system.stiffness * q + G.T @ F.ravel() - force, new_status
+
+    def residuals(q: NDArray) -> tuple[NDArray, NDArray]:
+        """At several (n, n_modes), to the last bit as one by one: rounding tells the states of points at their limit."""
+        x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
+        F, new_status = _forces(system, x, w)
+        r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
+        return np.array(r), new_status
+
+    # the first linear solution takes the states as given: the law is linear in them
+    x0 = shift.copy()
+    F0 = np.zeros_like(x0)
+    closed = ~(status == OPEN).any(axis=1)
+    F0[closed, 2] = (system.n0 + system.kn * x0[:, 2])[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        F0[stick, d] = (system.kt[:, d] * (x0[:, d] - w[:, d]))[stick]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            F0[slip, d] = sign * system.mu[slip] * F0[slip, 2]
+    B = _tangent(system, status)
+    J = np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
+    q = _solve(J, force - G.T @ F0.ravel())
+    r, status = residual(q)
+    stalls = 0
+    for iteration in range(1, max_iterations + 1):
+        norm = float(np.abs(r).max())
+        if norm <= tolerance * size or stalls == STALLS:
+            return q, status, iteration, norm / size
+        J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
+        dq = _solve(J, -r)
+        trial = q + dq
+        r_trial, status_trial = residual(trial)
+        now = float(np.abs(r_trial).max())
+        helps = now < (1.0 - 1e-3) * norm
+        if not helps:  # shorter steps, up to the first that is short enough; the best of all counts
+            trials = q + SHORTER[:, None] * dq
+            r_all, status_all = residuals(trials)
+            size_all = np.abs(r_all).max(axis=1)
+            enough = np.flatnonzero(size_all < (1.0 - 1e-3 * SHORTER) * norm)
+            helps = len(enough) > 0
+            k = int(np.argmin(size_all[: enough[0] + 1] if helps else size_all))
+            if not now <= size_all[k]:
+                trial, r_trial, status_trial = trials[k], r_all[k], status_all[k]
+        stalls = 0 if helps else stalls + 1
+        q, r, status = trial, r_trial, status_trial
+    return q, status, max_iterations, float(np.abs(r).max()) / size
+
+
+def _creep(
+    system: StaticSystem, load: float, state: PreloadState, tolerance: float, max_steps: int = 400
+) -> tuple[NDArray, NDArray, int, float]:
+    """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
+
+    For steps in which no set of states repeats itself.  ``D`` is the stiffness with every point closed and stuck, so a
+    unit of time is the time constant; implicit steps that grow while Newton converges fast.
+
+    Returns
+    -------
+    coordinates, sliders, iterations and residual
+    """
+    force = load * system.force + system.constant_force
+    shift = load * system.shift
+    G = system.G.reshape(-1, system.G.shape[2])
+    size = max(float(np.abs(force).max()), 1e-300)
+    springs = np.concatenate([system.kt, system.kn[:, None]], axis=1).reshape(-1, 1)
+    D = np.diag(system.stiffness) + G.T @ (springs * G)
+    q, w = state.q.copy(), state.slider.copy()
+    dt, iterations, norm = 0.1, 0, np.inf
+    for _ in range(max_steps):
+        trial = q.copy()
+        for k in range(12):
+            F, status, slider, _ = _law(system, (G @ trial).reshape(-1, 3) + shift, w)
+            r = system.stiffness * trial + G.T @ F.ravel() - force
+            total = r + D @ (trial - q) / dt
+            iterations += 1
+            if float(np.abs(total).max()) <= 0.1 * tolerance * size:
+                break
+            J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
+            trial = trial + _solve(J + D / dt, -total)
+        else:
+            dt *= 0.25
+            if dt < 1e-8:
+                break
+            continue
+        q, w, norm = trial, slider, float(np.abs(r).max()) / size
+        if norm <= tolerance:
+            return q, w, iterations, norm
+        dt *= 2.0 if k < 6 else 1.0
+    return q, w, iterations, norm
+
+
+def static_state(
+    system: StaticSystem,
+    load: float,
+    *,
+    steps: int = 8,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+    start: PreloadState | None = None,
+) -> PreloadState:
+    """State of the contact after the load has grown to ``load``.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    load : float, N
+    steps : int
+        Load steps; a step that fails is halved, down to a thousandth.
+    tolerance : float
+        On modal equilibrium, relative to the modal load.
+    max_iterations : int
+        Status iterations in a step.
+    start : PreloadState, optional
+        An earlier state to go on from, loading or unloading; zero load without it.
+
+    Returns
+    -------
+    PreloadState
+        ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
+    """
+    n, m = system.G.shape[0], system.G.shape[2]
+    if start is None:
+        apart = system.n0 < 0.0 if system.bonded is None else (system.n0 < 0.0) & ~system.bonded
+        status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
+        if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
+            status[:] = STICK
+        state = PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
+    else:
+        state = start
+    first = state.load
+    done, fraction = 0.0, 1.0 / steps
+    target = load - first
+    if load == first:
+        fraction = 1.0
+    if load == 0.0 and state.load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
+        return state if start is not None else _relaxed(system, state)
+    while done < 1.0:
+        now = min(1.0, done + fraction)
+        at = first + now * target
+        # slip signs of the step before may be a dead end; then all closed points are taken as stuck, and then all points
+        stuck = np.where(state.status == OPEN, OPEN, STICK)
+        iterations = 0
+        tries = {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}
+        for first_status in tries.values():
+            q, status, tried, residual = _step(
+                system, at, state.q, state.slider, first_status, tolerance, max_iterations, first
+            )
+            iterations += tried
+            if residual <= tolerance:
+                break
+        if not residual <= tolerance:
+            fraction *= 0.5
+            if fraction >= 0.1 / steps:
+                continue
+            fraction = 1.0 / steps
+            now = min(1.0, done + fraction)
+            at = first + now * target
+            q, before, iterations, residual = _creep(system, at, state, tolerance)
+            if not residual <= tolerance:
+                note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
+                return replace(state, converged=False, note=note)
+        else:
+            before = state.slider
+        x = (system.G @ q) + at * system.shift
+        force, status, slider, closing = _law(system, x, before)
+        state = PreloadState(
+            at, q, slider, force, closing, status, residual, state.steps + 1, state.iterations + iterations, True
+        )
+        done = now
+    return state
+
+
+def scaled_state(system: StaticSystem, state: PreloadState, load: float, tolerance: float = 1e-10) -> PreloadState | None:
+    """State at another load by homogeneity, or None where that does not hold.
+
+    Without initial gaps everything but the states themselves is proportional to the load.  Points with a gap do not matter
+    as long as they stay open up to the larger of both loads.
+
+    Parameters
+    ----------
+    system : StaticSystem
+    state : PreloadState
+        Reached from zero load.
+    load : float, N
+    tolerance : float
+        On modal equilibrium, relative to the modal load, checked anew.
+    """
+    if not (state.converged and state.load > 0.0 and load > 0.0):
+        return None
+    if np.any(system.constant_force) or np.any(system.n0 > 0.0):
+        return None
+    ratio = load / state.load
+    x = ratio * ((system.G @ state.q) + state.load * system.shift)
+    gapped = system.n0 < 0.0
+    if np.any(state.status[gapped] != OPEN) or np.any((system.n0 + system.kn * x[:, 2])[gapped] >= 0.0):
+        return None
+    force, _, _, closing = _law(system, x, ratio * state.slider)
+    r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
+    residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
+    if not residual <= tolerance:
+        return None
+    slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)
+    return replace(
+        state, load=load, q=ratio * state.q, slider=slider, force=force, closing=closing, residual=residual, steps=0,
+        iterations=0,
+    )  # fmt: skip
+
+
+def _relaxed(system: StaticSystem, state: PreloadState) -> PreloadState:
+    """No load at all: no motion, no force."""
+    n, m = system.G.shape[0], system.G.shape[2]
+    x = np.zeros((n, 3))
+    force, status, slider, closing = _law(system, x, np.zeros((n, 2)))
+    return replace(state, load=0.0, q=np.zeros(m), force=force, status=status, slider=slider, closing=closing)

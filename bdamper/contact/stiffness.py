@@ -1,0 +1,408 @@
+"""Contact stiffness: the flexibility that the retained modes leave out, concentrated at the contact points.
+
+Every method starts from the residual flexibility ``R_res`` of both sides of an interface (:mod:`bdamper.model.coupling`),
+patch-averaged displacement for patch-averaged force, and looks for a positive diagonal.
+
+``"unit_traction"``
+    A uniform traction in one direction over the whole face, forces ``F_i = A_i``:  ``k_i = A_i/(R_res A)_i``.
+
+``"eq4"``
+    Paper, Eqs (1)-(11).  With the contact forces ``F`` of the static contact problem under the centrifugal load, the
+    modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
+    ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
+    into the stiffness: it enters the analysis as what it is, an initial distance of the surfaces.)
+    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.contact_solver`) or from the
+    user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the
+    face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
+    the division says nothing; the value of ``"unit_traction"`` stands in, and the report counts it.
+
+``"residual_modes"``
+    A positive diagonal, a share of the point flexibility, and the rest in a few more modal coordinates
+    (:mod:`bdamper.contact.residual_modes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.contact_solver import solve_static_contact, static_contact_problem
+from bdamper.contact.residual_modes import ResidualModes, ResidualSet
+from bdamper.model.coupling import Coupling
+from bdamper.model.model import ContactStiffness
+from bdamper.util import validate
+from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+METHODS = ("residual_modes", "unit_traction", "eq4")
+CERTIFIED = 1e-10
+"""Largest violation of the contact conditions in a static solution that is used."""
+OUT_OF_BALANCE = 0.02
+"""Largest difference, relative to the load, between the user's contact forces and equilibrium."""
+OTHER_MODEL = 0.2
+"""Largest difference of the user's displacements from the model's, relative to the deformation."""
+FAR = 10.0
+"""Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not believed."""
+SMALL_FORCE = 0.05
+"""Share of the largest force component below which Eqs (4), (10) are not divided by it."""
+
+
+@brief
+@dataclass(frozen=True)
+class StiffnessReport:
+    """How the stiffness of one interface came about.
+
+    Parameters
+    ----------
+    interface, source : str
+    n_points : int
+    fallback : (3,) int
+        Points, for t1, t2, n, at which the method's substitute was used.
+    smallest, median, largest : (3,) float, N/m
+    """
+
+    interface: str
+    source: str
+    n_points: int
+    fallback: NDArray
+    smallest: NDArray
+    median: NDArray
+    largest: NDArray
+
+    def __str__(self) -> str:
+        parts = [
+            f"{axis}: {median:.3g} ({low:.3g}..{high:.3g}), {count} of {self.n_points} fell back"
+            for axis, median, low, high, count in zip(
+                ("t1", "t2", "n"), self.median, self.smallest, self.largest, self.fallback
+            )
+        ]
+        return f"{self.interface}, {self.source}, N/m: " + "; ".join(parts)
+
+
+@dataclass(frozen=True)
+class PerArea:
+    """Contact stiffness per area, N/m3: one number, or three for t1, t2 and n."""
+
+    stiffness: float | tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if np.ndim(self.stiffness) == 0:
+            validate.number("stiffness per area", self.stiffness, least=0.0, unit="N/m3")
+        else:
+            validate.numbers("stiffness per area", self.stiffness, 3, least=0.0, unit="N/m3")
+
+
+@brief
+@dataclass(frozen=True)
+class Contact:
+    """Stiffness of all interfaces, with the residual coordinates that belong to it.
+
+    Parameters
+    ----------
+    stiffness : dict of interface name to ContactStiffness
+    residual : ResidualSet, optional
+    """
+
+    stiffness: dict[str, ContactStiffness]
+    residual: ResidualSet | None = None
+
+
+def report(interface: str, contact: ContactStiffness) -> StiffnessReport:
+    """Summary of the stiffness of one interface."""
+    k = contact.stiffness
+    fallback = np.zeros(3, int) if contact.fallback is None else contact.fallback.sum(axis=0)
+    return StiffnessReport(
+        interface, contact.source, len(k), fallback, k.min(axis=0), np.median(k, axis=0), k.max(axis=0)
+    )
+
+
+def unit_traction(residual: NDArray, area: NDArray) -> ContactStiffness:
+    """Stiffness of one face under a uniform traction in each direction.
+
+    Parameters
+    ----------
+    residual : (3 n, 3 n) complex or float, m/N
+        Residual flexibility between the points of the face.
+    area : (n,) float, m2
+
+    Raises
+    ------
+    ModelError
+        If the flexibility is not positive under any uniform traction.
+    """
+    n = len(area)
+    block = residual.real.reshape(n, 3, n, 3)
+    stiffness = np.empty((n, 3))
+    fallback = np.zeros((n, 3), bool)
+    for axis in range(3):
+        give = block[:, axis, :, axis] @ area
+        ok = give > 0.0
+        if not ok.any():
+            raise ModelError(
+                f"residual flexibility along axis {axis}: expected a positive displacement under a uniform traction, "
+                f"found at most {give.max():.3g} m2 m/N; the retained modes are stiffer than the full model"
+            )
+        fallback[:, axis] = ~ok
+        give[~ok] = np.median(give[ok] / area[ok]) * area[~ok]
+        stiffness[:, axis] = area / give
+    return ContactStiffness(stiffness, "unit_traction", fallback)
+
+
+def paper_equations(
+    displacement: NDArray, force: NDArray, substitute: ContactStiffness, far: float = np.inf
+) -> ContactStiffness:
+    """Eqs (4), (10), (11): stiffness from what the modes leave out of a static contact solution.
+
+    Parameters
+    ----------
+    displacement : (n, 3) float
+        Relative displacement that the retained modes leave out, positive along the force.
+    force : (n, 3) float
+    substitute : ContactStiffness
+        Used where a force component is too small to divide by, or the quotient is not positive or far from this one.
+    far : float
+        Factor beyond which it is.
+    """
+    largest = np.abs(force).max(axis=0)
+    usable = (np.abs(force) > SMALL_FORCE * largest) & (displacement * force > 0.0)
+    quotient = np.divide(force, displacement, out=np.ones_like(force), where=usable)
+    usable &= np.abs(np.log(quotient / substitute.stiffness)) < np.log(far)
+    return ContactStiffness(np.where(usable, quotient, substitute.stiffness), "eq4", ~usable)
+
+
+@brief
+@dataclass(frozen=True)
+class StiffnessComparison:
+    """All methods side by side.
+
+    Parameters
+    ----------
+    interfaces : tuple of str
+    points, frame : dict of interface name to (n, 3), (n, 3, 3) float
+    area : dict of interface name to (n,) float, m2
+    stiffness : dict of method to dict of interface name to ContactStiffness
+    literal_negative : dict of interface name to (3,) float
+        Share of the closed points at which Eqs (4), (10) taken literally give a negative stiffness along t1, t2, n.
+    frequencies : dict of method to (n,) float, Hz
+        With all friction points bonded.
+    """
+
+    interfaces: tuple[str, ...]
+    points: dict[str, NDArray]
+    frame: dict[str, NDArray]
+    area: dict[str, NDArray]
+    stiffness: dict[str, dict[str, ContactStiffness]]
+    literal_negative: dict[str, NDArray]
+    frequencies: dict[str, NDArray]
+
+    def __str__(self) -> str:
+        lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]
+        for name in self.interfaces:
+            lines.append(f"  {name:<18}{'t1':>18}{'t2':>18}{'n':>18}")
+            for method, faces in self.stiffness.items():
+                contact = faces[name]
+                middle = np.median(contact.stiffness, axis=0)
+                fell = np.zeros(3) if contact.fallback is None else 100.0 * contact.fallback.mean(axis=0)
+                lines.append(f"    {method:<16}" + "".join(f"{k:>11.3g} ({f:>3.0f})" for k, f in zip(middle, fell)))
+            negative = ", ".join(f"{100.0 * share:.0f}" for share in self.literal_negative[name])
+            lines.append(f"    Eqs (4), (10) taken literally: negative at {negative} % of the closed points (t1, t2, n)")
+        lines.append("  frequencies with all friction points bonded, Hz")
+        for method, found in self.frequencies.items():
+            lines.append(f"    {method:<16}" + " ".join(f"{f:10.3f}" for f in found))
+        return "\n".join(lines)
+
+    def plot(self, method: str = "eq4") -> Figure:
+        """Draw the stiffness of one method over the faces; see :func:`bdamper.plot.plotting.plot_stiffness`."""
+        from bdamper.plot.plotting import plot_stiffness
+
+        return plot_stiffness(self, method)
+
+
+def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray]:
+    """Share of the closed points at which Eqs (4), (10) give a negative stiffness, for t1, t2, n."""
+    force, left_out = paper_contact(coupling, friction)
+    out = {}
+    for name in _friction_faces(coupling):
+        rows = coupling.rows(name)
+        closed = force[rows][:, 2] > 0.0
+        out[name] = (force[rows] * left_out[rows] < 0.0)[closed].mean(axis=0) if closed.any() else np.zeros(3)
+    return out
+
+
+def contact_stiffness(
+    coupling: Coupling,
+    method: str | float | ResidualModes | PerArea | Mapping[str, NDArray],
+    friction: NDArray,
+) -> Contact:
+    """Stiffness at the contact points of every interface of a coupling.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    method : one of METHODS, ResidualModes, float, PerArea or mapping
+        A name; residual modes with other settings than the default; or what the user gives: N/m for every point and
+        direction, N/m3 for every direction, or for each interface an array that broadcasts to (n_points, 3).
+    friction : (n_points,) float
+        Friction coefficients.
+
+    Raises
+    ------
+    SettingError
+        If the method is not known, or values given by the user are not finite and non-negative.
+    ModelError
+        If a flexibility that the method needs is missing or not positive.
+    """
+    check_method(method)
+    if isinstance(method, str) and method == "residual_modes":
+        method = ResidualModes()
+    if isinstance(method, ResidualModes):
+        return _with_residual_modes(coupling, method, friction)
+    if not isinstance(method, str):
+        return Contact(_from_user(coupling, method))
+    residual = coupling.residual_flexibility(1)
+    out = {}
+    for name in coupling.interfaces:
+        rows = coupling.rows(name)
+        block = slice(3 * rows.start, 3 * rows.stop)
+        out[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+    if method == "eq4":
+        forces, left_out = paper_contact(coupling, friction)
+        for name in _friction_faces(coupling):
+            rows = coupling.rows(name)
+            out[name] = paper_equations(left_out[rows], forces[rows], out[name], FAR)
+    return Contact(out)
+
+
+def check_method(method: Any) -> None:
+    """Refuse what is neither a method nor the user's own values."""
+    if isinstance(method, ResidualModes | PerArea | Mapping) or (isinstance(method, str) and method in METHODS):
+        return
+    if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
+        expected = f'one of {(*METHODS, "model")}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping'
+        raise validate.unfit("contact_stiffness", f"{expected} of interface names to values", method)
+    validate.number("contact_stiffness", method, least=0.0, unit="N/m")
+
+
+def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: NDArray) -> Contact:
+    has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
+    static = _forces_for_paper(coupling, friction) if has_load and options.patterns != "all" else None
+    residual_set = ResidualSet.make(coupling, friction, options, static)
+    D = residual_set.flexibility
+    residual = coupling.residual_flexibility(1)
+    out = {}
+    for name in coupling.interfaces:
+        rows = coupling.rows(name)
+        block = slice(3 * rows.start, 3 * rows.stop)
+        rest = unit_traction(residual[block, block], coupling.model.interfaces[name].area).stiffness
+        here = D[rows]
+        k = np.divide(1.0, here, out=rest.copy(), where=here > 0.0)
+        out[name] = ContactStiffness(k, "residual_modes")
+    return Contact(out, residual_set)
+
+
+def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:
+    """Static contact forces (T1, T2, N) per newton and the displacement along them that the retained modes leave out.
+
+    Both are (n_points, 3).  Of the user's finite element analysis where the model has it for every friction interface,
+    else of the condensed problem.
+    """
+    forces = _forces_for_paper(coupling, friction)
+    if _has_static(coupling):
+        return forces, _left_out_of_finite_elements(coupling, forces)
+    return forces, (coupling.residual_flexibility(1).real @ forces.ravel()).reshape(-1, 3)
+
+
+def _friction_faces(coupling: Coupling) -> tuple[str, ...]:
+    return tuple(name for name in coupling.interfaces if coupling.model.interfaces[name].kind == "friction")
+
+
+def _has_static(coupling: Coupling) -> bool:
+    return all(name in coupling.model.static for name in _friction_faces(coupling))
+
+
+def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
+    """Static contact forces as (T1, T2, N): the user's where the model has them, else the condensed problem's."""
+    faces = _friction_faces(coupling)
+    out = np.zeros((coupling.n_points, 3))
+    if _has_static(coupling):
+        for name in faces:
+            # the file holds the force on body a; (T1, T2) act against u_b - u_a, hence along the force on a
+            out[coupling.rows(name)] = coupling.model.static[name].force * np.array([1.0, 1.0, -1.0])
+        _check_equilibrium(coupling, out)
+        return out
+    only_faces = replace(coupling, interfaces=faces)
+    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in faces])
+    problem = static_contact_problem(only_faces, friction[rows], np.zeros(len(rows)))
+    solution = solve_static_contact(problem)[0]
+    if solution.certificate.worst > CERTIFIED:
+        raise ModelError(f"static contact: expected violations below {CERTIFIED:g}, found {solution.certificate}")
+    out[rows] = solution.force
+    return out
+
+
+def _check_equilibrium(coupling: Coupling, force: NDArray) -> None:
+    problem = static_contact_problem(coupling, np.zeros(coupling.n_points), np.zeros(coupling.n_points))
+    given, load = problem.rigid.T @ force.ravel(), problem.load
+    worst = float(np.abs(given - load).max() / max(float(np.abs(load).max()), 1e-300))
+    if worst > OUT_OF_BALANCE:
+        raise ModelError(
+            f"static contact forces of the model: expected equilibrium with a load of 1 N within {OUT_OF_BALANCE:.0%}, "
+            f"found a difference of {worst:.3g} times the load"
+        )
+
+
+def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
+    """Eqs (2), (8) with the displacements of the user's analysis; the rigid-body motion is fitted to the full model."""
+    full = static_contact_problem(coupling, np.zeros(coupling.n_points), np.zeros(coupling.n_points))
+    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in _friction_faces(coupling)])
+    given = np.zeros((coupling.n_points, 3))
+    for name in _friction_faces(coupling):
+        static = coupling.model.static[name]
+        given[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
+    elastic = full.offset.ravel() - full.flexibility @ force.ravel()
+    at = (3 * rows[:, None] + np.arange(3)).ravel()
+    eta = np.linalg.lstsq(full.rigid[at], (given.ravel() - elastic)[at], rcond=None)[0]
+    rest = given.ravel() - elastic - full.rigid @ eta
+    worst = float(np.linalg.norm(rest[at]) / max(float(np.linalg.norm((full.flexibility @ force.ravel())[at])), 1e-300))
+    if worst > OTHER_MODEL:
+        raise ModelError(
+            "static contact displacements of the model: expected those of its static flexibility under its contact forces "
+            f"within {OTHER_MODEL:.0%}, found a difference of {worst:.3g} times the deformation"
+        )
+    modal = full.flexibility - coupling.residual_flexibility(0).real
+    # x = offset + Psi eta - R_modal F - (what is left out)
+    left_out = full.offset.ravel() + full.rigid @ eta - modal @ force.ravel() - given.ravel()
+    out = np.zeros((coupling.n_points, 3))
+    out[rows] = left_out.reshape(-1, 3)[rows]
+    return out
+
+
+def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray]) -> dict[str, ContactStiffness]:
+    if isinstance(value, Mapping):
+        validate.mapping("contact_stiffness", value, coupling.model.interfaces, "interfaces")
+        missing = [name for name in coupling.interfaces if name not in value]
+        if missing:
+            raise SettingError(f"contact_stiffness: expected values for interfaces {missing} as well")
+    out = {}
+    for name in coupling.interfaces:
+        n = coupling.model.interfaces[name].n_points
+        given: Any = value[name] if isinstance(value, Mapping) else value
+        if isinstance(given, PerArea):
+            given = coupling.model.interfaces[name].area[:, None] * np.asarray(given.stiffness, float)
+        try:
+            k = np.array(np.broadcast_to(np.asarray(given, float), (n, 3)))
+        except (TypeError, ValueError) as error:
+            expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
+            raise validate.unfit(f"contact_stiffness['{name}']", expected, given) from error
+        wrong = k[~(np.isfinite(k) & (k >= 0.0))]
+        if wrong.size:
+            raise validate.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
+        out[name] = ContactStiffness(k, "user")
+    return out

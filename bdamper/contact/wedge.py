@@ -1,0 +1,263 @@
+r"""How a damper sits: maps of pressure, gap and state over its faces, and what statics leaves open.
+
+A wedge between two rigid faces is statically indeterminate with friction: every set of contact forces with
+
+.. math:: \Psi^T F = P f,\qquad N_i \ge 0,\qquad |T_{1,i}|, |T_{2,i}| \le \mu N_i
+
+is an equilibrium, and elasticity and history choose among them.  The total normal force on a face lies in an interval whose
+ends are linear programs.  Where the upper end is infinite, the wedge holds itself by friction alone, without load: it is
+self-locking, for plane symmetric faces at the angle :math:`\alpha` from the load if :math:`\tan\alpha \le \mu`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from bdamper.contact.static import OPEN, PreloadState
+from bdamper.model.coupling import Coupling
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import reading, writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@brief
+@dataclass(frozen=True)
+class WedgeFriction:
+    """Total normal forces that friction leaves possible on rigid faces.
+
+    Parameters
+    ----------
+    interfaces : tuple of str
+    load : float, N
+    lowest, highest : (n_interfaces,) float, N
+        Of the total normal force on each interface; infinite if nothing bounds it.
+    angle : (n_interfaces,) float, rad
+        Between the face and the load.
+    friction : (n_interfaces,) float
+        Mean friction coefficient.
+    """
+
+    interfaces: tuple[str, ...]
+    load: float
+    lowest: NDArray
+    highest: NDArray
+    angle: NDArray
+    friction: NDArray
+
+    @property
+    def self_locking(self) -> bool:
+        """Whether friction alone can hold the wedge, with any normal force."""
+        return bool(np.isinf(self.highest).any())
+
+    def __str__(self) -> str:
+        lines = [f"normal force under a load of {self.load:g} N, as far as statics and friction determine it:"]
+        for name, low, high, angle, mu in zip(self.interfaces, self.lowest, self.highest, self.angle, self.friction):
+            lines.append(f"  {name}: {low:.6g} to {high:.6g} N (face at {np.degrees(angle):.4g} deg, mu {mu:g})")
+        if self.self_locking:
+            lines.append("  self-locking, tan(alpha) <= mu: the normal force is not unique and may stay without any load")
+        return "\n".join(lines)
+
+
+def _corners(coupling: Coupling, name: str, friction: NDArray) -> NDArray:
+    """Contact points that suffice: on a plane face of one friction coefficient, forces act like some at its corners."""
+    face, rows = coupling.model.interfaces[name], np.arange(coupling.n_points)[coupling.rows(name)]
+    off = face.points - face.points.mean(axis=0)
+    size = float(np.abs(off).max())
+    plane = np.abs(off @ face.frame[0, 2]).max() <= 1e-9 * size and np.ptp(face.frame, axis=0).max() <= 1e-9
+    if not plane or np.ptp(friction[rows]) > 0.0:
+        return rows
+    try:
+        return rows[np.sort(ConvexHull(off @ face.frame[0, :2].T / size).vertices)]
+    except (QhullError, ValueError):  # fewer than three points, or all on a line
+        return rows
+
+
+def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> WedgeFriction:
+    """Interval of the total normal force on each friction interface of a rigid free body.
+
+    Parameters
+    ----------
+    coupling : Coupling
+    friction : (n_points,) float
+    load : float, N
+
+    Raises
+    ------
+    SettingError
+        If no free body carries a load, or no forces at the friction interfaces are in equilibrium with it.
+    """
+    bodies = [b for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None]
+    if not bodies:
+        raise SettingError("wedge friction: expected a free body with a load, found none")
+    names = tuple(n for n in coupling.interfaces if coupling.model.interfaces[n].kind == "friction")
+    basis = coupling.basis(0)
+    f, _ = coupling.load()
+    rigid = basis.omega2 == 0.0
+    kept = [_corners(coupling, name, friction) for name in names]
+    rows = np.concatenate(kept)
+    G = basis.G.real[rows][..., rigid]
+    mu, n = friction[rows], len(rows)
+    unit = np.abs(G).max(axis=(0, 1))
+    # unknowns N, T1, T2 per newton of load
+    equal = np.concatenate([G[:, 2].T, G[:, 0].T, G[:, 1].T], axis=1) / unit[:, None]
+    eye, zero = np.eye(n), np.zeros((n, n))
+    limit = np.concatenate(
+        [
+            np.concatenate([-np.diag(mu), sign * (eye if d == 0 else zero), sign * (eye if d == 1 else zero)], axis=1)
+            for d in range(2)
+            for sign in (1.0, -1.0)
+        ]
+    )
+    bounds = [(0.0, None)] * n + [(None, None)] * (2 * n)
+    lowest, highest = np.empty(len(names)), np.empty(len(names))
+    owner = np.repeat(np.arange(len(names)), [len(k) for k in kept])
+    for i, name in enumerate(names):
+        cost = np.concatenate([(owner == i).astype(float), np.zeros(2 * n)])
+        for sign, out in ((1.0, lowest), (-1.0, highest)):
+            found = scipy.optimize.linprog(
+                sign * cost, A_ub=limit, b_ub=np.zeros(4 * n), A_eq=equal, b_eq=f[rigid] / unit, bounds=bounds
+            )
+            if found.status == 2:
+                raise SettingError(
+                    f"wedge friction: expected contact forces in equilibrium with the load, found none at '{name}' "
+                    "and the other faces"
+                )
+            out[i] = np.inf if found.status in (3, 4) else sign * found.fun * load
+    direction = np.asarray(bodies[0].load.direction, float)  # type: ignore[union-attr]
+    normal = [coupling.model.interfaces[name].frame[:, 2].mean(axis=0) for name in names]
+    angle = np.array([np.arcsin(np.clip(m @ direction / np.linalg.norm(m), -1.0, 1.0)) for m in normal])
+    mean_mu = np.array([mu[owner == i].mean() for i in range(len(names))])
+    return WedgeFriction(names, float(load), lowest, highest, np.abs(angle), mean_mu)
+
+
+@brief
+@dataclass(frozen=True)
+class ContactMap:
+    """The static state of the contact points, in terms of the surfaces.
+
+    Parameters
+    ----------
+    load : float, N
+    history : tuple of float
+        Load factors on the way.
+    interfaces : tuple of str
+    owner : (n_points,) int
+        Number of the interface of each point.
+    points : (n_points, 3) float, m
+    frame : (n_points, 3, 3) float
+    area : (n_points,) float, m2
+    force : (n_points, 3) float, N
+        T1, T2, N.
+    distance : (n_points,) float, m
+        Between the surfaces where they are apart, 0 where they touch.
+    status : (n_points, 2) int
+        0 stick, 1 slip +, 2 slip -, 3 open.
+    friction : (n_points,) float
+    """
+
+    load: float
+    history: tuple[float, ...]
+    interfaces: tuple[str, ...]
+    owner: NDArray
+    points: NDArray
+    frame: NDArray
+    area: NDArray
+    force: NDArray
+    distance: NDArray
+    status: NDArray
+    friction: NDArray
+
+    @classmethod
+    def make(
+        cls, coupling: Coupling, state: PreloadState, friction: NDArray, history: tuple[float, ...]
+    ) -> ContactMap:
+        """From a static state of the points of a coupling."""
+        faces = [coupling.model.interfaces[name] for name in coupling.interfaces]
+        return cls(
+            load=state.load,
+            history=history,
+            interfaces=coupling.interfaces,
+            owner=np.concatenate([np.full(face.n_points, i) for i, face in enumerate(faces)]),
+            points=np.concatenate([face.points for face in faces]),
+            frame=np.concatenate([face.frame for face in faces]),
+            area=np.concatenate([face.area for face in faces]),
+            force=state.force,
+            distance=np.where(state.status[:, 0] == OPEN, np.maximum(-state.closing, 0.0), 0.0),
+            status=state.status,
+            friction=friction,
+        )
+
+    @property
+    def pressure(self) -> NDArray:
+        """(n_points,) float, Pa."""
+        return self.force[:, 2] / self.area
+
+    @property
+    def contact_area(self) -> dict[str, float]:
+        """Area in contact on each interface, m2."""
+        closed = self.status[:, 0] != OPEN
+        return {name: float(self.area[closed & (self.owner == i)].sum()) for i, name in enumerate(self.interfaces)}
+
+    @property
+    def normal_force(self) -> dict[str, float]:
+        """Total normal force on each interface, N."""
+        return {name: float(self.force[self.owner == i, 2].sum()) for i, name in enumerate(self.interfaces)}
+
+    @property
+    def utilisation(self) -> NDArray:
+        """(n_points, 2) share of the friction limit in use, 0 where there is none."""
+        limit = (self.friction * self.force[:, 2])[:, None]
+        return np.divide(np.abs(self.force[:, :2]), limit, out=np.zeros_like(self.force[:, :2]), where=limit > 0.0)
+
+    def __str__(self) -> str:
+        lines = [f"static contact under {self.load:g} N, load factors {self.history}:"]
+        area, force = self.contact_area, self.normal_force
+        for i, name in enumerate(self.interfaces):
+            here = self.owner == i
+            whole = self.area[here].sum()
+            lines.append(
+                f"  {name}: {force[name]:.6g} N on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2, "
+                f"pressure up to {1e-6 * self.pressure[here].max():.4g} MPa, "
+                f"gap up to {1e6 * self.distance[here].max():.3g} um"
+            )
+        return "\n".join(lines)
+
+    def plot(self, quantity: str = "pressure") -> Figure:
+        """Draw "pressure", "gap" or "friction" over the faces; see :func:`bdamper.plot.plotting.plot_contact_map`."""
+        from bdamper.plot.plotting import plot_contact_map
+
+        return plot_contact_map(self, quantity)
+
+    def save(self, path: str | Path) -> None:
+        """Write the map to an HDF5 file."""
+        with writing(path, "bdamper-contact-map") as file:
+            file.attrs["load"] = self.load
+            file.attrs["history"] = self.history
+            file.attrs["interfaces"] = list(self.interfaces)
+            for name in _ARRAYS:
+                file.create_dataset(name, data=getattr(self, name))
+
+
+_ARRAYS = ("owner", "points", "frame", "area", "force", "distance", "status", "friction")
+
+
+def load_contact_map(path: str | Path) -> ContactMap:
+    """Read a map that :meth:`ContactMap.save` wrote."""
+    with reading(path, "bdamper-contact-map", "a map written by ContactMap.save") as file:
+        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+        return ContactMap(
+            load=float(file.attrs["load"]),
+            history=tuple(float(h) for h in file.attrs["history"]),
+            interfaces=tuple(str(n) for n in file.attrs["interfaces"]),
+            **arrays,
+        )

@@ -1,0 +1,290 @@
+"""Response curves: amplitude over frequency with all branches, and where they came from.
+
+The response at the chosen location and direction is ``x(t) = x_0 + Re sum_l X_l exp(i l omega t)``.  ``amplitude`` is
+``|X_1|``, the harmonic of the excitation; ``peak_to_peak`` sums up all harmonics.
+
+A point between two folds, where the curve runs back in frequency, is marked as not stable: without further knowledge this
+is the plain rule of one fold after another; ``stable``, where it was computed, says what is so.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import Cost
+from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
+from bdamper.util.errors import BdamperError
+from bdamper.util.estimates import ErrorEstimates, estimates_from_json
+from bdamper.util.hdf5 import reading, writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from bdamper.study import Study
+
+
+@dataclass(frozen=True)
+class Fold:
+    """A turning point of a curve in frequency.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    amplitude : float, m
+    index : int
+        Of the point in the curve.
+    """
+
+    frequency: float
+    amplitude: float
+    index: int
+
+
+@brief
+@dataclass(frozen=True)
+class Curve:
+    """A response curve; every point of it is a converged solution.
+
+    Parameters
+    ----------
+    kind : {"tracking", "free", "stuck"}
+    frequency : (n,) float, Hz
+    harmonics : (n, n_harmonics + 1) complex, m
+        Response amplitudes; the first column is the mean.
+    unknowns : (n, n_unknowns) float
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
+    residual : (n,) float
+        Relative to excitation and static load.
+    shares : (n, 3) float
+        Stick, slip and open, mean over the friction points and the cycle.
+    backward : (n,) bool
+        The curve runs back in frequency here: between two folds, unstable.
+    rank_deficiency : (n,) int
+        Mean positions that nothing determines, held by least norm.
+    branch : (n,) int
+        Separate branches are numbered from 0; points of one branch follow each other along it.
+    point_kind : tuple of str
+        "regular", "fold", "maximum", "end" or "walk" for each point.
+    preload : float, N
+    status, reason : str
+    cost : Cost
+    left_out : tuple of LeftOut
+        What was not followed: frequencies (Hz) without solution, tangles of folds that were walked around, paths that broke
+        off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
+    settings : mapping
+    model_hash : str
+    start_log : tuple of str
+        What was tried to find the first point.
+    notes : tuple of str
+        What the points show besides: where a damper walks, which mean positions nothing determines.
+    stable : (n,) bool or None
+        Whether small disturbances die out; see :mod:`bdamper.stability.floquet`.
+    stability_note : str
+        Which disturbances, and what it cost.
+    error_estimates : ErrorEstimates or None
+        Of the highest peak, by source, where they were asked for.
+    """
+
+    kind: str
+    frequency: NDArray
+    harmonics: NDArray
+    unknowns: NDArray
+    residual: NDArray
+    shares: NDArray
+    backward: NDArray
+    rank_deficiency: NDArray
+    branch: NDArray
+    point_kind: tuple[str, ...]
+    preload: float
+    status: str
+    reason: str
+    cost: Cost
+    left_out: tuple[LeftOut, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+    start_log: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    stable: NDArray | None = None
+    stability_note: str = ""
+    error_estimates: ErrorEstimates | None = None
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def complete(self) -> bool:
+        """Whether solutions cover the interval that was asked for, gaps of a thousandth of it aside; see ``left_out``."""
+        return self.status == "complete"
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n,) float, m: amplitude of the harmonic of the excitation."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def peak_to_peak(self) -> NDArray:
+        """(n,) float, m: range of the response over a period, all harmonics."""
+        l = np.arange(1, self.harmonics.shape[1])
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
+        x = (self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real
+        return x.max(axis=1) - x.min(axis=1)
+
+    @property
+    def folds(self) -> tuple[Fold, ...]:
+        """Turning points in frequency, in the order of the path."""
+        amplitude = self.amplitude
+        return tuple(
+            Fold(float(self.frequency[i]), float(amplitude[i]), i)
+            for i, kind in enumerate(self.point_kind)
+            if kind == "fold"
+        )
+
+    @property
+    def gap(self) -> tuple[float, float] | None:
+        """Widest part of the interval without solutions, Hz; None if there is none."""
+        gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
+        return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
+
+    @property
+    def peak(self) -> Fold:
+        """The largest response, also where it is no maximum (``peak_at_end``): frequency (Hz), amplitude (m) and index."""
+        if not len(self):
+            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
+        i = int(np.argmax(self.amplitude))
+        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i)
+
+    @property
+    def peak_at_end(self) -> bool:
+        """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
+        top = self.peak
+        if self.kind == "tracking" and self.point_kind[top.index] in ("maximum", "fold", "walk"):
+            return False
+        return top.frequency in (self.frequency.min(), self.frequency.max())
+
+    def __str__(self) -> str:
+        head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
+        if not len(self):
+            return head
+        c = self.cost
+        top = f"{self.peak.amplitude:.6g} m at {self.peak.frequency:.6g} Hz"
+        end = "the end of the interval" if self.complete else "an end of the curve"
+        top = f"highest {top}, {end}: no peak" if self.peak_at_end else f"peak {top}"
+        lines = [head, f"  {top}, {len(self.folds)} folds, largest residual {self.residual.max():.1e}"]
+        if c.evaluations:
+            lines.append(f"  {c}")
+        if self.stable is not None:
+            lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
+        lines += [f"  left out: {part}" for part in self.left_out]
+        lines += [f"  {note}" for note in self.notes]
+        if self.error_estimates is not None:
+            lines += [f"  {line}" for line in str(self.error_estimates).split("\n")]
+        return "\n".join(lines)
+
+    def errors(self, study: Study, **options: Any) -> ErrorEstimates:
+        """Estimated errors of the highest peak by source, with the study that tracked the curve.
+
+        Options are those of :func:`bdamper.accuracy.estimate.estimate_errors`.
+        """
+        return study.estimate_errors(self, **options)
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw amplitude over frequency, branches that run backward dashed; see
+        :func:`bdamper.plot.plotting.plot_curves`."""
+        from bdamper.plot.plotting import plot_curves
+
+        return plot_curves([self], ax=ax, **style)
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the curve to an HDF5 file."""
+        with writing(path, "bdamper-curve") as file:
+            for name in _ARRAYS:
+                file.create_dataset(name, data=getattr(self, name))
+            for name in ("kind", "status", "reason", "model_hash"):
+                file.attrs[name] = getattr(self, name)
+            file.attrs["preload"] = self.preload
+            file.attrs["settings"] = json.dumps(self.settings)
+            file.attrs["cost"] = json.dumps(asdict(self.cost))
+            file.attrs["point_kind"] = json.dumps(self.point_kind)
+            file.attrs["start_log"] = json.dumps(self.start_log)
+            file.attrs["notes"] = json.dumps(self.notes)
+            file.attrs["left_out"] = json.dumps(self.left_out)
+            file.attrs["stability_note"] = self.stability_note
+            if self.error_estimates is not None:
+                file.attrs["error_estimates"] = self.error_estimates.to_json()
+            if self.stable is not None:
+                file.create_dataset("stable", data=self.stable)
+
+
+_ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency", "branch")
+
+
+class InterruptedCurve(KeyboardInterrupt):
+    """Ctrl-C while a curve was followed for something else; the curve so far is kept."""
+
+    def __init__(self, curve: Curve) -> None:
+        super().__init__(curve.reason)
+        self.curve = curve
+
+
+def crossings(curve: Curve, omega: float) -> list[tuple[int, float]]:
+    """Where branches of a curve pass a frequency (rad/s): after which points, and at what part of the way to the next."""
+    off = 2.0 * np.pi * curve.frequency - omega
+    along = np.diff(curve.branch) == 0
+    last = np.append(~along[1:], True)[: len(along)]  # onto other points the part that begins there counts
+    passes = along & (off[:-1] != off[1:]) & ((off[:-1] * off[1:] < 0.0) | (off[:-1] == 0.0) | (last & (off[1:] == 0.0)))
+    return [(int(i), float(off[i] / (off[i] - off[i + 1]))) for i in np.flatnonzero(passes)]
+
+
+def passing(curve: Curve, omega: float) -> list[NDArray]:
+    """Unknowns (n_unknowns,) where branches of a curve pass a frequency (rad/s), by linear interpolation."""
+    u = curve.unknowns
+    return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in crossings(curve, omega)]
+
+
+def uninterrupted(curve: Curve) -> Curve:
+    """The curve; what is made of it must not go on as if it were whole.
+
+    Raises
+    ------
+    InterruptedCurve
+        If Ctrl-C has ended it.
+    """
+    if curve.status == "interrupted":
+        raise InterruptedCurve(curve)
+    return curve
+
+
+def load_curve(path: str | FilePath) -> Curve:
+    """Read a curve that :meth:`Curve.save` wrote.
+
+    Raises
+    ------
+    BdamperError
+        If the file is not such a file.
+    """
+    with reading(path, "bdamper-curve", "a curve written by Curve.save") as file:
+        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+        text: dict[str, Any] = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
+        return Curve(
+            **arrays,
+            **text,
+            preload=float(file.attrs["preload"]),
+            settings=json.loads(file.attrs["settings"]),
+            cost=Cost(**json.loads(file.attrs["cost"])),
+            point_kind=tuple(json.loads(file.attrs["point_kind"])),
+            start_log=tuple(json.loads(file.attrs["start_log"])),
+            notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
+            left_out=tuple(LeftOut(*part) for part in json.loads(file.attrs.get("left_out", "[]"))),
+            stable=file["stable"][()] if "stable" in file else None,
+            stability_note=str(file.attrs.get("stability_note", "")),
+            error_estimates=(
+                estimates_from_json(str(file.attrs["error_estimates"])) if "error_estimates" in file.attrs else None
+            ),
+        )

@@ -1,0 +1,1 @@
+"""Design studies: sweeps over settings, uncertainty, sensitivities."""

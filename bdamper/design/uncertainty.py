@@ -1,0 +1,307 @@
+"""Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
+
+Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), by default along a scrambled Sobol
+sequence, whose averages converge faster than those of independent draws; the optimal curve of every draw is one point of a
+:func:`bdamper.design.sweep.sweep`, so executors and results files work as there.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from bdamper.design.sweep import OptimalTask, sweep
+from bdamper.peaks.optimal import preload_values
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.hdf5 import reading, writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from bdamper.study import Study
+
+METHODS = ("sobol", "latin", "random")
+
+
+def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", seed: int = 0) -> dict[str, NDArray]:
+    """Values of settings drawn from independent distributions.
+
+    Parameters
+    ----------
+    distributions : mapping of setting to distribution
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.
+    n : int
+        A power of two for Sobol sequences.
+    method : {"sobol", "latin", "random"}
+        Scrambled Sobol sequence, Latin hypercube, independent draws.
+    seed : int
+        Equal seeds give equal draws.
+
+    Returns
+    -------
+    mapping of setting to (n,) float
+    """
+    if not isinstance(distributions, Mapping) or not distributions:
+        raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
+    for name, distribution in distributions.items():
+        if not callable(getattr(distribution, "ppf", None)):
+            raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
+    n, seed = validate.whole("n", n, least=2), validate.whole("seed", seed)
+    validate.choice("method", method, METHODS)
+    d = len(distributions)
+    if method == "sobol":
+        if n & (n - 1):
+            raise SettingError(f"n: expected a power of two for a Sobol sequence, found {n}")
+        unit = qmc.Sobol(d, scramble=True, seed=seed).random(n)
+    elif method == "latin":
+        unit = qmc.LatinHypercube(d, seed=seed).random(n)
+    else:
+        unit = np.random.default_rng(seed).random((n, d))
+    # keep away from the ends, where a ppf may be infinite
+    unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
+    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())}
+
+
+@brief
+@dataclass(frozen=True)
+class RobustOptimum:
+    """The preload at which a percentile of the resonance amplitude over a sample is least.
+
+    Parameters
+    ----------
+    preload : float, N
+    amplitude : float, m
+        The percentile there.
+    percentile : float
+    uncertainty : float
+        Relative half-width of the last bracket of the preload.
+    kind : {"interior", "end"}
+        Whether the preload lies within the range or at one end of it.
+    rounds : int
+        Refinements of the grid of preloads.
+    warnings : int
+        Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
+    """
+
+    preload: float
+    amplitude: float
+    percentile: float
+    uncertainty: float
+    kind: str
+    rounds: int
+    warnings: int = 0
+
+
+@brief
+@dataclass(frozen=True)
+class UncertainCurve:
+    """Optimal curves of a sample.
+
+    Parameters
+    ----------
+    preload : (m,) float, N
+    amplitude, frequency : (n, m) float
+        Of each draw, m and Hz; NaN where no peak was found.
+    samples : mapping of setting to (n,) float
+    status : tuple of str
+        Of each draw.
+    settings : mapping
+        Of the study that was varied.
+    model_hash : str
+    warnings : tuple of str
+        What the optimal curve of each draw leaves open, empty where nothing.
+    """
+
+    preload: NDArray
+    amplitude: NDArray
+    frequency: NDArray
+    samples: dict[str, NDArray]
+    status: tuple[str, ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+    warnings: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.amplitude)
+
+    def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
+        """Percentiles over the sample at every preload: (m,) or (len(q), m).
+
+        Draws without a peak at a preload are left out there.
+        """
+        validate.choice("quantity", quantity, ("amplitude", "frequency"))
+        for value in [q] if np.ndim(q) == 0 else validate.numbers("percentiles", q):
+            validate.number("percentile", value, least=0.0, most=100.0)
+        return np.nanpercentile(getattr(self, quantity), q, axis=0)
+
+    def __str__(self) -> str:
+        low, mid, high = self.percentile([5.0, 50.0, 95.0])
+        k = int(np.nanargmin(high))
+        missing = int(np.count_nonzero(~np.isfinite(self.amplitude)))
+        warned = sum(bool(w) for w in self.warnings)
+        return (
+            f"optimal curves of {len(self)} draws of {', '.join(self.samples)}, {self.preload[0]:g} to "
+            f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
+            f"{f', {warned} draws with a warning' if warned else ''}\n"
+            f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, median "
+            f"{mid[k]:.6g} m)"
+        )
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw percentile bands; see :func:`bdamper.plot.plotting.plot_uncertain`."""
+        from bdamper.plot.plotting import plot_uncertain
+
+        return plot_uncertain(self, ax=ax, **style)
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the result to an HDF5 file."""
+        with writing(path, "bdamper-uncertain") as file:
+            for name in ("preload", "amplitude", "frequency"):
+                file.create_dataset(name, data=getattr(self, name))
+            group = file.create_group("samples")
+            for name, values in self.samples.items():
+                group.create_dataset(name, data=values)
+            file.attrs["names"] = json.dumps(list(self.samples))
+            file.attrs["status"] = json.dumps(self.status)
+            file.attrs["warnings"] = json.dumps(self.warnings)
+            file.attrs["settings"] = json.dumps(self.settings)
+            file.attrs["model_hash"] = self.model_hash
+
+
+def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
+    """Read what :meth:`UncertainCurve.save` wrote.
+
+    Raises
+    ------
+    BdamperError
+        If the file is not such a file.
+    """
+    with reading(path, "bdamper-uncertain", "a result written by UncertainCurve.save") as file:
+        return UncertainCurve(
+            preload=file["preload"][()],
+            amplitude=file["amplitude"][()],
+            frequency=file["frequency"][()],
+            samples={name: file["samples"][name][()] for name in json.loads(file.attrs["names"])},
+            status=tuple(json.loads(file.attrs["status"])),
+            settings=json.loads(file.attrs.get("settings", "{}")),
+            model_hash=str(file.attrs.get("model_hash", "")),
+            warnings=tuple(json.loads(file.attrs.get("warnings", "[]"))),
+        )
+
+
+def uncertain_curve(
+    study: Study,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+    n: int = 24,
+    *,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    results: str | FilePath | None = None,
+    progress: bool = False,
+) -> UncertainCurve:
+    """Optimal curves of a sample of settings.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+        From :func:`draw`, or given otherwise.
+    preload, n, frequency, mode
+        As in :func:`bdamper.peaks.optimal.optimal_curve`; the same preloads serve all draws.
+    executor, results, progress
+        As in :func:`bdamper.design.sweep.sweep`.
+    """
+    validate.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
+    if "preload" in samples:
+        raise SettingError("samples: expected settings other than the preload, found 'preload'")
+    values = preload_values(preload, n)
+    task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
+    done = sweep(
+        study, dict(samples), task, combine="zip", executor=executor, results=results, progress=progress
+    )  # fmt: skip
+    m = len(values)
+    nothing = [np.nan] * m
+    return UncertainCurve(
+        preload=values,
+        amplitude=np.array([v.get("curve_amplitude", nothing) for v in done.values], float),
+        frequency=np.array([v.get("curve_frequency", nothing) for v in done.values], float),
+        samples={name: np.asarray(column, float) for name, column in samples.items()},
+        status=done.status,
+        settings=done.settings,
+        model_hash=done.model_hash,
+        warnings=done.warnings,
+    )
+
+
+def robust_optimum(
+    study: Study,
+    samples: Mapping[str, Sequence[float] | NDArray],
+    preload: tuple[float, float] = (10.0, 25e3),
+    *,
+    percentile: float = 95.0,
+    n: int = 12,
+    tolerance: float = 1e-3,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    executor: Executor | None = None,
+    progress: bool = False,
+) -> RobustOptimum:
+    """The preload that minimises a percentile of the resonance amplitude over a sample.
+
+    Every percentile is taken over peaks computed at that preload, none is interpolated in the preload; the grid is narrowed
+    around its least value until it is as fine as asked for.
+
+    Parameters
+    ----------
+    study : Study
+    samples : mapping of setting to (n_draws,) float
+    preload : (low, high), N
+    percentile : float
+        From 0 to 100.
+    n : int
+        Preloads in a grid, at least 5.
+    tolerance : float
+        Relative, on the preload.
+    frequency, mode, executor, progress
+        As in :func:`uncertain_curve`.
+
+    Raises
+    ------
+    BdamperError
+        If a draw has no peak at any preload of a grid.
+    """
+    percentile = validate.number("percentile", percentile, least=0.0, most=100.0)
+    n = validate.whole("n", n, least=5)
+    tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+    ends = preload_values(preload, 2)[[0, -1]]
+    low, high = (float(p) for p in ends)
+    rounds = 0
+    while True:
+        curve = uncertain_curve(
+            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
+        )
+        height = np.percentile(curve.amplitude, percentile, axis=0)
+        if not np.isfinite(height).all():
+            bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
+            raise BdamperError(f"robust optimum: draw {bad} has no peak at every preload from {low:g} to {high:g} N")
+        rounds += 1
+        k = int(np.argmin(height))
+        p = curve.preload
+        width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
+        if width <= tolerance or rounds >= 30:
+            kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
+            warned = sum(bool(w) for w in curve.warnings)
+            return RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned)
+        low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])

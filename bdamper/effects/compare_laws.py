@@ -1,0 +1,88 @@
+"""What the choice of the friction law changes: the same curve under several laws."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bdamper.continuation.curve import Curve
+from bdamper.util import validate
+from bdamper.util.hdf5 import writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+CHOICES = {
+    "separable": {"friction_law": "separable", "friction_axes": "contact"},
+    "major": {"friction_law": "separable", "friction_axes": "major"},
+    "coupled": {"friction_law": "coupled", "friction_axes": "contact"},
+    "constant_normal_load": {"friction_law": "constant_normal_load", "friction_axes": "contact"},
+    "bonded": {"friction_law": "bonded", "friction_axes": "contact"},
+}
+"""Settings of a study for each name; "major" is the separable law along the major directions of the motion."""
+
+
+@brief
+@dataclass(frozen=True)
+class LawComparison:
+    """Curves of one study under several friction laws.
+
+    Parameters
+    ----------
+    laws : tuple of str
+        Names out of :data:`CHOICES`; the last one is the reference of the differences.
+    curves : tuple of Curve
+    """
+
+    laws: tuple[str, ...]
+    curves: tuple[Curve, ...]
+
+    def difference(self, law: str) -> float:
+        """Peak amplitude under a law relative to the reference, minus one."""
+        peaks = dict(zip(self.laws, (curve.peak.amplitude for curve in self.curves)))
+        return peaks[law] / peaks[self.laws[-1]] - 1.0
+
+    def __str__(self) -> str:
+        width = max(map(len, self.laws))
+        lines = [f"preload {self.curves[0].preload:g} N, peaks relative to '{self.laws[-1]}'"]
+        for law, curve in zip(self.laws, self.curves):
+            if not len(curve):
+                lines.append(f"  {law:<{width}}  no points: {curve.status} ({curve.reason})")
+                continue
+            peak = curve.peak
+            change = f"{100 * self.difference(law):+.2f} %" if len(self.curves[-1]) else "-"
+            lines.append(
+                f"  {law:<{width}}  {peak.amplitude:.6g} m at {peak.frequency:.6g} Hz  {change:>9}  {curve.status}"
+            )
+        return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
+        """Draw all curves into one figure."""
+        from bdamper.plot.plotting import plot_curves
+
+        ax = plot_curves(list(self.curves), ax=ax, labels=list(self.laws), **style)
+        return ax
+
+    def save(self, path: Any) -> None:
+        """Write peaks and amplitudes to an HDF5 file, one group for each law."""
+        with writing(path, "bdamper-law-comparison") as file:
+            file.attrs["laws"] = list(self.laws)
+            for law, curve in zip(self.laws, self.curves):
+                group = file.create_group(law)
+                group["frequency"] = curve.frequency
+                group["amplitude"] = curve.amplitude if len(curve) else np.zeros(0)
+                group.attrs["status"] = curve.status
+                group.attrs["reason"] = curve.reason
+                group.attrs["preload"] = curve.preload
+                group.attrs["settings"] = json.dumps(curve.settings)
+                group.attrs["model_hash"] = curve.model_hash
+
+
+def known_laws(laws: Sequence[str]) -> tuple[str, ...]:
+    """The names, checked."""
+    return validate.names("laws", laws, CHOICES, least=2)

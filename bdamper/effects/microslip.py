@@ -1,0 +1,160 @@
+r"""First loading of a seated damper along its faces: force against displacement at constant load.
+
+The static equations of :mod:`bdamper.contact.static` under the load :math:`P` that seats the damper, then a force
+:math:`Q` at a location of it, growing from zero while :math:`P` stays:
+
+.. math:: K q + G^T F(G q + P x_0) = P f + Q d,
+
+:math:`d` the modes of the location in the direction of :math:`Q`.  Residual modes do not move the location and take no part
+of :math:`Q`, so curves of different contact stiffnesses differ by the contact alone.  As points begin to slip one after
+the other the slope falls from the stuck stiffness to zero, at the force at which the damper slides.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.static import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
+from bdamper.model.loads import direction_vector
+from bdamper.study import Study
+from bdamper.util import validate
+from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.hdf5 import writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@brief
+@dataclass(frozen=True)
+class Microslip:
+    """A curve of first loading.
+
+    Parameters
+    ----------
+    preload : float, N
+    force : (n,) float, N
+        From zero, as far as equilibria were found.
+    displacement : (n,) float, m
+        Of the location along the force, since the force is there.
+    slipping, open : (n,) float
+        Share of the closed points that slip in either direction; share of all points that are apart.
+    residual : (n,) float
+        Of modal equilibrium, relative.
+    complete : bool
+        Whether the last force asked for was reached; otherwise the damper slides.
+    """
+
+    preload: float
+    force: NDArray
+    displacement: NDArray
+    slipping: NDArray
+    open: NDArray
+    residual: NDArray
+    complete: bool
+
+    @property
+    def stiffness(self) -> NDArray:
+        """(n - 1,) slope of the chords between neighbouring forces, N/m."""
+        return np.diff(self.force) / np.diff(self.displacement)
+
+    def __str__(self) -> str:
+        lines = [f"first loading at {self.preload:g} N{'' if self.complete else ', sliding beyond the last force'}:"]
+        lines += [f"{'force N':>12}{'um':>12}{'N/um':>10}{'slipping':>10}{'open':>8}"]
+        slope = np.concatenate([self.stiffness, [np.nan]])
+        for row in zip(self.force, 1e6 * self.displacement, 1e-6 * slope, self.slipping, self.open):
+            lines.append("{:>12.5g}{:>12.5g}{:>10.4g}{:>10.2f}{:>8.2f}".format(*row))
+        return "\n".join(lines)
+
+    def plot(self) -> Figure:
+        """Draw force over displacement."""
+        from bdamper.plot.plotting import new_axes
+
+        ax = new_axes()
+        ax.plot(1e6 * self.displacement, self.force, "o-")
+        ax.set_xlabel("Displacement (µm)")
+        ax.set_ylabel("Force (N)")
+        return ax.figure  # type: ignore[return-value]
+
+    def save(self, path: str | Path) -> None:
+        """Write the curve to an HDF5 file."""
+        with writing(path, "bdamper-microslip") as file:
+            file.attrs["preload"] = self.preload
+            file.attrs["complete"] = self.complete
+            for name in ("force", "displacement", "slipping", "open", "residual"):
+                file.create_dataset(name, data=getattr(self, name))
+
+
+def microslip(
+    study: Study,
+    preload: float,
+    forces: Sequence[float] | NDArray,
+    *,
+    location: str = "damper",
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0),
+) -> Microslip:
+    """Displacement of a location under forces that grow while the load stays.
+
+    Parameters
+    ----------
+    study : Study
+    preload : float, N
+    forces : (n,) float, N
+        Increasing, above zero.
+    location : str
+    direction : (3,) float
+        Of the force, along X, Y, Z.
+
+    Raises
+    ------
+    SettingError
+        If the forces do not increase from zero.
+    ModelError
+        If the damper does not find its seat.
+    """
+    validate.instance("study", study, Study)
+    wanted = validate.numbers("microslip forces", forces, above=0.0, unit="N")
+    if np.any(np.diff(wanted) <= 0.0):
+        raise validate.unfit("microslip forces", "increasing forces above 0 N", forces)
+    validate.choice("microslip location", location, sorted(study.model.locations))
+    seat = study.static(preload)
+    if not seat.converged:
+        raise ModelError(f"microslip: expected a seat under {preload:g} N, found: {seat.note}")
+    basis = study._static_basis
+    along = study.coupling.location_modes(location, 0).real
+    d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
+    if not np.any(d):
+        raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
+    f, x0 = study._load
+    kn = study._k[:, 2]
+    system = StaticSystem(
+        basis.omega2, basis.G.real, study._kt, kn, study.friction,
+        kn * (preload * x0[:, 2] - study._gap), d.real, np.zeros_like(x0), preload * f, study._bonded,
+    )  # fmt: skip
+    # the constant part of the motion stands in n0 and in the sliders
+    state = replace(seat, load=0.0, slider=seat.slider - preload * x0[:, :2])
+    states, reached = [state], [0.0]
+    for force in wanted:
+        state = static_state(system, float(force), start=state, steps=2)
+        if not state.converged:
+            break
+        states.append(state)
+        reached.append(float(force))
+    closed = np.array([np.mean(s.status[:, 0] != OPEN) for s in states])
+    slips = [((s.status == SLIP_PLUS) | (s.status == SLIP_MINUS)).any(axis=1).mean() for s in states]
+    return Microslip(
+        float(preload),
+        np.array(reached),
+        np.array([d.real @ (s.q - seat.q) for s in states]),
+        np.array(slips) / np.maximum(closed, 1e-300),
+        1.0 - closed,
+        np.array([s.residual for s in states]),
+        state.converged,
+    )

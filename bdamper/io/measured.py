@@ -1,0 +1,172 @@
+"""Measured points beside a prediction: a loader of CSV files and a figure of how well they agree.
+
+The file has a header and one row for each measurement.  The column ``load`` (newtons) is required; ``amplitude`` (any unit)
+and ``frequency`` (hertz) may be given both or one of them.  What is compared is dimensionless: amplitude and frequency over
+those of a reference.  A row with load 0, the structure without load on its dampers, is this reference; without one it is
+the row of least load.  Lines that start with ``#`` are comments.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from os import PathLike
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError
+from bdamper.util.repr import brief
+
+COLUMNS = ("load", "amplitude", "frequency")
+
+
+@brief
+@dataclass(frozen=True)
+class Measured:
+    """Measured resonances.
+
+    Parameters
+    ----------
+    load : (n,) float
+    amplitude, frequency : (n,) float
+        NaN where not measured.
+    source : str
+    """
+
+    load: NDArray
+    amplitude: NDArray
+    frequency: NDArray
+    source: str = ""
+
+    def normalised(self, quantity: str) -> tuple[NDArray, NDArray]:
+        """Loads (m,) above zero and "amplitude" or "frequency" (m,) over that of the reference."""
+        values = getattr(self, validate.choice("quantity", quantity, COLUMNS[1:]))
+        there = np.isfinite(values)
+        order = np.argsort(self.load[there])
+        load, values = self.load[there][order], values[there][order]
+        if not len(load):
+            raise BdamperError(f"{self.source or 'measured points'}: expected a measured {quantity}, found none")
+        if not values[0] > 0.0:
+            raise BdamperError(
+                f"{self.source or 'measured points'}: expected a reference {quantity} above 0 at the least load, "
+                f"{load[0]:g}, found {values[0]:g}"
+            )
+        return load[load > 0.0], (values / values[0])[load > 0.0]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a prediction agrees with measurements.
+
+    Parameters
+    ----------
+    points : int
+        Measured points inside the range of the prediction.
+    outside : int
+        Measured points outside of it, not counted.
+    rms : float
+        Root mean square of the relative deviation, prediction over measurement minus one.
+    bias : float
+        Mean of the relative deviation.
+    largest : float
+    r_squared : float
+        One minus the squared deviations over the squared scatter of the measurements about their mean.
+    """
+
+    points: int
+    outside: int
+    rms: float
+    bias: float
+    largest: float
+    r_squared: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.points} points: rms {100 * self.rms:.1f} %, bias {100 * self.bias:+.1f} %, largest "
+            f"{100 * self.largest:.1f} %, R2 {self.r_squared:.3f}" + (f"; {self.outside} outside" if self.outside else "")
+        )
+
+
+def load_measured(path: str | PathLike[str]) -> Measured:
+    """Read measured points from a CSV file (see this module's docstring).
+
+    Raises
+    ------
+    BdamperError
+        If a column is missing, a row is longer than the header, or a value is not a finite number of at least 0; the
+        message names the line.
+    """
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            content = list(enumerate(file, 1))
+    except UnicodeDecodeError as error:
+        raise BdamperError(f"{path}: expected text in UTF-8, found another encoding ({error})") from error
+    lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise BdamperError(f"{path}: expected a header and rows of numbers, found nothing")
+    head = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+    if "load" not in head or not {"amplitude", "frequency"} & set(head):
+        raise BdamperError(
+            f"{path}, line {lines[0][0]}: expected the columns {COLUMNS} (one of the last two), found {head}"
+        )
+    values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
+    for number, line in lines[1:]:
+        row = next(csv.reader([line]))
+        if len(row) > len(head):
+            raise BdamperError(
+                f"{path}, line {number}: expected {len(head)} values separated by commas, as the header has, with points "
+                f"in numbers, found {len(row)}: '{line.strip()[:60]}'"
+            )
+        for name in COLUMNS:
+            text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
+            try:
+                value = float(text) if text and text.lower() != "nan" else np.nan
+            except ValueError:
+                value = -1.0
+            if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
+                raise BdamperError(
+                    f"{path}, line {number}: expected a finite number of at least 0 in column '{name}', found '{text}'"
+                )
+            values[name].append(value)
+    load = np.array(values["load"])
+    if not len(load):
+        raise BdamperError(f"{path}: expected rows of numbers after the header, found none")
+    return Measured(load, np.array(values["amplitude"]), np.array(values["frequency"]), str(path))
+
+
+def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, measured: NDArray) -> Fit:
+    """Compare a predicted curve over load with measured points, by interpolation over the logarithm of the load.
+
+    Parameters
+    ----------
+    load, predicted : (n,) float
+    measured_load, measured : (m,) float
+        Rows with NaN are left out.
+
+    Raises
+    ------
+    BdamperError
+        If no measured point lies inside the range of the prediction.
+    """
+    there = np.isfinite(measured) & np.isfinite(measured_load)
+    good = np.isfinite(predicted)
+    order = np.argsort(load[good])
+    x, y = np.log(load[good][order]), predicted[good][order]
+    at = np.log(measured_load[there])
+    inside = (at >= x[0]) & (at <= x[-1])
+    if not inside.any():
+        raise BdamperError(f"goodness of fit: expected measured loads between {np.exp(x[0]):g} and {np.exp(x[-1]):g}")
+    reference = measured[there][inside]
+    value = np.interp(at[inside], x, y)
+    deviation = value / reference - 1.0
+    scatter = float(np.sum((reference - reference.mean()) ** 2))
+    return Fit(
+        points=int(inside.sum()),
+        outside=int((~inside).sum()),
+        rms=float(np.sqrt(np.mean(deviation**2))),
+        bias=float(deviation.mean()),
+        largest=float(np.abs(deviation).max()),
+        r_squared=1.0 - float(np.sum((value - reference) ** 2)) / scatter if scatter > 0.0 else np.nan,
+    )

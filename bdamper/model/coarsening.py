@@ -1,0 +1,130 @@
+"""Fewer contact points on a face, by uniting neighbouring patches.
+
+The patches of a face are split by area, along the longer direction first, until there are as many groups as asked for.  A
+group moves with the area-weighted mean ``m = A u`` of its patches, and a force on it is spread over them by ``A^H``: its
+static receptance is ``A R A^H``, and energy is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.model import Body, ContactStiffness, Interface, Model, StaticContact
+
+
+def group_patches(face: Interface, n_groups: int) -> NDArray:
+    """(n_points,) number of the group of each patch of a face, groups of about equal area."""
+    plane = np.einsum("pij,pj->pi", face.frame, face.points - face.points.mean(axis=0))[:, :2]
+    label = np.zeros(face.n_points, int)
+
+    def split(members: NDArray, first: int, groups: int) -> None:
+        if groups == 1:
+            label[members] = first
+            return
+        low = groups // 2
+        spread = np.ptp(plane[members], axis=0)
+        order = members[np.lexsort((plane[members, 1 - np.argmax(spread)], plane[members, np.argmax(spread)]))]
+        area = np.cumsum(face.area[order])
+        cut = int(np.argmin(np.abs(area - area[-1] * low / groups))) + 1
+        cut = min(max(cut, low), len(order) - (groups - low))  # no group stays empty
+        split(order[:cut], first, low)
+        split(order[cut:], first + low, groups - low)
+
+    split(np.arange(face.n_points), 0, n_groups)
+    return label
+
+
+class _Groups:
+    """Matrices that average over the groups of one face."""
+
+    def __init__(self, face: Interface, n_groups: int | None) -> None:
+        n = face.n_points
+        reduce = n_groups is not None and n_groups < n and face.kind == "friction"
+        label = group_patches(face, int(n_groups)) if reduce else np.arange(n)  # type: ignore[arg-type]
+        m = int(label.max()) + 1 if n else 0
+        self.sum = np.zeros((m, n))
+        self.sum[label, np.arange(n)] = 1.0
+        self.area = self.sum @ face.area
+        self.mean = self.sum * face.area / self.area[:, None]
+        self.frame = np.array([_nearest_frame(f) for f in np.einsum("mp,pij->mij", self.mean, face.frame)]).reshape(m, 3, 3)
+        turn = np.einsum("pij,pkj->pik", self.frame[label], face.frame)
+        self.vectors = np.einsum("mp,pij->mipj", self.mean, turn).reshape(3 * m, 3 * n)
+        self.forces = np.einsum("mp,pij->mipj", self.sum, turn).reshape(3 * m, 3 * n)
+        self.face = replace(
+            face, points=self.mean @ face.points, area=self.area, frame=self.frame, gap=self.mean @ face.gap
+        )
+
+
+def _nearest_frame(matrix: NDArray) -> NDArray:
+    left, _, right = np.linalg.svd(matrix)
+    frame: NDArray = left @ right
+    return frame
+
+
+def unite_contact_points(model: Model, n_points: int) -> Model:
+    """The same structure with at most ``n_points`` contact points on each friction face.
+
+    Parameters
+    ----------
+    model : Model
+    n_points : int
+
+    Returns
+    -------
+    Model
+    """
+    groups = {name: _Groups(face, n_points) for name, face in model.interfaces.items()}
+    return replace(
+        model,
+        interfaces={name: g.face for name, g in groups.items()},
+        bodies={name: _united_body(body, groups) for name, body in model.bodies.items()},
+        contact={
+            name: ContactStiffness(groups[name].sum @ c.stiffness, c.source) for name, c in model.contact.items()
+        },
+        static={
+            name: StaticContact(
+                (groups[name].forces @ s.force.ravel()).reshape(-1, 3),
+                (groups[name].vectors @ s.displacement_a.ravel()).reshape(-1, 3),
+                (groups[name].vectors @ s.displacement_b.ravel()).reshape(-1, 3),
+            )
+            for name, s in model.static.items()
+        },
+    )
+
+
+def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
+    if not body.ports:
+        return body
+    blocks = [groups[name].vectors for name, _ in body.ports]
+    A = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for b in blocks:
+        A[row : row + b.shape[0], column : column + b.shape[1]] = b
+        row, column = row + b.shape[0], column + b.shape[1]
+
+    def mean(x: NDArray) -> NDArray:
+        return (A @ x.reshape(A.shape[1], -1)).reshape(-1, 3, *x.shape[2:])
+
+    bases = {
+        d: replace(
+            basis,
+            contact_modes=mean(basis.contact_modes),
+            flexibility=None if basis.flexibility is None else A @ basis.flexibility @ A.T,
+        )
+        for d, basis in body.bases.items()
+    }
+    load = body.load and replace(body.load, displacement=mean(body.load.displacement))
+    return replace(body, bases=bases, load=load)
+
+
+def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDArray:
+    """(n_groups, 3) stiffness of the groups of a face from those of its patches, (n_points, 3)."""
+    return _Groups(face, n_points).sum @ np.broadcast_to(stiffness, (face.n_points, 3))
+
+
+def united_gap(face: Interface, n_points: int, gap: NDArray) -> NDArray:
+    """(n_groups,) mean distance of the surfaces over the groups of a face from that at its patches, (n_points,)."""
+    return _Groups(face, n_points).mean @ gap

@@ -1,0 +1,378 @@
+"""From bodies to interfaces: the relative motion at all contact points as a function of modal coordinates.
+
+At harmonic ``l`` of engine order ``EO`` every sector repeats its neighbour with the phase ``l phi``,
+``phi = 2 pi EO/N`` (paper, Eqs (17), (18)).  A side of an interface that lies in sector ``s`` therefore moves as the
+port of the reference sector times ``exp(i l phi s)``, in contact axes that turn with the sector.  The columns of
+
+    G_l = D (P_b Phi_b - P_a Phi_a),     D = diag(1, 1, -1) at each point,
+
+give ``(u1, u2, v)_l = G_l q_l``; the phase is part of ``P``, and ``-G_l^H F_l`` is the modal contact force.
+
+The wave ``l EO`` has the nodal diameter ``l EO mod N``; its modes are stored for ``d <= N/2`` and conjugated beyond.
+
+Static flexibility transforms with the same ``P``: what the retained modes of a body leave out is
+
+    R_res = D [ sum_bodies P (R - Phi Omega^-2 Phi^H) P^H ] D .
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.model import Body, ModalBasis, Model
+from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.repr import brief
+
+RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
+"""Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One modal coordinate: mode ``index`` of ``body``, called ``name``."""
+
+    body: str
+    index: int
+    name: str
+
+
+@brief
+@dataclass(frozen=True)
+class HarmonicBasis:
+    """All modes that describe one harmonic, over all bodies.
+
+    Parameters
+    ----------
+    coordinates : tuple of Coordinate
+    omega2, damping_ratio : (n_modes,) float
+        Modal stiffness (the squared natural frequency of a mass-normalised mode) and damping ratio.
+    mass : (n_modes,) float
+        Modal mass: 1 for modes of a body; that of the modes left out, which may be 0, for residual modes.
+    G : (n_points, 3, n_modes) complex
+        Relative motion (u1, u2, v) at the contact points of all interfaces.
+    nodal_diameter : int
+    """
+
+    coordinates: tuple[Coordinate, ...]
+    omega2: NDArray
+    damping_ratio: NDArray
+    G: NDArray
+    nodal_diameter: int
+    mass: NDArray
+
+    @property
+    def n_modes(self) -> int:
+        return len(self.omega2)
+
+    @property
+    def damping(self) -> NDArray:
+        """(n_modes,) viscous modal damping."""
+        return 2.0 * self.damping_ratio * np.sqrt(self.omega2 * self.mass)
+
+
+def body_axes(body: Body) -> NDArray:
+    """(3, 3) rows X, Y, Z of the own axes of a free body: Y along its load, Z kept."""
+    y = np.array([0.0, 1.0, 0.0]) if body.load is None else np.asarray(body.load.direction, float)
+    z = np.array([0.0, 0.0, 1.0])
+    x = np.cross(y, z)
+    return np.array([x / np.linalg.norm(x), y, z])
+
+
+def principal_axes(body: Body) -> tuple[NDArray, NDArray]:
+    """Principal moments (3,), kg m2, and axes (3, 3) in rows of a free body, in the order of its own X, Y, Z."""
+    assert body.inertia is not None
+    axes = body_axes(body)
+    moments, principal = np.linalg.eigh(body.inertia)
+    rows = principal.T
+    order = [0, 1, 2]
+    best = -1.0
+    for candidate in ([0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]):
+        score = float(np.sum(np.abs(np.einsum("ij,ij->i", rows[candidate], axes))))
+        if score > best + 1e-12:
+            best, order = score, candidate
+    turn = rows[order] * np.sign(np.einsum("ij,ij->i", rows[order], axes))[:, None]
+    return moments[order], turn
+
+
+def standard_rigid_modes(model: Model, body: Body) -> Body:
+    """The same free body with its rigid-body modes turned into translations along and rotations about its own axes.
+
+    Rotations are about the principal axes of inertia nearest to X, Y, Z, through the centre of mass, so that the six
+    modes stay mass-normalised and orthogonal.
+    """
+    assert body.mass is not None and body.centre is not None
+    moments, turn = principal_axes(body)
+    translation = body_axes(body).T / np.sqrt(body.mass)
+    rotation = turn.T / np.sqrt(moments)
+
+    basis = body.bases[0]
+    points = np.concatenate([model.interfaces[name].points for name, _ in body.ports])
+    frames = np.concatenate([model.interfaces[name].frame for name, _ in body.ports])
+    arm = points - body.centre
+    rigid = np.empty((len(points), 3, 6))
+    rigid[..., :3] = frames @ translation
+    rigid[..., 3:] = np.einsum("pij,pjk->pik", frames, np.cross(rotation.T[None], arm[:, None, :]).transpose(0, 2, 1))
+    # the stored modes span the same space: old @ change = new
+    change = np.linalg.lstsq(basis.contact_modes[..., :6].real.reshape(-1, 6), rigid.reshape(-1, 6), rcond=None)[0]
+    modes = basis.contact_modes.copy()
+    modes[..., :6] = rigid
+    locations = {name: np.concatenate([m[:, :6] @ change, m[:, 6:]], axis=1) for name, m in basis.locations.items()}
+    load = body.load
+    if load is not None:
+        generalised = load.generalised.copy()
+        generalised[:6] = change.T @ load.generalised[:6]
+        load = replace(load, generalised=generalised)
+    return replace(body, bases={0: replace(basis, contact_modes=modes, locations=locations)}, load=load)
+
+
+@brief
+@dataclass(frozen=True)
+class Coupling:
+    """A model with a choice of modes and interfaces, ready to give the matrices of any harmonic.
+
+    Parameters
+    ----------
+    model : Model
+    interfaces : tuple of str
+        Interfaces that take part, in the order of the stacked contact points.
+    modes : mapping of body name to (n,) int
+        Retained modes of each body.
+    engine_order : int
+    single_basis : bool
+        Use the modes of the fundamental's nodal diameter for every harmonic (the way of the paper).
+    """
+
+    model: Model
+    interfaces: tuple[str, ...]
+    modes: Mapping[str, NDArray]
+    engine_order: int
+    single_basis: bool = False
+
+    def __str__(self) -> str:
+        modes = ", ".join(f"{name} {len(index)}" for name, index in self.modes.items())
+        faces = ", ".join(f"{name} {self.model.interfaces[name].n_points}" for name in self.interfaces)
+        basis = ", one basis for all harmonics" if self.single_basis else ""
+        return (
+            f"coupling of {len(self.model.bodies)} bodies, engine order {self.engine_order}{basis}\n"
+            f"  modes: {modes or 'none'}\n  contact points: {faces or 'none'}"
+        )
+
+    @property
+    def n_points(self) -> int:
+        return sum(self.model.interfaces[name].n_points for name in self.interfaces)
+
+    def rows(self, interface: str) -> slice:
+        """Rows of one interface among the stacked contact points."""
+        start = 0
+        for name in self.interfaces:
+            n = self.model.interfaces[name].n_points
+            if name == interface:
+                return slice(start, start + n)
+            start += n
+        raise KeyError(interface)
+
+    def _basis(self, body: Body, harmonic: int) -> tuple[ModalBasis, bool, int]:
+        if body.kind == "free":
+            return body.bases[0], False, 0
+        order = self.engine_order * (1 if self.single_basis else harmonic)
+        d, conjugate = self.model.folded_nodal_diameter(order)
+        if d not in body.bases:
+            raise SettingError(
+                f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
+                f"{d}, the model has {sorted(body.bases)}; use fewer harmonics, or single_basis=True to describe every "
+                "harmonic by the modes of the first"
+            )
+        return body.bases[d], conjugate, d
+
+    def _placed(self, body: Body, array: NDArray, harmonic: int) -> NDArray:
+        """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body."""
+        phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
+        out = np.zeros((self.n_points, 3, array.shape[2]), complex)
+        for port in body.ports:
+            name, side = port
+            if name not in self.interfaces:
+                continue
+            face = self.model.interfaces[name]
+            sector = face.sector_a if side == "a" else face.sector_b
+            sign = -1.0 if side == "a" else 1.0
+            part = array[self.model.port_slice(body.name, port)]
+            out[self.rows(name)] += sign * np.exp(1j * phase * sector) * part
+        out[:, 2] *= -1.0
+        return out
+
+    def basis(self, harmonic: int) -> HarmonicBasis:
+        """Modes, stiffness and relative motion of one harmonic.
+
+        Raises
+        ------
+        SettingError
+            If the model lacks the nodal diameter that this harmonic excites.
+        """
+        coordinates: list[Coordinate] = []
+        omega2, damping, G = [], [], []
+        diameter = 0
+        for body in self.model.bodies.values():
+            if body.kind == "ground":
+                continue
+            basis, conjugate, d = self._basis(body, harmonic)
+            if body.kind == "constrained":
+                diameter = d
+            keep = self.modes[body.name]
+            modes = basis.contact_modes[..., keep]
+            if conjugate:
+                modes = modes.conj()
+            placed = self._placed(body, modes, harmonic)
+            if harmonic == 0:  # the mean is real; with a single basis the real part of the modes describes it
+                placed = placed.real.astype(complex)
+            G.append(placed)
+            omega2.append(basis.omega2[keep])
+            damping.append(basis.damping_ratio[keep])
+            coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
+        stiffness = np.concatenate(omega2)
+        return HarmonicBasis(
+            tuple(coordinates),
+            stiffness,
+            np.concatenate(damping),
+            np.concatenate(G, axis=2),
+            diameter,
+            np.ones_like(stiffness),
+        )
+
+    def no_basis(self) -> HarmonicBasis:
+        """Of a harmonic that is left out: no modes."""
+        empty = np.zeros(0)
+        return HarmonicBasis((), empty, empty, np.zeros((self.n_points, 3, 0), complex), 0, empty)
+
+    def location_modes(self, location: str, harmonic: int) -> NDArray:
+        """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic."""
+        place = self.model.locations[location]
+        columns = []
+        for body in self.model.bodies.values():
+            if body.kind == "ground":
+                continue
+            keep = self.modes[body.name]
+            basis, conjugate, _ = self._basis(body, harmonic)
+            if body.name == place.body:
+                modes = basis.locations[location][:, keep]
+                columns.append(modes.conj() if conjugate else modes)
+            else:
+                columns.append(np.zeros((3, len(keep))))
+        return np.concatenate(columns, axis=1)
+
+    def residual_flexibility(self, harmonic: int) -> NDArray:
+        """(3 n_points, 3 n_points) Hermitian flexibility that the retained modes leave out, for (u1, u2, v), m/N.
+
+        Raises
+        ------
+        ModelError
+            If no body of the model carries its static flexibility at this nodal diameter.
+        """
+        n = 3 * self.n_points
+        out = np.zeros((n, n), complex)
+        for body in self.model.bodies.values():
+            if body.kind == "ground" or not body.ports:
+                continue
+            basis, conjugate, d = self._basis(body, harmonic)
+            if basis.flexibility is None:
+                raise ModelError(
+                    f"body '{body.name}': contact stiffness needs its static flexibility at nodal diameter {d}, which "
+                    "the model does not have; give contact_stiffness as numbers instead"
+                )
+            keep = np.asarray(self.modes[body.name])
+            keep = keep[basis.omega2[keep] > 0.0]
+            modes = basis.contact_modes[..., keep].reshape(basis.flexibility.shape[0], len(keep))
+            residual = basis.flexibility - (modes / basis.omega2[keep]) @ modes.conj().T
+            if conjugate:
+                residual = residual.conj()
+            m = residual.shape[0] // 3
+            half = self._placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
+            out += self._placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
+        return 0.5 * (out + out.conj().T)
+
+    def left_out_modes(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
+        """Elastic modes that the model has but the coupling does not retain.
+
+        Returns
+        -------
+        G : (3 n_points, n) complex
+            Relative motion.
+        omega2, damping_ratio : (n,) float
+        """
+        G, omega2, ratio = [], [], []
+        for body in self.model.bodies.values():
+            if body.kind == "ground":
+                continue
+            basis, conjugate, _ = self._basis(body, harmonic)
+            rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), self.modes[body.name])
+            modes = basis.contact_modes[..., rest]
+            placed = self._placed(body, modes.conj() if conjugate else modes, harmonic)
+            G.append(placed.reshape(3 * self.n_points, len(rest)))
+            omega2.append(basis.omega2[rest])
+            ratio.append(basis.damping_ratio[rest])
+        return np.concatenate(G, axis=1), np.concatenate(omega2), np.concatenate(ratio)
+
+    def load(self) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) and elastic displacement (n_points, 3) of (u1, u2, v), per newton of static load.
+
+        The displacement is what the retained elastic modes leave out.
+        """
+        force = []
+        displacement = np.zeros((self.n_points, 3))
+        for body in self.model.bodies.values():
+            if body.kind == "ground":
+                continue
+            keep = np.asarray(self.modes[body.name])
+            if body.load is None:
+                force.append(np.zeros(len(keep)))
+                continue
+            force.append(body.load.generalised[keep])
+            basis = body.bases[0]
+            elastic = keep[basis.omega2[keep] > 0.0]
+            rest = body.load.displacement - (
+                basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
+            )
+            displacement += self._placed(body, rest[..., None], 0)[..., 0].real
+        return np.concatenate(force), displacement
+
+
+def _mode_name(body: Body, index: int) -> str:
+    if body.kind == "free":
+        return RIGID_NAMES[index] if index < 6 else f"elastic {index - 5}"
+    return f"mode {index + 1}"
+
+
+def retained_modes(
+    model: Model, blade_modes: int, damper_modes: int, rigid: Sequence[str] = RIGID_NAMES
+) -> dict[str, NDArray]:
+    """Indices of the retained modes of each body.
+
+    Parameters
+    ----------
+    blade_modes : int
+        Modes of each constrained body.
+    damper_modes : int
+        Elastic modes of each free body, besides its rigid-body modes.
+    rigid : sequence of str
+        Rigid-body modes of free bodies that take part, from :data:`RIGID_NAMES`.
+    """
+    unknown = [name for name in rigid if name not in RIGID_NAMES]
+    if unknown:
+        raise SettingError(f"rigid-body modes: expected names out of {RIGID_NAMES}, found {unknown}")
+    out = {}
+    for body in model.bodies.values():
+        if body.kind == "constrained":
+            have = min(basis.n_modes for basis in body.bases.values())
+            if not 1 <= blade_modes <= have:
+                raise SettingError(f"blade_modes: expected 1 to {have} (body '{body.name}'), found {blade_modes}")
+            out[body.name] = np.arange(blade_modes)
+        elif body.kind == "free":
+            have = body.bases[0].n_modes - 6
+            if not 0 <= damper_modes <= have:
+                raise SettingError(f"damper_modes: expected 0 to {have} (body '{body.name}'), found {damper_modes}")
+            keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
+            out[body.name] = np.array(keep + list(range(6, 6 + damper_modes)), int)
+    return out

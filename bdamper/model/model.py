@@ -1,0 +1,322 @@
+"""The structure: bodies, their modes, and the interfaces at which they touch.
+
+A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes first, then
+elastic ones) or the ground (rigid, without modes).  Its motion is a modal superposition, one modal basis for
+each nodal diameter ``d``; a free body and an acyclic structure (``n_blades = 1``) have ``d = 0`` only.
+
+An *interface* is a set of contact points between ``body_a`` and ``body_b``.  Each body meets each interface in a
+*port*, the pair ``(interface name, side)`` with side ``"a"`` or ``"b"``; a body that touches itself in the
+neighbouring sector (a shroud) has both.  At a contact point the axes are the rows ``t1, t2, n`` of ``frame``,
+right-handed, ``n`` the outward normal of ``body_a``.
+
+Conventions (all SI, radians):
+
+* time factor ``exp(+i omega t)``; sectors are counted toward +X, the blade stands along +Y, the axis is Z;
+* travelling wave of nodal diameter ``d``: ``u(k+1) = R u(k) exp(+2 pi i d/N)``, where ``R`` turns sector ``k``
+  onto sector ``k+1`` (about Z by ``-2 pi/N``, since +Y turns toward +X);
+* modes are mass-normalised over one sector, ``u^H M u = 1``, and the components stored at a port are along the
+  contact axes turned back into the sector of the body itself, so they carry no phase: the phase of a neighbour
+  enters where an interface is put together.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, is_dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.repr import brief
+
+Port = tuple[str, str]
+"""A place where a body meets an interface: ``(interface name, "a" | "b")``."""
+
+
+@brief
+@dataclass(frozen=True)
+class ModalBasis:
+    """Modes of one body at one nodal diameter.
+
+    Parameters
+    ----------
+    omega2 : (n_modes,) float, rad2/s2
+        Squared natural frequencies, ascending; exactly zero for the rigid-body modes of a free body.
+    damping_ratio : (n_modes,) float
+        Modal damping ratios; zero for rigid-body modes.
+    contact_modes : (n_points, 3, n_modes) complex or float, kg^-1/2
+        Mass-normalised modes at the contact points of all ports of the body, in the order of ``Body.ports``,
+        components along t1, t2, n.
+    locations : mapping of name to (3, n_modes) array, kg^-1/2
+        The modes at the named locations on this body, components along X, Y, Z.
+    flexibility : (3 n_points, 3 n_points) complex or float, m/N, optional
+        Hermitian static receptance of the full finite element model between the contact points, patch-averaged
+        force to patch-averaged displacement; for a free body, that of the elastic deformation with inertia relief
+        (orthogonal to the rigid-body modes in the mass matrix).
+    """
+
+    omega2: NDArray
+    damping_ratio: NDArray
+    contact_modes: NDArray
+    locations: Mapping[str, NDArray] = field(default_factory=dict)
+    flexibility: NDArray | None = None
+
+    @property
+    def n_modes(self) -> int:
+        return len(self.omega2)
+
+
+@brief
+@dataclass(frozen=True)
+class BodyLoad:
+    """Static load that scales with one number, the radial (centrifugal) load in newtons.
+
+    Parameters
+    ----------
+    direction : (3,) float
+        Unit vector of the resultant.
+    generalised : (n_modes,) float, kg^-1/2
+        Modal force per newton of resultant, rigid-body modes first.
+    displacement : (n_points, 3) float, m/N
+        Elastic displacement of the contact points per newton (inertia relief, no contact), t1, t2, n.
+    """
+
+    direction: NDArray
+    generalised: NDArray
+    displacement: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class Body:
+    """A structure that takes part in a contact.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"constrained", "free", "ground"}
+    ports : tuple of Port
+        The order in which contact points are stacked in every array of this body.
+    bases : mapping of nodal diameter to ModalBasis
+        Nodal diameters from 0 to ``n_blades // 2``; empty for the ground.
+    mass, centre, inertia : float (kg), (3,) m, (3, 3) kg m2 about the centre
+        Of a free body.
+    load : BodyLoad, optional
+    """
+
+    name: str
+    kind: Literal["constrained", "free", "ground"]
+    ports: tuple[Port, ...] = ()
+    bases: Mapping[int, ModalBasis] = field(default_factory=dict)
+    mass: float | None = None
+    centre: NDArray | None = None
+    inertia: NDArray | None = None
+    load: BodyLoad | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class Interface:
+    """Contact points between two bodies.
+
+    Parameters
+    ----------
+    name : str
+    kind : {"friction", "constraint"}
+        A constraint is frictionless and one-sided.
+    body_a, body_b : str
+    sector_a, sector_b : int
+        Sector in which the side lies, relative to the reference sector: 0 or ±1.
+    points : (n_points, 3) float, m
+        Positions in the axes of the reference sector.
+    area : (n_points,) float, m2
+    frame : (n_points, 3, 3) float
+        Rows t1, t2, n, right-handed; n is the outward normal of ``body_a``.
+    gap : (n_points,) float, m
+        Initial normal distance of the surfaces, 0 if they just touch.
+    """
+
+    name: str
+    kind: Literal["friction", "constraint"]
+    body_a: str
+    sector_a: int
+    body_b: str
+    sector_b: int
+    points: NDArray
+    area: NDArray
+    frame: NDArray
+    gap: NDArray
+
+    @property
+    def n_points(self) -> int:
+        return len(self.area)
+
+
+@dataclass(frozen=True)
+class Location:
+    """A named place on a body at which forces act or the response is read.
+
+    Parameters
+    ----------
+    name, body : str
+    position : (3,) float, m
+    """
+
+    name: str
+    body: str
+    position: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class ContactStiffness:
+    """Stiffness at the contact points of one interface.
+
+    Parameters
+    ----------
+    stiffness : (n_points, 3) float, N/m
+        Along t1, t2, n.
+    source : str
+        Method: "eq4", "unit_traction", "residual_modes" or "user".
+    fallback : (n_points, 3) bool, optional
+        Where the method could not be applied and its stated substitute was used.
+    """
+
+    stiffness: NDArray
+    source: str
+    fallback: NDArray | None = None
+
+
+@brief
+@dataclass(frozen=True)
+class StaticContact:
+    """A static contact solution of the full finite element model at one interface (for Eqs (4), (10)).
+
+    Parameters
+    ----------
+    force : (n_points, 3) float, N
+        Contact force on ``body_a`` per unit total load, along t1, t2, n.
+    displacement_a, displacement_b : (n_points, 3) float, m
+    """
+
+    force: NDArray
+    displacement_a: NDArray
+    displacement_b: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """Surface of a body, for pictures.
+
+    Parameters
+    ----------
+    points : (n_nodes, 3) float, m
+    quads : (n_faces, 4) int
+    modes : mapping of nodal diameter to (n_nodes, 3, n_modes) complex or float, kg^-1/2
+        The first modes of the body at these nodes, components along X, Y, Z.
+    """
+
+    points: NDArray
+    quads: NDArray
+    modes: Mapping[int, NDArray] = field(default_factory=dict)
+
+
+@brief
+@dataclass(frozen=True)
+class Model:
+    """Everything that is known of a structure before a study: see the module's docstring for conventions.
+
+    Parameters
+    ----------
+    n_blades : int
+        Number of sectors; 1 for an acyclic structure.
+    bodies : mapping of name to Body
+    interfaces : mapping of name to Interface
+    locations : mapping of name to Location
+    contact : mapping of interface name to ContactStiffness
+    static : mapping of interface name to StaticContact
+    meshes : mapping of body name to SurfaceMesh
+    provenance : mapping of str to str
+    """
+
+    n_blades: int
+    bodies: Mapping[str, Body]
+    interfaces: Mapping[str, Interface]
+    locations: Mapping[str, Location] = field(default_factory=dict)
+    contact: Mapping[str, ContactStiffness] = field(default_factory=dict)
+    static: Mapping[str, StaticContact] = field(default_factory=dict)
+    meshes: Mapping[str, SurfaceMesh] = field(default_factory=dict)
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
+        lines = [f"model {self.hash}: {sectors}, locations {', '.join(self.locations) or 'none'}"]
+        for body in self.bodies.values():
+            modes = f", {min(b.n_modes for b in body.bases.values())} modes" if body.bases else ""
+            at = f" at nodal diameters {', '.join(map(str, sorted(body.bases)))}" if body.kind == "constrained" else ""
+            mass = "" if body.mass is None else f", {body.mass:.4g} kg"
+            lines.append(f"  {body.name}: {body.kind}{modes}{at}{mass}")
+        for face in self.interfaces.values():
+            gap = f", gap up to {1e6 * face.gap.max():.3g} um" if np.any(face.gap > 0.0) else ""
+            lines.append(
+                f"  {face.name}: {face.kind}, {face.body_a} on {face.body_b}, {face.n_points} contact points{gap}"
+            )
+        return "\n".join(lines)
+
+    def port_slice(self, body: str, port: Port) -> slice:
+        """Rows of the stacked contact points of ``body`` that belong to ``port``."""
+        start = 0
+        for p in self.bodies[body].ports:
+            n = self.interfaces[p[0]].n_points
+            if p == port:
+                return slice(start, start + n)
+            start += n
+        raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
+
+    def plot(self, path: Any = None, *, backend: str | None = None) -> Any:
+        """Bodies and contact points in 3-D, shown or written to a picture; see :func:`bdamper.plot.plotting.plot_model`."""
+        from bdamper.plot.plotting import plot_model
+
+        return plot_model(self, path, backend=backend)
+
+    def plot_mode(self, mode: int = 1, path: Any = None, **options: Any) -> Any:
+        """A mode of a blade in 3-D, counted from 1; see :func:`bdamper.plot.plotting.plot_mode`."""
+        from bdamper.plot.plotting import plot_mode
+
+        return plot_mode(self, mode, path, **options)
+
+    def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
+        """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.
+
+        The wave ``d`` and the wave ``N - d`` are complex conjugates of each other, so only ``d <= N/2`` is stored.
+        """
+        d = harmonic_order % self.n_blades
+        if 2 * d > self.n_blades:
+            return self.n_blades - d, True
+        return d, False
+
+    @property
+    def hash(self) -> str:
+        """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
+        digest = hashlib.sha256()
+        for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
+            _feed(digest, name, getattr(self, name))
+        return digest.hexdigest()[:16]
+
+
+def _feed(digest: Any, key: str, value: object) -> None:
+    """Add a value of any kind that a model holds to a digest, with the path that leads to it."""
+    if isinstance(value, np.ndarray):
+        digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
+        digest.update(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, Mapping):
+        for name in sorted(value):
+            _feed(digest, f"{key}/{name}", value[name])
+    elif is_dataclass(value) and not isinstance(value, type):
+        for item in fields(value):
+            _feed(digest, f"{key}.{item.name}", getattr(value, item.name))
+    else:
+        digest.update(f"{key}={value!r};".encode())

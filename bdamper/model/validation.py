@@ -1,0 +1,563 @@
+"""Checks of a model, each with one error that names the item, what was expected and what was found.
+
+Items are named as in the model file, so that the same message serves for a file and for a model in memory:
+``model: /bodies/damper/nd000/omega2: expected ..., found ...``.
+
+What is not obvious:
+
+* **Rigid-body modes.**  Let the columns of ``B`` be the exact rigid motions at the contact points and
+  locations, translations divided by ``sqrt(mass)`` and rotations about the principal axes divided by
+  ``sqrt(inertia)``: a basis that is orthonormal in the mass.  Six modes ``Phi`` are rigid, independent and
+  mass-normalised if and only if ``Phi = B X`` with ``X`` orthogonal.  Where the points leave ``X``
+  undetermined (all on one line), such an ``X`` exists if and only if ``Phi Phi^T = B B^T``.
+* **Flexibility.**  What the retained elastic modes contribute, ``Phi Omega^-2 Phi^H``, is a part of the
+  static receptance; the rest belongs to the modes left out and cannot be negative.
+* **Nodal diameter 0** carries the bias of the motion, a real displacement, so its modes must be real (a
+  complex array with vanishing imaginary part will do).
+* The order of the natural frequencies is not checked; ascending is the custom.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.model import (
+    Body,
+    BodyLoad,
+    ContactStiffness,
+    Interface,
+    Location,
+    ModalBasis,
+    Model,
+    StaticContact,
+    SurfaceMesh,
+)
+from bdamper.util.errors import mismatch
+
+N_RIGID = 6
+SOURCES = ("eq4", "unit_traction", "residual_modes", "user")
+
+# Tolerances, relative to the size of the numbers compared.  They admit data of single precision where such
+# data are common (normals, modes), and the rounding of a large factorisation elsewhere.
+FRAME_TOLERANCE = 1e-6
+RIGID_TOLERANCE = 1e-5
+UNIT_TOLERANCE = 1e-6
+HERMITIAN_TOLERANCE = 1e-8
+SEMIDEFINITE_TOLERANCE = 1e-6
+REAL_TOLERANCE = 1e-8
+
+_TYPES = {
+    "real": ((np.float64,), "real numbers in double precision"),
+    "field": ((np.float64, np.complex128), "real or complex numbers in double precision"),
+    "bool": ((np.bool_,), "booleans"),
+}
+
+
+def check_model(model: Model, *, where: str = "model") -> None:
+    """Check that a model is complete, free of contradictions and in the agreed form.
+
+    Parameters
+    ----------
+    model : Model
+    where : str
+        What the messages call the model, for example the name of its file.
+
+    Raises
+    ------
+    ModelError
+        At the first violation found.
+    """
+    if not isinstance(model, Model):
+        raise mismatch(where, "a Model", type(model).__name__)
+    with np.errstate(all="ignore"):  # absurd numbers shall fail a check, not warn on the way to it
+        _check_head(model, where)
+        for name, interface in model.interfaces.items():
+            _check_interface(interface, model, f"{where}: /interfaces/{name}")
+        for name, body in model.bodies.items():
+            _check_ports(body, model, f"{where}: /bodies/{name}")
+        for name, interface in model.interfaces.items():
+            _check_sides(interface, model, f"{where}: /interfaces/{name}")
+        _check_locations(model, where)
+        for name, body in model.bodies.items():
+            _check_body(body, model, f"{where}: /bodies/{name}")
+        _check_contact(model, where)
+        _check_static(model, where)
+        _check_meshes(model, where)
+        _check_provenance(model, where)
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Messages and elementary checks
+
+
+def _check_name(name: object, item: str) -> None:
+    good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
+    if not good:
+        raise mismatch(item, "a name of printable characters without '/' and '.'", repr(name))
+
+
+def _check_integer(value: object, item: str) -> None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        raise mismatch(item, "an integer", repr(value))
+
+
+def _check_one_of(value: object, choices: tuple[str, ...], item: str) -> None:
+    if value not in choices:
+        raise mismatch(item, f"one of {list(choices)}", repr(value))
+
+
+def _check_type(value: object, expected: type, item: str) -> None:
+    if not isinstance(value, expected):
+        raise mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
+
+
+def _check_array(array: Any, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
+    """Type, shape (None stands for any size) and finiteness."""
+    if not isinstance(array, np.ndarray):
+        raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
+    types, words = _TYPES[kind]
+    if array.dtype not in types:
+        raise mismatch(item, words, f"dtype {array.dtype}")
+    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape))
+    if not fits:
+        raise mismatch(item, f"shape {shape_text(shape)}", array.shape)
+    wrong = np.argwhere(~np.isfinite(array))
+    if len(wrong):
+        at = tuple(int(i) for i in wrong[0])
+        raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
+
+
+def shape_text(shape: tuple[int | None, ...]) -> str:
+    """A shape in words, with "any" for a size that is free."""
+    sizes = ", ".join("any" if n is None else str(n) for n in shape)
+    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
+
+
+def _check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
+    """Every element is good; otherwise name the first that is not."""
+    wrong = np.argwhere(~good)
+    if len(wrong):
+        at = tuple(int(i) for i in wrong[0])
+        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
+
+
+# -----------------------------------------------------------------------------------------------------------
+# The model as a whole
+
+
+def _check_head(model: Model, where: str) -> None:
+    _check_integer(model.n_blades, f"{where}: /@n_blades")
+    if model.n_blades < 1:
+        raise mismatch(f"{where}: /@n_blades", "at least 1", model.n_blades)
+    groups = {
+        "bodies": model.bodies,
+        "interfaces": model.interfaces,
+        "locations": model.locations,
+        "contact": model.contact,
+        "static": model.static,
+        "mesh": model.meshes,
+    }
+    for group, members in groups.items():
+        _check_type(members, Mapping, f"{where}: /{group}")
+        for name, member in members.items():
+            item = f"{where}: /{group}/{name}"
+            _check_name(name, item)
+            if group in ("bodies", "interfaces", "locations") and getattr(member, "name", None) != name:
+                raise mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
+    if not model.bodies:
+        raise mismatch(f"{where}: /bodies", "at least one body", "none")
+
+
+def _check_interface(interface: Interface, model: Model, item: str) -> None:
+    _check_type(interface, Interface, item)
+    _check_one_of(interface.kind, ("friction", "constraint"), f"{item}/@kind")
+    _check_array(interface.area, (None,), f"{item}/area")
+    n = interface.n_points
+    if n == 0:
+        raise mismatch(f"{item}/area", "at least one point", "none")
+    _check_array(interface.points, (n, 3), f"{item}/points")
+    _check_array(interface.frame, (n, 3, 3), f"{item}/frame")
+    _check_array(interface.gap, (n,), f"{item}/gap")
+    _check_all(interface.area > 0, interface.area, "numbers > 0", f"{item}/area")
+    _check_frame(interface.frame, f"{item}/frame")
+    for side in "ab":
+        sector = getattr(interface, f"sector_{side}")
+        _check_integer(sector, f"{item}/@sector_{side}")
+        allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
+        if sector not in allowed:
+            expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
+            raise mismatch(f"{item}/@sector_{side}", expected, sector)
+
+
+def _check_frame(frame: NDArray, item: str) -> None:
+    error = np.abs(frame @ frame.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    worst = int(np.argmax(error))
+    if not error[worst] <= FRAME_TOLERANCE:
+        found = f"an error of {error[worst]:.3g} in their products at point {worst}"
+        raise mismatch(item, "orthonormal rows t1, t2, n", found)
+    left = np.flatnonzero(np.linalg.det(frame) < 0)
+    if len(left):
+        raise mismatch(item, "right-handed rows t1, t2, n", f"left-handed ones at point {left[0]}")
+
+
+def _check_ports(body: Body, model: Model, item: str) -> None:
+    """Every port of a body refers to a side of an interface, and that side to the body."""
+    _check_type(body, Body, item)
+    _check_one_of(body.kind, ("constrained", "free", "ground"), f"{item}/@kind")
+    item = f"{item}/@ports"
+    _check_type(body.ports, tuple, item)
+    for port in body.ports:
+        good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
+        if not good or port[1] not in ("a", "b"):
+            raise mismatch(item, "pairs (interface, 'a' or 'b')", repr(port))
+        interface = model.interfaces.get(port[0])
+        if interface is None:
+            raise mismatch(item, f"an interface of {list(model.interfaces)}", f"'{port[0]}'")
+        owner = interface.body_a if port[1] == "a" else interface.body_b
+        if owner != body.name:
+            found = f"body_{port[1]} = {owner!r} there"
+            raise mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
+    if len(set(body.ports)) != len(body.ports):
+        raise mismatch(item, "each port once", f"{list(body.ports)}")
+
+
+def _check_sides(interface: Interface, model: Model, item: str) -> None:
+    """Both sides of an interface are bodies that have it as a port, and can move against each other."""
+    bodies = []
+    for side, name in (("a", interface.body_a), ("b", interface.body_b)):
+        body = model.bodies.get(name) if isinstance(name, str) else None
+        if body is None:
+            raise mismatch(f"{item}/@body_{side}", f"a body of {list(model.bodies)}", repr(name))
+        if body.kind != "ground" and (interface.name, side) not in body.ports:
+            found = f"{['.'.join(port) for port in body.ports]}"
+            raise mismatch(
+                f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found
+            )
+        bodies.append(body)
+    if bodies[0].kind == bodies[1].kind == "ground":
+        raise mismatch(item, "a body that can move", "ground on both sides")
+    if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
+        found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
+        raise mismatch(item, "two bodies, or one body in two sectors", found)
+
+
+def _check_locations(model: Model, where: str) -> None:
+    for name, location in model.locations.items():
+        item = f"{where}: /locations/{name}"
+        _check_type(location, Location, item)
+        _check_array(location.position, (3,), f"{item}/position")
+        body = model.bodies.get(location.body) if isinstance(location.body, str) else None
+        if body is None:
+            raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
+        if body.kind == "ground":
+            raise mismatch(f"{item}/@body", "a body that can move", f"'{body.name}', which is ground")
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Bodies
+
+
+def _check_body(body: Body, model: Model, item: str) -> None:
+    _check_type(body.bases, Mapping, item)
+    if body.kind == "ground":
+        _check_ground(body, item)
+        return
+    _check_inertia(body, item)
+    _check_nodal_diameters(body, model, item)
+    for d, basis in body.bases.items():
+        _check_basis(basis, body, model, f"{item}/nd{d:03d}")
+    _check_real(body.bases[0], f"{item}/nd000")
+    if body.kind == "free":
+        _check_rigid(body, model, f"{item}/nd000")
+    if body.load is not None:
+        _check_load(body.load, body.bases[0], f"{item}/load")
+
+
+def _check_ground(body: Body, item: str) -> None:
+    if body.bases:
+        raise mismatch(item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+    if body.load is not None:
+        raise mismatch(f"{item}/load", "no load on a ground body", "one")
+
+
+def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
+    largest = 0 if body.kind == "free" else model.n_blades // 2
+    for d in body.bases:
+        _check_integer(d, f"{item} (nodal diameter)")
+        if not 0 <= d <= largest:
+            expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
+            raise mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
+    if 0 not in body.bases:
+        raise mismatch(f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+
+
+def _check_inertia(body: Body, item: str) -> None:
+    """Mass, centre and inertia: all present on a free body, and physical wherever present."""
+    for key in ("mass", "centre", "inertia"):
+        if body.kind == "free" and getattr(body, key) is None:
+            raise mismatch(f"{item}/{key}", f"the {key} of a free body", "nothing")
+    if body.mass is not None:
+        number = isinstance(body.mass, int | float | np.floating)
+        if not (number and np.isfinite(body.mass) and body.mass > 0):
+            raise mismatch(f"{item}/mass", "a finite number > 0", repr(body.mass))
+    if body.centre is not None:
+        _check_array(body.centre, (3,), f"{item}/centre")
+    if body.inertia is not None:
+        _check_array(body.inertia, (3, 3), f"{item}/inertia")
+        _check_hermitian(body.inertia, f"{item}/inertia", "symmetric")
+        smallest = np.linalg.eigvalsh(body.inertia)[0]
+        if not smallest > 0:
+            raise mismatch(f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
+
+
+def _check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
+    error = np.abs(matrix - matrix.conj().T)
+    size = np.abs(matrix).max(initial=0.0)
+    if not error.max(initial=0.0) <= HERMITIAN_TOLERANCE * size:
+        at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
+        raise mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
+
+
+def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
+    _check_type(basis, ModalBasis, item)
+    _check_array(basis.omega2, (None,), f"{item}/omega2")
+    n_modes = basis.n_modes
+    _check_array(basis.damping_ratio, (n_modes,), f"{item}/damping_ratio")
+    damped = (basis.damping_ratio >= 0) & (basis.damping_ratio < 1)
+    _check_all(damped, basis.damping_ratio, "numbers >= 0 and < 1", f"{item}/damping_ratio")
+    n_points = sum(model.interfaces[name].n_points for name, _ in body.ports)
+    _check_array(basis.contact_modes, (n_points, 3, n_modes), f"{item}/modes", "field")
+    _check_location_modes(basis, body, model, item)
+    first = N_RIGID if body.kind == "free" else 0
+    _check_frequencies(basis.omega2, first, f"{item}/omega2")
+    if basis.flexibility is not None:
+        _check_array(basis.flexibility, (3 * n_points, 3 * n_points), f"{item}/flexibility", "field")
+        _check_flexibility(basis, first, f"{item}/flexibility")
+
+
+def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
+    expected = [name for name, location in model.locations.items() if location.body == body.name]
+    if set(basis.locations) != set(expected):
+        raise mismatch(f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
+    for name, values in basis.locations.items():
+        _check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
+
+
+def _check_frequencies(omega2: NDArray, n_rigid: int, item: str) -> None:
+    if len(omega2) < n_rigid:
+        raise mismatch(item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    if n_rigid:
+        _check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
+    good = omega2 > 0
+    good[:n_rigid] = True
+    _check_all(good, omega2, "numbers > 0 for elastic modes", item)
+
+
+def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
+    flexibility = basis.flexibility
+    assert flexibility is not None
+    _check_hermitian(flexibility, item)
+    shapes = basis.contact_modes.reshape(len(flexibility), basis.n_modes)[:, n_rigid:]
+    rest = flexibility - (shapes / basis.omega2[n_rigid:]) @ shapes.conj().T
+    size = np.linalg.norm(flexibility)
+    allowed = SEMIDEFINITE_TOLERANCE * size
+    if not (np.isfinite(size) and np.isfinite(rest).all()):
+        raise mismatch(
+            item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}"
+        )
+    if _is_positive_definite(rest + allowed * np.eye(len(rest))):
+        return
+    smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
+    if smallest < -allowed:
+        expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
+        raise mismatch(item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
+
+
+def _is_positive_definite(matrix: NDArray) -> bool:
+    try:
+        np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        return False
+    return True
+
+
+def _check_real(basis: ModalBasis, item: str) -> None:
+    arrays = {"modes": basis.contact_modes}
+    arrays.update({f"locations/{name}": values for name, values in basis.locations.items()})
+    size = max(np.abs(values).max(initial=0.0) for values in arrays.values())
+    _check_imaginary(arrays, size, item)
+    if basis.flexibility is not None:
+        size = np.abs(basis.flexibility).max(initial=0.0)
+        _check_imaginary({"flexibility": basis.flexibility}, size, item)
+
+
+def _check_imaginary(arrays: Mapping[str, NDArray], size: float, item: str) -> None:
+    for key, values in arrays.items():
+        largest = np.abs(values.imag).max(initial=0.0)
+        if not largest <= REAL_TOLERANCE * size:
+            found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
+            raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
+
+
+def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
+    _check_type(load, BodyLoad, item)
+    _check_array(load.direction, (3,), f"{item}/direction")
+    _check_array(load.generalised, (basis.n_modes,), f"{item}/generalised")
+    _check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
+    length = np.linalg.norm(load.direction)
+    if not abs(length - 1) <= UNIT_TOLERANCE:
+        raise mismatch(f"{item}/direction", "a unit vector", f"length {length:.9g}")
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Rigid-body modes
+
+
+def _check_rigid(body: Body, model: Model, item: str) -> None:
+    """The first six modes are an orthonormal combination of the body's rigid motions."""
+    basis = body.bases[0]
+    exact = _rigid_motions(body, model)
+    given = np.concatenate([basis.contact_modes, *(values[None] for values in basis.locations.values())])
+    given = given[:, :, :N_RIGID].real.reshape(-1, N_RIGID)
+    if len(given) == 0:
+        return
+    size = np.abs(exact).max()
+    if not (np.isfinite(exact).all() and np.isfinite(given @ given.T).all() and size > 0):
+        raise mismatch(f"{item}/modes", "rigid-body modes of finite size", "numbers out of range")
+    mix, _, rank, _ = np.linalg.lstsq(exact, given, rcond=1e-9)
+    error = np.abs(exact @ mix - given).max(axis=0) / size
+    worst = int(np.argmax(error))
+    if not error[worst] <= RIGID_TOLERANCE:
+        found = f"mode {worst} off by {error[worst]:.3g} of the largest rigid motion"
+        raise mismatch(f"{item}/modes", "rigid motions about the centre as the first six modes", found)
+    if rank == N_RIGID:
+        _check_orthonormal(mix, f"{item}/modes")
+    else:
+        _check_same_products(exact, given, size, f"{item}/modes")
+
+
+def _rigid_motions(body: Body, model: Model) -> NDArray:
+    """Mass-orthonormal rigid motions in the rows of contact points, then locations, (3 n, 6)."""
+    assert body.mass is not None
+    assert body.centre is not None
+    assert body.inertia is not None
+    points, frames = _contact_points(body, model)
+    for name in body.bases[0].locations:
+        points.append(model.locations[name].position[None])
+        frames.append(np.eye(3)[None])
+    if not points:
+        return np.zeros((0, N_RIGID))
+    arms = np.concatenate(points) - body.centre
+    moments, axes = np.linalg.eigh(body.inertia)
+    motions = np.empty((len(arms), 3, N_RIGID))
+    motions[:, :, :3] = np.eye(3) / np.sqrt(body.mass)
+    motions[:, :, 3:] = np.cross(axes.T[None], arms[:, None]).transpose(0, 2, 1) / np.sqrt(moments)
+    return (np.concatenate(frames) @ motions).reshape(-1, N_RIGID)
+
+
+def _contact_points(body: Body, model: Model) -> tuple[list[NDArray], list[NDArray]]:
+    """Points and frames of the ports of a body, turned back into the body's own sector."""
+    points, frames = [], []
+    for name, side in body.ports:
+        interface = model.interfaces[name]
+        sector = interface.sector_a if side == "a" else interface.sector_b
+        angle = -2 * np.pi * sector / model.n_blades
+        cos, sin = np.cos(angle), np.sin(angle)
+        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        points.append(interface.points @ turn)  # rows R^T x
+        frames.append(interface.frame @ turn)
+    return points, frames
+
+
+def _check_orthonormal(mix: NDArray, item: str) -> None:
+    """Modes with the coordinates ``mix`` in a mass-orthonormal basis are mass-orthonormal themselves."""
+    lengths = np.linalg.norm(mix, axis=0)
+    rank = np.linalg.matrix_rank(mix / np.where(lengths > 0, lengths, 1.0), tol=1e-6)
+    if rank < N_RIGID:
+        raise mismatch(item, "six independent rigid-body modes", f"{rank}")
+    products = mix.T @ mix
+    for j, k in np.ndindex(N_RIGID, N_RIGID):
+        expected = 1.0 if j == k else 0.0
+        if not abs(products[j, k] - expected) <= 4 * RIGID_TOLERANCE:
+            text = f"u{j}^T M u{k} = {expected:g} of the mass-normalised rigid-body modes"
+            raise mismatch(item, text, f"{products[j, k]:.9g}")
+
+
+def _check_same_products(exact: NDArray, given: NDArray, size: float, item: str) -> None:
+    error = np.abs(given @ given.T - exact @ exact.T).max() / size**2
+    if not error <= 4 * RIGID_TOLERANCE:
+        expected = "mass-normalised independent rigid-body modes (Phi Phi^T as from mass, centre, inertia)"
+        raise mismatch(item, expected, f"a relative difference of {error:.3g}")
+
+
+# -----------------------------------------------------------------------------------------------------------
+# Optional parts
+
+
+def _check_on_interface(name: str, model: Model, item: str) -> int:
+    """The interface to which an optional part belongs exists; its number of points."""
+    if name not in model.interfaces:
+        raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
+    return model.interfaces[name].n_points
+
+
+def _check_contact(model: Model, where: str) -> None:
+    for name, contact in model.contact.items():
+        item = f"{where}: /contact/{name}"
+        _check_type(contact, ContactStiffness, item)
+        n = _check_on_interface(name, model, item)
+        _check_one_of(contact.source, SOURCES, f"{item}/@source")
+        _check_array(contact.stiffness, (n, 3), f"{item}/stiffness")
+        _check_all(contact.stiffness >= 0, contact.stiffness, "numbers >= 0", f"{item}/stiffness")
+        if contact.fallback is not None:
+            _check_array(contact.fallback, (n, 3), f"{item}/fallback", "bool")
+
+
+def _check_static(model: Model, where: str) -> None:
+    for name, static in model.static.items():
+        item = f"{where}: /static/{name}"
+        _check_type(static, StaticContact, item)
+        n = _check_on_interface(name, model, item)
+        for key in ("force", "displacement_a", "displacement_b"):
+            _check_array(getattr(static, key), (n, 3), f"{item}/{key}")
+
+
+def _check_meshes(model: Model, where: str) -> None:
+    for name, mesh in model.meshes.items():
+        item = f"{where}: /mesh/{name}"
+        _check_type(mesh, SurfaceMesh, item)
+        if name not in model.bodies:
+            raise mismatch(item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
+        _check_array(mesh.points, (None, 3), f"{item}/points")
+        quads = mesh.quads
+        good = isinstance(quads, np.ndarray) and quads.dtype.kind in "iu"
+        if not good:
+            raise mismatch(f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
+        if quads.ndim != 2 or quads.shape[1] != 4:
+            raise mismatch(f"{item}/quads", "shape (any, 4)", quads.shape)
+        inside = (quads >= 0) & (quads < len(mesh.points))
+        _check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
+        for diameter, shapes in mesh.modes.items():
+            _check_array(shapes, (len(mesh.points), 3, None), f"{item}/modes/nd{diameter:03d}", "field")
+
+
+def _check_provenance(model: Model, where: str) -> None:
+    item = f"{where}: /provenance"
+    _check_type(model.provenance, Mapping, item)
+    for key, value in model.provenance.items():
+        if not isinstance(key, str) or not isinstance(value, str):
+            raise mismatch(item, "texts", f"{key!r}: {value!r}")
+        if key == "" or "\0" in key + value or _has_surrogates(key + value):
+            raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
+
+
+def _has_surrogates(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return True
+    return False

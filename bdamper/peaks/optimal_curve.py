@@ -1,0 +1,230 @@
+"""The optimal curve as a result: resonance over preload with its limits, its optimum and what happened on the way."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, field
+from pathlib import Path as FilePath
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import Cost
+from bdamper.util.hdf5 import reading, writing
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Linear resonance without contact ("free") or with all closed points stuck.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    amplitude : float, m
+    """
+
+    frequency: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class OptimumPoint:
+    """Preload of the least resonance amplitude.
+
+    Parameters
+    ----------
+    preload : float, N
+        NaN if the curve is flat.
+    amplitude : float, m
+    frequency : float, Hz
+    kind : {"smooth", "crossing", "jump", "end", "flat"}
+        Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
+        the side on which it is gone; the end of the range of preloads, or of those with a peak; or none, since the preload
+        does not matter (nothing slips, or all of it is bonded).
+    uncertainty : float
+        Relative, of the preload.
+    status : str
+        "converged", or why the preload is known no better than ``uncertainty``.
+    """
+
+    preload: float
+    amplitude: float
+    frequency: float
+    kind: str
+    uncertainty: float
+    status: str = "converged"
+
+    def __str__(self) -> str:
+        if self.kind == "flat":
+            return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
+        least = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
+        if self.status != "converged":
+            return f"least {least}, not converged: {self.status}; known to a relative {self.uncertainty:.2g}"
+        if self.kind == "end":
+            return f"least {least} (end of the range, the optimum may lie beyond)"
+        return f"optimum {least} ({self.kind})"
+
+
+@brief
+@dataclass(frozen=True)
+class OptimalCurve:
+    """Resonance over preload.
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    amplitude : (n,) float, m
+        Of the highest peak; NaN where none was found.
+    frequency : (n,) float, Hz
+    shares : (n, 3) float
+        Stick, slip and open at the peak, mean over the friction points and the cycle.
+    residual : (n,) float
+    rank_deficiency : (n,) int
+    branch : (n,) int
+        Number of the branch of peaks, -1 where there is none.
+    unknowns : (n, n_unknowns) float
+    status : tuple of str
+        "followed"; "scanned" if the whole response over frequency was followed at this preload too; "scan incomplete ..."
+        if that failed, so that there may be a higher peak; or what went wrong.
+    peak_preload, peak_amplitude, peak_frequency : (m,) float
+        All peaks found, also those that are not the highest, and those of a branch that was followed beyond the interval of
+        frequency, which do not count for the optimal curve.
+    peak_branch : (m,) int
+    peak_detached : (m,) bool
+        Not on the response curve that a sweep of frequency follows, where that is known; such a peak does not count for
+        the optimal curve.
+    branch_end : tuple of str
+        How each branch ended, downward and upward.
+    free, stuck : Limit
+    optimum : OptimumPoint
+    events : tuple of str
+        Jumps, peaks that vanish, scans.
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: NDArray
+    amplitude: NDArray
+    frequency: NDArray
+    shares: NDArray
+    residual: NDArray
+    rank_deficiency: NDArray
+    branch: NDArray
+    unknowns: NDArray
+    status: tuple[str, ...]
+    peak_preload: NDArray
+    peak_amplitude: NDArray
+    peak_frequency: NDArray
+    peak_branch: NDArray
+    peak_detached: NDArray
+    branch_end: tuple[str, ...]
+    free: Limit
+    stuck: Limit
+    optimum: OptimumPoint
+    events: tuple[str, ...]
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.preload)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is a converged peak at every preload."""
+        return bool(np.isfinite(self.amplitude).all())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the curve and its optimum leave open: preloads without a peak or a whole scan, a coarse optimum."""
+        out = [f"{p:.6g} N: {s}" for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned")]
+        o = self.optimum
+        if o.status != "converged" and o.kind != "flat":
+            out.append(f"optimum to a relative {o.uncertainty:.2g}: {o.status}")
+        return tuple(out)
+
+    @property
+    def shift_percent(self) -> NDArray:
+        """(n,) float: frequency relative to that of the free resonance, in percent."""
+        return 100.0 * (self.frequency / self.free.frequency - 1.0)
+
+    @property
+    def stuck_shift_percent(self) -> float:
+        """Shift of the stuck limit."""
+        return 100.0 * (self.stuck.frequency / self.free.frequency - 1.0)
+
+    @property
+    def ratio(self) -> float:
+        """Amplitude of the stuck limit over that of the optimum."""
+        return self.stuck.amplitude / self.optimum.amplitude
+
+    def __str__(self) -> str:
+        bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
+        jumps = sum("jump" in event for event in self.events)
+        lines = [
+            f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
+            + (f", {bad} without a peak" if bad else ""),
+            f"  {self.optimum}",
+            f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "
+            f"{self.stuck.frequency:.6g} Hz: ratio {self.ratio:.3g}, shift {self.stuck_shift_percent:.3g} %",
+            f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "
+            f"{self.cost.iterations} iterations",
+        ]
+        open_ = [w for w in self.warnings if not w.startswith("optimum")]
+        if open_:
+            lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
+        return "\n".join(lines)
+
+    def plot(self, ax: Axes | None = None, **style: Any) -> Any:
+        """Draw both curves as in Figs 8 and 9 of the paper; see :func:`bdamper.plot.plotting.plot_optimal`."""
+        from bdamper.plot.plotting import plot_optimal
+
+        return plot_optimal(self, ax=ax, **style)
+
+    def save(self, path: str | FilePath) -> None:
+        """Write the result to an HDF5 file."""
+        with writing(path, "bdamper-optimal") as file:
+            for name in _ARRAYS:
+                file.create_dataset(name, data=getattr(self, name))
+            for name in ("free", "stuck", "optimum", "cost"):
+                file.attrs[name] = json.dumps(asdict(getattr(self, name)))
+            for name in ("status", "branch_end", "events", "settings"):
+                file.attrs[name] = json.dumps(getattr(self, name))
+            file.attrs["model_hash"] = self.model_hash
+
+
+_ARRAYS = (
+    "preload", "amplitude", "frequency", "shares", "residual", "rank_deficiency", "branch", "unknowns", "peak_preload",
+    "peak_amplitude", "peak_frequency", "peak_branch", "peak_detached",
+)  # fmt: skip
+
+
+def load_optimal_curve(path: str | FilePath) -> OptimalCurve:
+    """Read what :meth:`OptimalCurve.save` wrote.
+
+    Raises
+    ------
+    BdamperError
+        If the file is not such a file.
+    """
+    with reading(path, "bdamper-optimal", "a result written by OptimalCurve.save") as file:
+        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
+        text = {name: json.loads(file.attrs[name]) for name in ("status", "branch_end", "events", "settings")}
+        return OptimalCurve(
+            **arrays,
+            status=tuple(text["status"]),
+            branch_end=tuple(text["branch_end"]),
+            events=tuple(text["events"]),
+            settings=text["settings"],
+            free=Limit(**json.loads(file.attrs["free"])),
+            stuck=Limit(**json.loads(file.attrs["stuck"])),
+            optimum=OptimumPoint(**json.loads(file.attrs["optimum"])),
+            cost=Cost(**json.loads(file.attrs["cost"])),
+            model_hash=str(file.attrs["model_hash"]),
+        )

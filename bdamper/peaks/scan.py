@@ -1,0 +1,276 @@
+"""Peaks on the response curve at one preload, by following it over a frequency interval.
+
+A curve is followed from one end of the interval (:meth:`bdamper.study.Study.track`), or both ways from a solution that is
+known already: a peak at this preload, or points of the curve at a neighbouring one.  It is followed coarsely, since its
+peaks are refined afterwards.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.linear import around, linear_maximum, linear_resonances
+from bdamper.balance.system import OK, CostMeter, HarmonicSystem
+from bdamper.continuation.coverage import Piece
+from bdamper.continuation.curve import uninterrupted
+from bdamper.continuation.follower import ContinuationOptions, PathPoint
+from bdamper.continuation.search import BranchSearch
+from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
+from bdamper.peaks.optimal_curve import Limit
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+FROM_WITHIN = ContinuationOptions(
+    tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1, to_planes=True,
+    corner_step=0.1, locate_folds=False,
+)
+"""Settings with which a curve is followed from a known solution."""
+PASSED = 0.1
+"""Distance, relative to its vibration, at which a curve passes a peak."""
+FROM_ENDS = replace(FROM_WITHIN, patience=ContinuationOptions.patience)
+"""The same from the ends of the interval."""
+TRIED = 8
+"""Points of a neighbouring curve from which a solution is looked for."""
+
+
+@brief
+@dataclass(frozen=True)
+class Scan:
+    """Peaks found on a response curve.
+
+    Parameters
+    ----------
+    peaks : tuple of Peak
+        The highest first.
+    ending : str
+        "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
+    points : (n, n_unknowns + 1) float
+        Of the curve, in order.
+    walk : (frequency, amplitude), Hz, m, optional
+        The highest point at which the damper walks, a corner of the curve and no maximum; of a scan from both ends.
+    """
+
+    peaks: tuple[Peak, ...]
+    ending: str
+    points: NDArray
+    walk: tuple[float, float] | None = None
+
+    @property
+    def some(self) -> NDArray:
+        """A few points, spread over the curve."""
+        return self.points[:: max(1, len(self.points) // TRIED)]
+
+    def passes(self, peak: Peak, n_mean: int) -> bool:
+        """Whether the curve passes a peak, though no point of it was marked as one: a step may have gone over it."""
+        vibration = self.points[:, n_mean:-1]
+        a, chord = vibration[:-1], np.diff(vibration, axis=0)
+        offset = peak.y[n_mean:-1] - a
+        square = np.maximum(np.einsum("pi,pi->p", chord, chord), 1e-300)
+        part = np.clip(np.einsum("pi,pi->p", offset, chord) / square, 0.0, 1.0)
+        distance = np.linalg.norm(offset - part[:, None] * chord, axis=1)
+        frequency = self.points[:, -1]
+        between = frequency[:-1] + part * np.diff(frequency)
+        near = np.abs(between - peak.y[-1]) < np.abs(np.diff(frequency)) + 1e-3 * peak.y[-1]
+        return bool(np.any(near & (distance < PASSED * np.linalg.norm(peak.y[n_mean:-1]))))
+
+
+def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
+    """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
+
+    Parameters
+    ----------
+    study : Study
+    mode : int
+        1 for the lowest.
+
+    Raises
+    ------
+    SettingError
+        If there is no such mode.
+    """
+    system = study.system(0.0)
+    basis = system.bases[1]
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
+    if not 1 <= mode <= len(elastic):
+        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
+    free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
+    springs = study._stuck_springs(study._at_rest(1.0 if np.any(study._load[0]) else 0.0))
+    poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
+    above = poles[poles >= free * (1.0 - 1e-9)]
+    stuck = float(above[0]) if len(above) else free
+    margin = 0.1 * free + 0.3 * (stuck - free)
+    return max(0.1 * free, free - margin), stuck + margin
+
+
+def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
+
+    NaN too for the stuck one at a preload without a static state.
+    """
+    if stuck and not study.static(preload).converged:
+        return Limit(np.nan, np.nan)
+    system = study.system(preload if stuck else 0.0)
+    springs = study._stuck_springs(study.static(preload)) if stuck else None
+    low, high = (2.0 * np.pi * f for f in frequency)
+    poles = linear_resonances(system, (springs,), *around(low, high))
+    tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
+    within = [top for top in tops if low <= top[0] <= high]
+    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
+    return Limit(omega / (2.0 * np.pi), amplitude)
+
+
+def peaks_at(
+    study: Study,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    options: PeakOptions | None = None,
+    continuation: ContinuationOptions | None = None,
+    meter: CostMeter | None = None,
+) -> tuple[tuple[Peak, ...], str]:
+    """All peaks on the response curve at one preload, highest first, and how the curve ended.
+
+    Parameters
+    ----------
+    study : Study
+    preload : float, N
+    frequency : (low, high), Hz
+    options : PeakOptions
+    continuation : ContinuationOptions
+        Of the scan; coarse by default, since peaks are refined afterwards.
+    """
+    found = scan(study, preload, frequency, options=options, continuation=continuation, meter=meter)
+    return found.peaks, found.ending
+
+
+def scan(
+    study: Study,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    options: PeakOptions | None = None,
+    continuation: ContinuationOptions | None = None,
+    meter: CostMeter | None = None,
+) -> Scan:
+    """The same from the ends of the interval, with points of the curve; arguments as for :func:`peaks_at`."""
+    curve = uninterrupted(study.track(preload, frequency, options=continuation or coarse_options()))
+    if meter is not None:
+        meter.add(curve.cost)
+    if not len(curve):
+        return Scan((), f"{curve.status} ({curve.reason})", np.zeros((0, curve.unknowns.shape[1] + 1)))
+    system = study.system(preload)
+    if meter is not None:
+        meter.watch(system)
+    peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
+    points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
+    walk = max((i for i, kind in enumerate(curve.point_kind) if kind == "walk"), key=curve.amplitude.item, default=None)
+    return Scan(
+        peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points,
+        None if walk is None else (float(curve.frequency[walk]), float(curve.amplitude[walk])),
+    )  # fmt: skip
+
+
+def scan_from(
+    study: Study,
+    system: HarmonicSystem,
+    start: NDArray,
+    frequency: tuple[float, float],
+    *,
+    preload: float,
+    options: PeakOptions,
+    meter: CostMeter,
+    share: float = 0.0,
+) -> Scan:
+    """Peaks on the curve through a solution, followed both ways.
+
+    Parameters
+    ----------
+    study : Study
+    system : HarmonicSystem
+        Of the study at the preload.
+    start : (n_unknowns + 1,) float
+        Near the curve.
+    frequency : (low, high), Hz
+    preload : float, N
+    options : PeakOptions
+    meter : CostMeter
+    share : float
+        Maxima below this share of the highest are left out.
+
+    Returns
+    -------
+    Scan
+        It is not complete where a path ended in a tangle of folds, on itself, or where the other one did.
+    """
+    low, high = (2.0 * np.pi * f for f in frequency)
+    system.watched = linear_resonances(system, (None, study._stuck_springs(study.static(preload))), low, high)
+    search = BranchSearch(system, (low, high), FROM_WITHIN, meter)
+    search.both_ways(start)
+    pieces = search.pieces
+    points = [p for i, piece in enumerate(pieces) for p in (piece.path.points if i else piece.path.points[::-1])]
+    ends = {_end(piece) for piece in pieces}
+    height = [float(np.hypot(*(row @ p.y[:-1] for row in system.response_parts))) for p in points]
+    least = share * max(height, default=0.0)
+    kept = [p for p, h in zip(points, height) if h >= least]
+    peaks = refine_maxima(system, kept, options=options, parameter=preload)
+    if ends >= {"low", "high"}:
+        ending = "complete"
+    else:
+        ending = f"incomplete ({'; '.join(f'{piece.path.status}: {piece.path.reason}' for piece in pieces)})"
+    return Scan(peaks, ending, np.array([p.y for p in points]).reshape(-1, len(start)))
+
+
+def _end(piece: Piece) -> str:
+    """End of the interval that a path reached."""
+    if piece.path.status not in ("complete", "turned back"):
+        return ""
+    return "high" if (piece.path.status == "complete") == piece.up else "low"
+
+
+def solution_near(
+    system: HarmonicSystem, points: NDArray, options: PeakOptions, meter: CostMeter
+) -> NDArray | None:
+    """A solution at the frequency of one of the points, which solve nearly the same equations; None if there is none."""
+    for y in points:
+        scale = peak_scale(system, y, float(y[-1]))
+        for guess in (y, *walked(system, y, scale)):
+            c = system.correct_at(guess[:-1], y[-1], scale, FROM_WITHIN.tolerance, options.max_iterations)
+            meter.iterations += c.iterations
+            if c.status == OK:
+                return c.y
+    return None
+
+
+def _maxima(system: HarmonicSystem, curve: Any) -> list[Any]:
+    """Points marked as maxima, with the direction of the curve from the neighbouring points."""
+    out = []
+    for i, kind in enumerate(curve.point_kind):
+        if kind != "maximum":
+            continue
+        y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
+        j, k = max(i - 1, 0), min(i + 1, len(curve) - 1)
+        chord = np.append(
+            curve.unknowns[k] - curve.unknowns[j], 2.0 * np.pi * (curve.frequency[k] - curve.frequency[j])
+        )
+        n = system.n_mean
+        scale = np.ones(len(y))
+        scale[:n] = max(float(np.linalg.norm(y[:n])), float(np.linalg.norm(y[n:-1])))
+        scale[n:-1] = float(np.linalg.norm(y[n:-1]))
+        scale[-1] = max(abs(float(chord[-1])), 1e-6 * y[-1])
+        chord = chord / scale
+        chord[:n] = 0.0
+        size = float(np.linalg.norm(chord))
+        if not size > 0.0:
+            continue
+        out.append(
+            PathPoint(y, chord / size, scale, curve.shares[i], float(curve.residual[i]), 0, int(curve.rank_deficiency[i]),
+                      "maximum")
+        )  # fmt: skip
+    return out

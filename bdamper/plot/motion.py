@@ -1,0 +1,323 @@
+"""What a solution means at the damper: its motion as a rigid body, in metres and radians, and the state of its contacts.
+
+A mass-normalised translation has the amplitude ``1/sqrt(m)`` everywhere, a rotation about a principal axis the angle
+``1/sqrt(I)``: dividing the modal coefficients by these roots gives the displacement of the centre of mass along X, Y, Z
+of the damper and its rotation about them (X tangential, Y along the load, Z along the axis of rotation).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, segments
+from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
+from bdamper.study import Study
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+STICK, SLIP, OPEN = range(3)
+"""States of a contact point in pictures and maps."""
+
+
+@brief
+@dataclass(frozen=True)
+class RigidMotion:
+    """Motion of a free body at one or several solutions.
+
+    Parameters
+    ----------
+    body : str
+    bias : (..., 6) float
+        Mean translation of the centre of mass (m) and mean rotation (rad) along and about X, Y, Z of the damper.
+    vibratory : (..., n_harmonics, 6) complex
+        Amplitudes of each harmonic, ``Re sum_l A_l exp(i l omega t)``.
+    modal_bias : (..., 6) float, kg^1/2 m
+        The coefficients of the mass-normalised modes, as in the paper's Figs 12 and 13.
+    modal_vibratory : (..., n_harmonics, 6) complex, kg^1/2 m
+    """
+
+    body: str
+    bias: NDArray
+    vibratory: NDArray
+    modal_bias: NDArray
+    modal_vibratory: NDArray
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(..., 6) float, m and rad: amplitude of the fundamental harmonic."""
+        return np.abs(self.vibratory[..., 0, :])
+
+
+@brief
+@dataclass(frozen=True)
+class ContactStatus:
+    """State of every contact point over one period.
+
+    Parameters
+    ----------
+    points : (n_points, 3) float, m
+    interface : tuple of str
+        Interface of each point.
+    theta : (n_theta,) float, rad
+    state : (n_points, 2, n_theta) int
+        0 stick, 1 slip, 2 open, for the two tangential directions.
+    normal : (n_points, n_theta) float, N
+    parts : tuple of two tuples for each point
+        Exact (start, end, state) of the parts of the period, in each direction; states as above.
+    """
+
+    points: NDArray
+    interface: tuple[str, ...]
+    theta: NDArray
+    state: NDArray
+    normal: NDArray
+    parts: tuple[tuple[tuple[tuple[float, float, int], ...], ...], ...]
+
+    def rows(self, interface: str) -> NDArray:
+        """Indices of the points of one interface."""
+        return np.flatnonzero(np.array(self.interface) == interface)
+
+    @property
+    def share(self) -> NDArray:
+        """(n_points, 2, 3) float: shares of the period that stick, slip and are open."""
+        out = np.zeros((len(self.points), 2, 3))
+        for i, directions in enumerate(self.parts):
+            for d, parts in enumerate(directions):
+                for start, end, state in parts:
+                    out[i, d, state] += (end - start) / (2.0 * np.pi)
+        return out
+
+
+def _solutions(study: Study, unknowns: NDArray) -> NDArray:
+    """Unknowns (..., n_unknowns) that can be solutions of a study."""
+    own = validate.instance("study", study, Study).bases
+    n = len(own[0].omega2) + 2 * sum(len(basis.omega2) for basis in own[1:])
+    try:
+        out = np.asarray(unknowns, float)
+    except (TypeError, ValueError):
+        out = np.empty(0)
+    if out.ndim == 0 or out.shape[-1] != n or not np.isfinite(out).all():
+        raise validate.unfit("unknowns", f"solutions of this study, {n} finite numbers each", unknowns)
+    return out
+
+
+def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> RigidMotion:
+    """Rigid-body motion of a free body.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (..., n_unknowns) float
+        Solutions of this study, for example rows of ``curve.unknowns``.
+    body : str, optional
+        The only free body by default.
+
+    Raises
+    ------
+    SettingError
+        If there is no such free body.
+    """
+    bodies = [name for name, part in study.model.bodies.items() if part.kind == "free"]
+    if body is None and len(bodies) == 1:
+        body = bodies[0]
+    if body is None or body not in bodies:
+        raise SettingError(f"rigid motion: expected one of the free bodies {bodies}, found {body!r}")
+    part = study.model.bodies[body]
+    assert part.mass is not None
+    moments, _ = principal_axes(part)
+    unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
+    unknowns = _solutions(study, unknowns)
+    n_harmonics = len(study.bases) - 1
+    bias = np.zeros((*unknowns.shape[:-1], 6))
+    vibratory = np.zeros((*unknowns.shape[:-1], n_harmonics, 6), complex)
+    start = 0
+    for l, basis in enumerate(study.bases):
+        n = len(basis.omega2)
+        for k, coordinate in enumerate(basis.coordinates):
+            if coordinate.body != body or coordinate.name not in RIGID_NAMES:
+                continue
+            j = RIGID_NAMES.index(coordinate.name)
+            if l == 0:
+                bias[..., j] = unknowns[..., k]
+            else:
+                vibratory[..., l - 1, j] = unknowns[..., start + k] - 1j * unknowns[..., start + n + k]
+        start += n if l == 0 else 2 * n
+    return RigidMotion(body, bias * unit, vibratory * unit, bias, vibratory)
+
+
+def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int = 180) -> ContactStatus:
+    """Which points stick, slip and are open, and when.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (n_unknowns,) float
+        One solution of this study, for example ``curve.unknowns[curve.peak.index]``.
+    preload : float, N
+        Of that solution.
+    n_theta : int
+        Instants at which the states are listed.
+    """
+    system = study.system(preload)
+    X, _, _ = system.contact(_solutions(study, unknowns))
+    p = system.arrays
+    theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
+    n_harmonics = (X.shape[2] - 1) // 2
+    wave = np.empty((X.shape[2], n_theta))
+    wave[0] = 1.0
+    for l in range(1, n_harmonics + 1):
+        wave[2 * l - 1], wave[2 * l] = np.cos(l * theta), np.sin(l * theta)
+    model = study.coupling.model  # with united contact points, if the study asks for that
+    names = tuple(name for name in study.coupling.interfaces for _ in range(model.interfaces[name].n_points))
+    points = np.concatenate([model.interfaces[name].points for name in study.coupling.interfaces])
+    plain = {0: STICK, 1: SLIP, 2: SLIP, 3: OPEN}
+    # points that the equations leave out are open
+    state = np.full((len(points), 2, n_theta), OPEN)
+    whole = ((0.0, 2.0 * np.pi, OPEN),)
+    parts: list[tuple[tuple[tuple[float, float, int], ...], ...]] = [(whole, whole)] * len(points)
+    normal = np.zeros((len(points), n_theta))
+    index = np.arange(len(X)) if system.points.index is None else system.points.index
+    known: set[int] = set()
+    for i, (x, at) in enumerate(zip(X, index.tolist())):
+        level = p["n0"][i] + p["kn"][i] * (x[2] @ wave)
+        two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
+        force = level if two_sided else np.maximum(level, 0.0)
+        normal[at] += -force if at in known else force
+        if at in known:
+            continue
+        known.add(at)
+        found = segments(
+            x, p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
+            study.evaluation, float(p["load"][i]),
+        )  # fmt: skip
+        both = []
+        for d, listed in enumerate(found):
+            pieces = listed or _without_friction(x, p["kn"][i], p["n0"][i], two_sided)
+            merged: list[tuple[float, float, int]] = []
+            for start, end, kind in pieces:
+                if merged and merged[-1][2] == plain[kind] and abs(merged[-1][1] - start) < 1e-12:
+                    merged[-1] = (merged[-1][0], end, plain[kind])
+                else:
+                    merged.append((start, end, plain[kind]))
+            for start, end, kind in merged:
+                state[at, d, (theta - start) % (2.0 * np.pi) < end - start] = kind
+            both.append(tuple(merged))
+        parts[at] = tuple(both)
+    return ContactStatus(points, names, theta, state, normal, tuple(parts))
+
+
+def _without_friction(x: NDArray, kn: float, n0: float, two_sided: bool) -> list[tuple[float, float, int]]:
+    """Parts of the period of a point without friction: what is not open slides."""
+    sliding = 1
+    if two_sided:
+        return [(0.0, 2.0 * np.pi, sliding)]
+    friction = 1e-12  # next to none, so that the parts in contact are listed
+    parts = segments(x, np.full(2, kn), float(kn), friction, float(n0), np.zeros(2))[0]
+    return [(start, end, state if state == 3 else sliding) for start, end, state in parts]
+
+
+@brief
+@dataclass(frozen=True)
+class SurfaceMotion:
+    """Motion of the surface of a body.
+
+    Parameters
+    ----------
+    points : (n_nodes, 3) float, m
+        At rest.
+    mean : (n_nodes, 3) float, m
+    amplitude : (n_nodes, 3) complex, m
+        Of the fundamental harmonic, ``Re A exp(i omega t)``, along X, Y, Z.
+    """
+
+    points: NDArray
+    mean: NDArray
+    amplitude: NDArray
+
+    def at(self, theta: float, scale: float = 1.0) -> NDArray:
+        """(n_nodes, 3) positions at one instant of the period, with the displacement magnified."""
+        return self.points + scale * (self.mean + (self.amplitude * np.exp(1j * theta)).real)
+
+
+def rigid_displacement(study: Study, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
+    """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
+    motion = rigid_motion(study, unknowns, body)
+    part = study.model.bodies[body]
+    assert part.centre is not None
+    _, turn = principal_axes(part)
+    rotation = np.cross(turn[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
+    axes = body_axes(part)
+    mean = motion.bias[:3] @ axes + np.einsum("k,pkx->px", motion.bias[3:], rotation)
+    first = motion.vibratory[0]
+    return mean, first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
+
+
+def relative_motion(study: Study, unknowns: NDArray, preload: float, theta: NDArray) -> tuple[NDArray, NDArray]:
+    """How body b moves along the faces of body a, and how far it is off them.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (n_unknowns,) float
+        One solution of this study.
+    preload : float, N
+        Of that solution.
+    theta : (n_theta,) float, rad
+
+    Returns
+    -------
+    (n_points, 2, n_theta) float, m
+        Vibration along t1 and t2 of the contact points, without its mean.
+    (n_points, n_theta) float, m
+        Distance of the surfaces, mean and initial gap included; negative where contact springs are pressed together.
+    """
+    unknowns = np.asarray(unknowns, float)
+    state = study.static(preload)
+    n0 = study.bases[0].n_modes
+    q0 = unknowns[:n0] if n0 else state.q
+    basis = study.bases[0] if n0 else study._static_basis
+    mean = (basis.G.real @ q0)[:, 2] + state.load * study._load[1][:, 2]
+    vibration = np.zeros((study.coupling.n_points, 3, len(theta)))
+    start = n0
+    for l, basis in enumerate(study.bases[1:], 1):
+        n = basis.n_modes
+        amplitude = basis.G @ (unknowns[start : start + n] - 1j * unknowns[start + n : start + 2 * n])
+        vibration += (amplitude[..., None] * np.exp(1j * l * theta)).real
+        start += 2 * n
+    return vibration[:, :2], study._gap[:, None] - mean[:, None] - vibration[:, 2]
+
+
+def surface_motion(study: Study, unknowns: NDArray) -> dict[str, SurfaceMotion]:
+    """Motion of all bodies that carry a surface, for pictures.
+
+    Free bodies move with their rigid-body modes, constrained ones with those of their retained modes whose shapes the
+    model carries (``model.meshes[...].modes``, at the nodal diameter of the fundamental); the mean motion of constrained
+    bodies is left out unless they carry shapes of nodal diameter 0.
+    """
+    unknowns = _solutions(study, unknowns)
+    n0, basis = len(study.bases[0].omega2), study.bases[1]
+    n = len(basis.omega2)
+    q0, q1 = unknowns[:n0], unknowns[n0 : n0 + n] - 1j * unknowns[n0 + n : n0 + 2 * n]
+    out = {}
+    for name, mesh in study.model.meshes.items():
+        body = study.model.bodies[name]
+        mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
+        if body.kind == "free":
+            mean, amplitude = rigid_displacement(study, unknowns, name, mesh.points)
+        elif body.kind == "constrained":
+            for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
+                d, conjugate = study.model.folded_nodal_diameter(int(study.engine_order) * harmonic)
+                shapes = mesh.modes.get(d)
+                if shapes is None:
+                    continue
+                shapes = shapes.conj() if conjugate else shapes
+                for k, coordinate in enumerate(study.bases[harmonic].coordinates):
+                    if coordinate.body == name and coordinate.index < shapes.shape[2]:
+                        move = shapes[..., coordinate.index] * q[k]
+                        target += move.real if harmonic == 0 else move
+        out[name] = SurfaceMotion(mesh.points, mean, amplitude)
+    return out

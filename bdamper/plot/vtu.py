@@ -1,0 +1,100 @@
+"""Export of mode shapes and responses to VTU files, for ParaView (through meshio, extra ``bdamper[viz]``)."""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.model import Model
+from bdamper.plot.motion import surface_motion
+from bdamper.study import Study
+from bdamper.util.errors import SettingError
+
+
+def _meshio() -> Any:
+    try:
+        import meshio
+    except ImportError as error:
+        raise ImportError("export to VTU needs meshio: install the extra bdamper[viz]") from error
+    return meshio
+
+
+def export_modes(
+    model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None
+) -> Path:
+    """Write the mode shapes on the surface of a body, one pair of vector fields (real, imaginary) for each mode.
+
+    Parameters
+    ----------
+    model : Model
+    path : path-like
+        Ends with ``.vtu``.
+    body : str, optional
+        The first one that carries shapes by default.
+    nodal_diameter : int, optional
+        The first one that is there by default.
+
+    Returns
+    -------
+    Path
+
+    Raises
+    ------
+    SettingError
+        If the model carries no such shapes.
+    """
+    meshio = _meshio()
+    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
+    body = carriers[0] if body is None and carriers else body
+    if body not in carriers:
+        raise SettingError(
+            f"export of modes: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}"
+        )
+    mesh = model.meshes[body]
+    d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
+    if d not in mesh.modes:
+        raise SettingError(f"export of modes: expected a nodal diameter out of {sorted(mesh.modes)}, found {d}")
+    frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
+    fields: dict[str, NDArray] = {}
+    for k in range(mesh.modes[d].shape[2]):
+        shape, name = mesh.modes[d][..., k], f"mode {k + 1}, {frequency[k]:.2f} Hz"
+        fields[f"{name}, real"] = np.ascontiguousarray(shape.real)
+        if np.iscomplexobj(shape):
+            fields[f"{name}, imaginary"] = np.ascontiguousarray(shape.imag)
+    meshio.Mesh(mesh.points, [("quad", mesh.quads)], point_data=fields).write(path)
+    return Path(path)
+
+
+def export_response(study: Study, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
+    """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
+
+    Parameters
+    ----------
+    study : Study
+    unknowns : (n_unknowns,) float
+        For example ``curve.unknowns[curve.peak.index]``.
+    folder : path-like
+    name : str
+        Files are called ``<name>_<body>.vtu``.
+
+    Returns
+    -------
+    list of Path
+    """
+    meshio = _meshio()
+    out = []
+    for body, motion in surface_motion(study, unknowns).items():
+        path = Path(folder) / f"{name}_{body}.vtu"
+        fields = {
+            "mean displacement, m": motion.mean,
+            "vibration, real, m": np.ascontiguousarray(motion.amplitude.real),
+            "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
+        }
+        quads = study.model.meshes[body].quads
+        meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
+        out.append(path)
+    return out

@@ -1,0 +1,277 @@
+"""The effects that a simulation takes part in, and what is assumed where one is left out.
+
+An effect is a part of the physics that costs unknowns, contact points or kernels: further harmonics, the mean, the
+variation of the normal load, separation, motions of the damper, elastic modes, constraint planes, contact points.
+:class:`Effects` names them all; a :class:`~bdamper.study.Study` made with it carries nothing of what is off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from bdamper.model.coupling import RIGID_NAMES
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+AXES = ("X", "Y", "Z")
+LAW_NAMES = ("separable", "coupled", "bonded")
+TRACTIONS = ("static", "lower", "upper")
+MAX_HARMONIC = 64
+
+
+def _effect(default: Any, meaning: str, off: str) -> Any:
+    return field(default=default, metadata={"meaning": meaning, "off": off})
+
+
+@dataclass(frozen=True)
+class Effects:
+    """What a simulation takes into account.
+
+    Parameters
+    ----------
+    harmonics : int or sequence of int
+        How many harmonics of the engine order, or which: ``(1, 3)`` leaves the second out.  The first is always there.
+        Even harmonics vanish only where the normal load is constant (:attr:`odd_symmetry`).
+    bias : bool
+        Mean motion as unknowns.  Off: the mean stays at its static value.
+    variable_normal_load : bool
+        The friction limit follows the normal load through the cycle.  Off: it is that of the static state; surfaces then
+        do not separate either.
+    separation : bool
+        Surfaces may open and close within the cycle.  Off: friction points that are closed statically stay closed (their
+        normal spring pulls as well as it pushes; without pressure there is no friction), the others stay open.
+    friction_law : {"separable", "coupled", "bonded"} or mapping of interface name to these
+        "coupled": the friction force lies in a disk, which needs a sampled evaluation (a study that has the exact one is
+        given 128 samples).  "separable": each tangential direction slips for itself.
+    residual_traction : {"static", "lower", "upper"}
+        Friction force of points that never slip: that of the static state, or an end of the interval of what is possible.
+    rotation, translation : sequence of "X", "Y", "Z"
+        Rigid-body motions of free bodies about and along their own axes (Y along the load, Z along the axis of
+        rotation).
+    damper_modes : int
+        Elastic modes of each free body.
+    harmonic_nodal_diameters : bool
+        Each harmonic has the modes of the nodal diameter that it excites.  Off: all have those of the first.
+    constraints : bool
+        Constraint planes (front and back of a damper).
+    contact_points : int, optional
+        At most so many on each friction face, by uniting neighbouring patches; the model's own by default.
+    stability : bool
+        Stability of every point of a tracking curve.  It changes no solution.
+    blade_modes : int
+        Modes of each constrained body (at most what the model has).
+    """
+
+    harmonics: int | tuple[int, ...] = _effect(
+        1, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
+    )
+    bias: bool = _effect(True, "mean motion under vibration", "the mean stays at its static value")
+    variable_normal_load: bool = _effect(
+        True, "friction limit follows the normal load", "friction limit of the static normal load, no separation"
+    )
+    separation: bool = _effect(
+        True, "surfaces open and close within the cycle", "closed points stay closed, open points stay open"
+    )
+    friction_law: str | Mapping[str, str] = _effect(
+        "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
+    )
+    residual_traction: str = _effect(
+        "static", "friction force that is left in points that never slip", "static: it is that of the static state"
+    )
+    rotation: tuple[str, ...] = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
+    translation: tuple[str, ...] = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
+    damper_modes: int = _effect(0, "elastic damper modes", "the damper is rigid but for its contact stiffness")
+    harmonic_nodal_diameters: bool = _effect(
+        True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
+    )
+    constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
+    contact_points: int | None = _effect(
+        None, "contact points on each face", "neighbouring patches slip and open together"
+    )
+    stability: bool = _effect(
+        False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
+    )
+    blade_modes: int = _effect(10, "modes of the blade", "higher modes act through the contact stiffness alone")
+
+    def __post_init__(self) -> None:
+        check_harmonics(self.harmonics)
+        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
+        check_law(self.friction_law)
+        validate.fields(self, validate.choice, "residual_traction", choices=TRACTIONS)
+        validate.fields(self, _axes, "rotation", "translation")
+        switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints", "stability")
+        validate.fields(self, validate.flag, *switches)
+        validate.fields(self, validate.whole, "damper_modes")
+        validate.fields(self, validate.whole, "blade_modes", least=1)
+        if self.contact_points is not None:
+            validate.fields(self, validate.whole, "contact_points", least=1)
+        if not self.variable_normal_load:
+            object.__setattr__(self, "separation", False)
+
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return harmonic_numbers(self.harmonics)
+
+    @property
+    def rigid_modes(self) -> tuple[str, ...]:
+        """Names of the rigid-body modes, as in :data:`bdamper.model.coupling.RIGID_NAMES`."""
+        return tuple(f"T{a}" for a in self.translation) + tuple(f"R{a}" for a in self.rotation)
+
+    @property
+    def odd_symmetry(self) -> bool:
+        """Whether even harmonics vanish by symmetry: friction with a constant limit is odd in the motion."""
+        return not self.variable_normal_load
+
+    @classmethod
+    def of(cls, study: Study) -> Effects:
+        """The effects that a study simulates."""
+        rigid = study.rigid_modes
+        return cls(
+            harmonics=study.harmonics,
+            bias=study.bias,
+            variable_normal_load=study.variable_normal_load,
+            separation=study.separation and study.variable_normal_load,
+            friction_law=study.friction_law,
+            residual_traction=study.residual_traction,
+            rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
+            translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
+            damper_modes=study.damper_modes,
+            harmonic_nodal_diameters=not study.single_basis,
+            constraints=study.constraints,
+            contact_points=study.contact_points,
+            stability=study.stability,
+            blade_modes=study.blade_modes,
+        )
+
+    def settings(self) -> dict[str, Any]:
+        """The settings of a study that carry these effects, by name."""
+        return {
+            "harmonics": self.harmonics,
+            "bias": self.bias,
+            "variable_normal_load": self.variable_normal_load,
+            "separation": self.separation,
+            "friction_law": self.friction_law,
+            "residual_traction": self.residual_traction,
+            "rigid_modes": self.rigid_modes,
+            "damper_modes": self.damper_modes,
+            "single_basis": not self.harmonic_nodal_diameters,
+            "constraints": self.constraints,
+            "contact_points": self.contact_points,
+            "stability": self.stability,
+            "blade_modes": self.blade_modes,
+        }
+
+    def _with(self, name: str, value: Any) -> Effects:
+        changes: dict[str, Any] = {name: value}
+        return replace(self, **changes)
+
+    def missing(self, richer: Effects) -> dict[str, Effects]:
+        """Single effects that the richer set has on and this one has off.
+
+        Returns
+        -------
+        dict of str to Effects
+            Name of each effect, and this set with it switched on.
+        """
+        out: dict[str, Effects] = {}
+        if set(richer.harmonic_numbers) - set(self.harmonic_numbers):
+            out["harmonics"] = replace(self, harmonics=_merged(self.harmonic_numbers, richer.harmonic_numbers))
+        for name in ("bias", "harmonic_nodal_diameters", "constraints"):
+            if getattr(richer, name) and not getattr(self, name):
+                out[name.replace("_", " ")] = self._with(name, True)
+        if richer.variable_normal_load and not self.variable_normal_load:
+            out["variable normal load"] = replace(self, variable_normal_load=True, separation=False)
+        if richer.separation and not self.separation:
+            out["separation"] = replace(self, variable_normal_load=True, separation=True)
+        if richer.friction_law != self.friction_law:
+            name = "coupled friction" if richer.friction_law == "coupled" else "friction law"
+            out[name] = replace(self, friction_law=richer.friction_law, residual_traction=richer.residual_traction)
+        elif richer.residual_traction != self.residual_traction:
+            out["residual traction"] = replace(self, residual_traction=richer.residual_traction)
+        for name in ("rotation", "translation"):
+            for axis in getattr(richer, name):
+                if axis not in getattr(self, name):
+                    out[f"{name} {axis}"] = self._with(name, (*getattr(self, name), axis))
+        for name in ("damper_modes", "blade_modes"):
+            if getattr(richer, name) > getattr(self, name):
+                out[name.replace("_", " ")] = self._with(name, getattr(richer, name))
+        if self.contact_points is not None and (
+            richer.contact_points is None or richer.contact_points > self.contact_points
+        ):
+            out["contact points"] = replace(self, contact_points=richer.contact_points)
+        return out
+
+    def settings_text(self) -> list[tuple[str, str]]:
+        """Name and setting of each effect, as text."""
+        return [(f.name.replace("_", " "), _text(getattr(self, f.name))) for f in fields(self)]
+
+    def describe(self) -> str:
+        """A table of all effects: the setting, what it means, and what is assumed where it is off or reduced."""
+        rows = [
+            (name, text, f.metadata["meaning"], f.metadata["off"])
+            for f, (name, text) in zip(fields(self), self.settings_text())
+        ]
+        head = ("effect", "setting", "meaning", "assumed where off or reduced")
+        width = [max(len(r[i]) for r in [head, *rows]) for i in range(4)]
+        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, width)).rstrip() for row in [head, *rows]]
+        evens = [l for l in range(2, max(self.harmonic_numbers)) if l % 2 == 0 and l not in self.harmonic_numbers]
+        if evens and not self.odd_symmetry:
+            lines.append(f"harmonics {evens} are left out although the variable normal load excites them")
+        return "\n".join(lines)
+
+
+def check_harmonics(harmonics: int | Sequence[int]) -> None:
+    """Refuse anything but a count from 1 to 64 or a set of harmonics that contains the first."""
+    what = f"a whole number from 1 to {MAX_HARMONIC}, or such numbers with 1 among them"
+    several = isinstance(harmonics, Sequence) and not isinstance(harmonics, str | bytes)
+    given: Any = harmonics if several else [harmonics]
+    try:
+        known = {validate.whole("harmonics", l, 1, MAX_HARMONIC) for l in given}
+    except SettingError as error:
+        raise validate.unfit("harmonics", what, harmonics) from error
+    if (several and 1 not in known) or len(known) != len(given):
+        raise validate.unfit("harmonics", what, harmonics)
+
+
+def check_law(law: str | Mapping[str, str], names: tuple[str, ...] = LAW_NAMES) -> None:
+    """Refuse anything but the name of a friction law, or a mapping of interface names to them."""
+    given = law.values() if isinstance(law, Mapping) else [law]
+    if not all(isinstance(name, str) and name in LAW_NAMES for name in given):
+        expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
+        raise validate.unfit("friction_law", expected, law)
+
+
+def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:
+    """A count or set of harmonics as Python's own integers."""
+    return tuple(int(l) for l in harmonics) if isinstance(harmonics, Sequence) else int(harmonics)
+
+
+def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
+    """Harmonics besides the mean, ascending, from a count or a set."""
+    if isinstance(harmonics, Sequence):
+        return tuple(sorted(int(l) for l in harmonics))
+    return tuple(range(1, int(harmonics) + 1))
+
+
+def _merged(a: tuple[int, ...], b: tuple[int, ...]) -> int | tuple[int, ...]:
+    union = tuple(sorted({*a, *b}))
+    return len(union) if union == tuple(range(1, len(union) + 1)) else union
+
+
+def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:
+    given = validate.names(name, value, AXES)
+    return tuple(axis for axis in AXES if axis in given)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, tuple):
+        return " ".join(str(v) for v in value) or "off"
+    return "all" if value is None else str(value)

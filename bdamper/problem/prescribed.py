@@ -1,0 +1,97 @@
+"""Prescribed normal loads and gaps, for structures without a free body that a load would press against its neighbours.
+
+A contact point carries ``N = max(n0 + kn v, 0)`` with the closing ``v`` of the surfaces.  A positive ``n0`` is what an
+interference ``-gap = n0/kn`` gives, a negative one a gap ``-n0/kn``.  Under its contact loads the structure gives way;
+for the loads at rest to be the prescribed ones, the interference must be larger by that displacement:
+
+    n0 = N_prescribed - kn v,      K q = -G^T F(T, N_prescribed),      v = (G q)_n,
+
+where the friction ``T`` is that of surfaces that stick or slip while the loads are put on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.static import StaticSystem, static_state
+from bdamper.study import Study
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+
+def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> Study:
+    """The same study with prescribed normal loads and gaps at rest; use it with ``preload=0``.
+
+    Parameters
+    ----------
+    study : Study
+        Its model has no free body if ``settled``.
+    loads : mapping of interface name to (n_points,) float or float, N
+        Normal load of each contact point; a negative one stands for a gap of ``-load/kn``.  Interfaces that are not
+        named keep their gaps.
+    settled : bool
+        The loads are those at rest, after the structure has given way; otherwise those of a structure held in place.
+
+    Returns
+    -------
+    Study
+        With a model whose gaps (``Interface.gap``, negative for interference) produce the loads.
+
+    Raises
+    ------
+    SettingError
+        If an interface does not exist, a load is not finite or has the wrong shape, a point has no normal stiffness, or
+        the structure at rest cannot be found.
+    """
+    if study.contact_points is not None:
+        raise SettingError(f"prescribed loads: expected contact_points=None, found {study.contact_points}")
+    names = study.coupling.interfaces
+    kn = study._k[:, 2]
+    target = -kn * study._gap
+    for name, value in validate.mapping("prescribed loads", loads, names, "interfaces").items():
+        rows = study.coupling.rows(name)
+        n = rows.stop - rows.start
+        try:
+            target[rows] = np.broadcast_to(np.asarray(value, float), (n,))
+        except ValueError as error:
+            raise SettingError(
+                f"prescribed loads of '{name}': expected a number or {n} numbers, found shape {np.shape(value)}"
+            ) from error
+        if not np.isfinite(target[rows]).all():
+            raise SettingError(f"prescribed loads of '{name}': expected finite newtons, found {np.asarray(value)}")
+        if np.any(kn[rows] <= 0.0):
+            raise SettingError(f"prescribed loads of '{name}': expected a positive normal stiffness at every point")
+    n0 = target.copy()
+    if settled:
+        free = [body.name for body in study.model.bodies.values() if body.kind == "free"]
+        if free:
+            raise SettingError(f"prescribed loads: expected no free body (or settled=False), found {free}")
+        basis = study._static_basis
+        # a normal spring that is all but missing keeps N at its prescribed value while the structure moves
+        soft = StaticSystem(
+            basis.omega2,
+            basis.G.real,
+            study._kt,
+            1e-12 * kn,
+            study.friction,
+            target,
+            np.zeros(len(basis.omega2)),
+            np.zeros((len(kn), 3)),
+            np.zeros(len(basis.omega2)),
+            study._bonded,
+        )
+        state = static_state(soft, 0.0)
+        if not state.converged:
+            raise SettingError(f"prescribed loads: expected a structure that can carry them at rest, found: {state.note}")
+        n0 = target - kn * (basis.G.real @ state.q)[:, 2]
+    interfaces = dict(study.model.interfaces)
+    for name in names:
+        rows = study.coupling.rows(name)
+        stiff = kn[rows] > 0.0
+        gap = np.where(stiff, -n0[rows] / np.where(stiff, kn[rows], 1.0), interfaces[name].gap)
+        interfaces[name] = replace(interfaces[name], gap=gap)
+    return replace(study, model=replace(study.model, interfaces=interfaces))

@@ -1,0 +1,156 @@
+"""A study with one of its settings changed, by name: what sweeps, samples and sensitivities have in common.
+
+Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
+(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and three factors on what is not a single
+number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios) and ``"damper_mass_factor"`` (the
+density of free bodies, at the same shape and stiffness and the same static load).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.model.model import Body, Model
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+if TYPE_CHECKING:
+    from bdamper.study import Study
+
+FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
+
+
+_CONTACT = ("_contact", "stiffness")
+_EXCITATION = ("coupling", "bases", "friction", *_CONTACT, "_k", "_gap", "_kt", "_load", "_response_rows")
+_KEPT = {
+    "friction_coefficient": ("coupling",),
+    "excitation.amplitude": _EXCITATION,
+    "excitation.phase": _EXCITATION,
+    "damping_ratio": ("coupling", "friction", *_CONTACT),
+    "contact_stiffness_factor": ("coupling", "friction", "_contact"),
+    "damping_factor": ("friction",),
+    "damper_mass_factor": ("friction", *_CONTACT),
+}
+"""Parts of a study, made once and kept, that a change of a setting leaves as they are."""
+
+
+def setting_names(study: Study) -> list[str]:
+    """All names that :func:`vary` understands."""
+    names = [f.name for f in fields(study) if f.init and f.name not in ("model", *FACTORS)]
+    names += [f"excitation.{f.name}" for f in fields(study.excitation)]
+    names += [f"response.{f.name}" for f in fields(study.excitation) if f.name in ("location", "direction")]
+    return [*names, *FACTORS]
+
+
+def check_name(study: Study, name: str) -> None:
+    """Raises a SettingError that lists the names there are."""
+    if name not in setting_names(study):
+        raise SettingError(f"setting to vary: expected one of {setting_names(study)}, found '{name}'")
+
+
+def vary(study: Study, settings: Mapping[str, Any]) -> Study:
+    """The study with settings replaced by name.
+
+    Parameters
+    ----------
+    study : Study
+    settings : mapping of name to value
+
+    Raises
+    ------
+    SettingError
+        If there is no setting of that name, or the study refuses its value.
+    """
+    for name in settings:
+        check_name(study, name)
+    return _with_kept_parts(study, _varied(study, settings), list(settings))
+
+
+def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
+    """Hands over what need not be made again."""
+    if new is old or not all(name in _KEPT for name in names):
+        return new
+    kept = set.intersection(*(set(_KEPT[name]) for name in names))
+    method = old.contact_stiffness
+    residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
+    if residual and "damper_mass_factor" in names:
+        kept -= set(_CONTACT)  # the patterns are those of stuck modes
+    if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
+        others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
+        kept |= set(_CONTACT).intersection(*others)
+    for part in kept:
+        if part in old.__dict__:
+            new.__dict__.setdefault(part, old.__dict__[part])
+    if all(name in ("excitation.amplitude", "excitation.phase", "damping_ratio") for name in names):
+        new._states.update(old._states)
+    return new
+
+
+def _varied(study: Study, settings: Mapping[str, Any]) -> Study:
+    plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
+    if plain:
+        study = replace(study, **plain)
+    for part in ("excitation", "response"):
+        inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
+        if inner:
+            place: Any = study.excitation if part == "excitation" else study._response
+            study = replace(study, **{part: replace(place, **inner)})
+    for name in FACTORS:
+        if name in settings:
+            study = _scaled(study, name, settings[name])
+    return study
+
+
+def _scaled(study: Study, name: str, factor: float) -> Study:
+    factor = validate.number(name, factor, above=0.0)
+    if name == "contact_stiffness_factor":
+        return replace(study, contact_stiffness_factor=factor * study.contact_stiffness_factor)
+    if name == "damping_factor":
+        if study.damping_ratio is not None:
+            return replace(study, damping_ratio=factor * study.damping_ratio)
+        bodies = {key: _damped(body, factor) for key, body in study.model.bodies.items()}
+        return replace(study, model=_as_checked(replace(study.model, bodies=bodies)))
+    return replace(study, model=_as_checked(denser(study.model, factor)))
+
+
+def _as_checked(model: Model) -> Model:
+    """Notes that a model made from a checked one need not be checked again."""
+    object.__setattr__(model, "_checked", True)
+    return model
+
+
+def _damped(body: Body, factor: float) -> Body:
+    bases = {d: replace(basis, damping_ratio=factor * basis.damping_ratio) for d, basis in body.bases.items()}
+    return replace(body, bases=bases)
+
+
+def denser(model: Model, factor: float) -> Model:
+    """The model with the density of its free bodies multiplied: mass-normalised modes shrink, flexibility stays."""
+    free = [body for body in model.bodies.values() if body.kind == "free"]
+    if not free:
+        raise SettingError("damper_mass_factor: expected a model with a free body, found none")
+    bodies = dict(model.bodies)
+    root = 1.0 / np.sqrt(factor)
+    for body in free:
+        assert body.mass is not None and body.inertia is not None
+        bases = {
+            d: replace(
+                basis,
+                omega2=basis.omega2 / factor,
+                contact_modes=root * basis.contact_modes,
+                locations={name: root * modes for name, modes in basis.locations.items()},
+            )
+            for d, basis in body.bases.items()
+        }
+        load = body.load
+        if load is not None:
+            load = replace(load, generalised=root * load.generalised)
+        bodies[body.name] = replace(
+            body, mass=factor * body.mass, inertia=factor * body.inertia, bases=bases, load=load
+        )  # fmt: skip
+    return replace(model, bodies=bodies)

@@ -1,0 +1,1 @@
+"""Stability of periodic solutions and integration in time."""

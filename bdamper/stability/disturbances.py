@@ -1,0 +1,464 @@
+"""Disturbances of a travelling wave: exponents of the linearised equations with the memory of sliders.
+
+In the frame that runs with the wave every sector has the same contact coefficients, so a disturbance of the ring is
+
+    dx_k(t) = Re sum_l q_l exp((lambda + i l omega) t + i k (d + l EO) 2 pi/N),
+
+harmonic ``l`` in the nodal diameter ``d + l EO``.  Those with ``d = 0`` live in the nodal diameters of the wave itself,
+whose modes the harmonic balance has: with ``l = -H..H`` nothing else is needed.  All others need the modes of their own
+nodal diameters.  The exponents of either are the roots of
+
+    det D(lambda) = 0,    D = diag[(s_l^2 M + s_l C + K)_l] + G^H B(lambda) G,    s_l = lambda + i l omega.
+
+``B`` holds the Fourier coefficients of the linearised contact over the cycle: stick ``kt (du - dw)``, slip ``+-mu kn dv``,
+contact ``kn dv``.  A slider that was set at the angle ``a`` and sticks until ``b`` remembers the disturbance then,
+
+    dw = (du + f dv)(a),    f = -+mu kn/kt after slip in the positive (negative) sense, -u'/v' after a closing,
+
+which in coefficients is of rank one and depends on the exponent, with ``z = lambda/omega + i l``:
+
+    dT_l = -kt exp(-i l a) (1 - exp(-z (b - a)))/(2 pi z) sum_m exp(i m a) (du_m + f dv_m).
+
+The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balance itself is.
+``D(0)`` is the Jacobian of the harmonic balance in complex coefficients.
+
+**Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
+region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
+phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots, which is smooth where there is a
+root to each estimate and an estimate to each root.  An estimate beside the line that is none would hide a root on the other
+side of it, so these are followed to a root of their own (secant method on the determinant over the distances to the others)
+or left out.  A root without an estimate shows in the phase, the size or the bend of the determinant between places, and
+there the way is refined, so the count does not depend on the estimates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from bdamper.balance.system import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    HarmonicSystem,
+    segments,
+)
+from bdamper.model.coupling import HarmonicBasis
+
+TWO_PI = 2.0 * np.pi
+STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
+PHASE, LEVEL, BEND = 0.8, 0.9, 1.0
+"""Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next."""
+MOST_PLACES = 20_000
+ACROSS = 16
+"""Places on the way across."""
+SECANT_STEPS = 5
+BESIDE = 0.25
+"""Roots within this distance (in omega) of the line are sharpened."""
+REAL = 1e-9
+"""Imaginary part (in omega) below which an exponent counts as real."""
+CHUNK = 8
+
+
+class WaveDisturbances:
+    """The matrix D of one solution.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+        Without coupled friction.
+    u : (n_unknowns,) float
+    omega : float, rad/s
+    bases : mapping of l to HarmonicBasis, optional
+        Modes of the nodal diameters ``d + l EO``; by default those of the wave itself, ``d = 0``.
+    """
+
+    def __init__(
+        self, system: HarmonicSystem, u: NDArray, omega: float, bases: Mapping[int, HarmonicBasis] | None = None
+    ) -> None:
+        if np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any():
+            raise ValueError("coupled friction has no event sequence")
+        self.omega = omega
+        self.mirrored = bases is None  # exponents come with their conjugates
+        if bases is None:
+            own = system.bases
+            bases = {l: own[abs(l)] for l in range(1 - len(own), len(own)) if len(own[abs(l)].omega2)}
+            shapes = [basis.G if l >= 0 else basis.G.conj() for l, basis in bases.items()]
+        else:
+            shapes = [basis.G for basis in bases.values()]
+        G = np.concatenate(shapes, axis=2)  # (n_points, 3, n)
+        self.l = np.repeat(np.array(list(bases), float), [len(b.omega2) for b in bases.values()])
+        self.mass, self.damping, self.stiffness = (
+            np.concatenate([getattr(b, name) for b in bases.values()]) for name in ("mass", "damping", "omega2")
+        )
+        x, _, _ = system.contact(np.asarray(u))
+        pieces, events = _cycles(system, x)
+        self._blocks = np.split(np.arange(len(self.l)), np.cumsum([len(b.omega2) for b in bases.values()])[:-1])
+        self.steady = _steady(pieces, G, [int(l) for l in bases], self._blocks)
+        point, axis, begin, self._length, factor = events
+        kt = system.points.kt[point, axis][:, None]
+        g, turn = G[point, axis], np.exp(1j * begin[:, None] * self.l)
+        self._rows = np.ascontiguousarray((kt / TWO_PI * g.conj() / turn).T)
+        self._columns = (g + factor[:, None] * G[point, 2]) * turn
+        self._distinct, self._place = np.unique(self.l, return_inverse=True)
+        self._turned = np.exp(-1j * self._distinct[:, None] * self._length)
+
+    def matrix(self, exponent: NDArray) -> NDArray:
+        """(k, n, n) complex D at the exponents (k,), rad/s."""
+        exponent = np.atleast_1d(np.asarray(exponent, complex))
+        s = exponent[:, None] + 1j * self.l * self.omega
+        out = np.broadcast_to(self.steady, (len(s), *self.steady.shape)).copy()
+        k = np.arange(len(self.l))
+        out[:, k, k] += self.stiffness + s * self.damping + s**2 * self.mass
+        if self._length.size:
+            weighted = (self._rows * self._held(exponent)[:, self._place]).reshape(-1, len(self._length))
+            out -= (weighted @ self._columns).reshape(out.shape)
+        return out
+
+    def _held(self, exponent: NDArray) -> NDArray:
+        """(k, orders, events) (1 - exp(-z L))/z by order l, z = lambda/omega + i l and L the length of each part."""
+        x = (exponent[:, None, None] / self.omega + 1j * self._distinct[:, None]) * self._length
+        decay = np.exp(-exponent[:, None] / self.omega * self._length)
+        small = np.abs(x) < 1e-3
+        out = (1.0 - decay[:, None] * self._turned) / np.where(small, 1.0, x)
+        if small.any():
+            y = x[small]
+            out[small] = 1.0 - y / 2.0 * (1.0 - y / 3.0 * (1.0 - y / 4.0 * (1.0 - y / 5.0)))
+        return np.asarray(out * self._length)
+
+    def estimates(self, slow: bool = True) -> NDArray:
+        """Roots of the blocks of single harmonics, without memory, or with that of slow disturbances for slow ones.
+
+        Of those that come with their conjugates only the ones with an imaginary part of 0 or more.
+        """
+        at_zero, out = self.matrix(np.zeros(1))[0] if slow else self.steady, []
+        for k in self._blocks:
+            l = self.l[k[0]] if len(k) else -1.0
+            if not len(k) or (self.mirrored and l < 0.0):
+                continue
+            block, s = np.ix_(k, k), 1j * l * self.omega
+            free = np.diag(self.stiffness[k] + s * self.damping[k] + s**2 * self.mass[k])
+            damping = self.damping[k] + 2.0 * s * self.mass[k]
+            chosen = _pencil(self.steady[block] + free, damping, self.mass[k])
+            if slow:
+                other, near = _pencil(at_zero[block], damping, self.mass[k]), 0.5 * self.omega
+                chosen = np.concatenate([other[np.abs(other.imag) <= near], chosen[np.abs(chosen.imag) > near]])
+            if self.mirrored:
+                level = np.abs(chosen.imag) <= REAL * self.omega
+                upper = chosen[~level & (chosen.imag > 0.0)]
+                lower = chosen[~level & (chosen.imag < 0.0)].conj() if l > 0.0 else chosen[:0]  # those of -l
+                chosen = np.concatenate([chosen[level].real, upper, lower])
+            out.append(chosen)
+        return np.concatenate(out)
+
+    def improved(self, roots: NDArray, rate: float, band: float, new: NDArray | None = None) -> tuple[NDArray, bool]:
+        """Estimates after some steps of the secant method on those that matter, and whether all of them came to a root.
+
+        These are the ones next to the line or the way across, on the scale of the places there, and those that grow.  Each
+        step is on the determinant over the distances to all other estimates, so that no two meet.  What does not come to a
+        root of its own is left out: an estimate without a root would hide one beside it.
+
+        Parameters
+        ----------
+        roots : (n,) complex
+        new : (m,) complex, optional
+            More of them; the steps are then made on these alone.
+        """
+        at = roots.astype(complex) if new is None else np.concatenate([new, roots])
+        active = np.flatnonzero(self._matters(at, rate, band)) if new is None else np.arange(len(new))
+        before, now, near = at.copy(), at + 1e-4 * self.omega, 0.02 * self.omega
+        sizes_before, sizes = np.zeros((2, len(at)), complex)
+        error = np.zeros(len(at))
+        sizes_before[active], sizes[active] = self._determinant(before[active]), self._determinant(now[active])
+        for _ in range(SECANT_STEPS):
+            if not len(active):
+                break
+            others, own = self._all(at), np.arange(len(active))
+            apart, reach = now[active, None] - others, before[active, None] - others
+            apart[own, active] = reach[own, active] = 1.0
+            change, way = sizes[active] - sizes_before[active], (now - before)[active]
+            # how far the next root of the determinant itself is
+            error[active] = np.abs(_secant(change, way))
+            step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), way)
+            step *= np.minimum(1.0, 0.1 * self.omega / np.maximum(np.abs(step), 1e-300))
+            if self.mirrored:
+                step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
+            before[active], sizes_before[active] = now[active], sizes[active]
+            now[active] = at[active] = now[active] - step
+            settled = error[active] < np.minimum(0.3 * self._distance(before[active], rate, band), near)
+            error[active[settled]] *= 0.3  # the step was made
+            active = active[~settled]
+            sizes[active] = self._determinant(now[active])
+        lost = error > np.minimum(0.3 * self._distance(at, rate, band), near)
+        if self.mirrored:
+            lost |= (error > 0.0) & (at.imag != 0.0) & (at.imag < 3.0 * error + REAL * self.omega)
+        asked = np.flatnonzero(self._matters(at, rate, band))
+        meets = np.abs(at[asked, None] - at[asked]) < 3.0 * (error[asked, None] + error[asked]) + REAL * self.omega
+        lost[asked] |= np.triu(meets, 1).any(axis=1)
+        if new is not None:
+            lost[: len(new)] |= ~self._matters(at[: len(new)], rate, band)
+        return at[~lost], not lost.any()
+
+    def _all(self, roots: NDArray) -> NDArray:
+        """The roots, and then the conjugates of those that come with them."""
+        return np.concatenate([roots, roots[roots.imag != 0.0].conj()]) if self.mirrored else roots
+
+    def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
+        """To the line, and from the right half plane to the way across as well."""
+        aside, over = exponent.real - rate, np.abs(exponent.imag) - band
+        return np.asarray(np.where(aside > 0.0, np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
+                                   np.hypot(aside, np.maximum(over, 0.0))))
+
+    def _matters(self, exponent: NDArray, rate: float, band: float) -> NDArray:
+        aside = exponent.real - rate
+        scale = np.maximum(BESIDE * self.omega, 0.5 * aside)
+        inside = (aside > 0.0) & (np.abs(exponent.imag) < band)
+        return np.asarray(inside | (self._distance(exponent, rate, band) < scale))
+
+    def growing(self, rate: float, band: float, start: NDArray | None = None) -> tuple[int, NDArray]:
+        """Number of exponents with a real part above ``rate`` and an imaginary part within ``+-band``, and estimates.
+
+        Parameters
+        ----------
+        rate, band : float, rad/s
+        start : (n,) complex, optional
+            Estimates of another solution nearby.
+
+        Raises
+        ------
+        FloatingPointError
+            If the phase cannot be followed.
+        """
+        roots = self.estimates(start is None)
+        if start is not None:
+            fresh = roots[~self._matters(roots, rate, band)]
+            roots = np.concatenate([start[self._matters(start, rate, band)], fresh])
+        roots, complete = self.improved(roots, rate, band)
+        count, way, sizes = self._counted(roots, rate, band)
+        if not complete or count != self.right(roots, rate, band):
+            # roots without an estimate pull the determinant down beside them
+            height = (sizes - self._reference(way, roots)).real
+            low = (height < np.append(np.inf, height[:-1])) & (height < np.append(height[1:], np.inf))
+            roots, _ = self.improved(roots, rate, band, way[low & (np.abs(way.imag) < band) & (way.real <= way[0].real)])
+        return count, roots
+
+    def fastest(self, roots: NDArray, band: float) -> float:
+        """Largest real part (rad/s) of the roots within the band."""
+        return float(roots[np.abs(roots.imag) < band].real.max(initial=-np.inf))
+
+    def right(self, roots: NDArray, rate: float, band: float) -> int:
+        """How many of the roots are right of the line and within the band."""
+        every = self._all(roots)
+        return int(((every.real > rate) & (np.abs(every.imag) < band)).sum())
+
+    def _reference(self, exponent: NDArray, roots: NDArray) -> NDArray:
+        """(k,) complex logarithm of the product of the distances to the roots.
+
+        Memory makes more roots than the masses do, but far to the right the determinant grows as these alone let it: what
+        is too many or too few is made up for at ``-omega``.
+        """
+        every = self._all(roots)
+        rest = 2 * int((self.mass > 0.0).sum()) - len(every)
+        return np.asarray(np.log(_nonzero(exponent[:, None] - every)).sum(axis=1) + rest * np.log(exponent + self.omega))
+
+    def _counted(self, roots: NDArray, rate: float, band: float) -> tuple[int, NDArray, NDArray]:
+        """Count, and the places (k,) and logarithms of the determinant (k,) that led to it."""
+        close = roots[self._matters(roots, rate, band)]
+        far = 3.0 * float(np.abs(roots).max(initial=0.0)) + 10.0 * band
+        # up the line, away to the right, and to the real axis; what is mirrored has the same turn below it
+        step, apart = self.omega / 4.0, 1e-6 * self.omega
+        line = np.concatenate([np.arange(step, band, step), np.abs(close.imag)])
+        away = np.concatenate([np.geomspace(self.omega / 8.0, far, ACROSS), close.real - rate])
+        line, away = _spread(line, apart, band - apart), _spread(away, apart, far)
+        way = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
+        if not self.mirrored:
+            way = np.concatenate([way[:-1], way[::-1].conj()])
+        sizes = self._determinant(way)
+        value = sizes - self._reference(way, roots)
+        while True:
+            gap = np.diff(way)
+            width, change = np.abs(gap), np.diff(value)
+            change.imag = _wrapped(change.imag)
+            rough = (np.abs(change.imag) > PHASE) | (np.abs(change.real) > LEVEL)
+            # the derivative bends where a root without an estimate, or two, are no further than a place from the next
+            slope = change / gap
+            ahead, behind = np.append(slope[1:], slope[-1]), np.append(slope[0].conj(), slope[:-1])
+            rough |= np.abs(ahead - behind) * width > BEND
+            # intervals grow by no more than a factor, so that none hides what its neighbours begin to show
+            rough[1:] |= width[1:] > 10.0 * width[:-1]
+            rough[:-1] |= width[:-1] > 10.0 * width[1:]
+            rough &= width > 1e-13 * self.omega
+            if not rough.any():
+                break
+            if len(way) > MOST_PLACES:
+                raise FloatingPointError("the phase of the determinant cannot be followed")
+            new = 0.5 * (way[:-1] + way[1:])[rough]
+            at = np.flatnonzero(rough) + 1
+            found = self._determinant(new)
+            way, sizes = np.insert(way, at, new), np.insert(sizes, at, found)
+            value = np.insert(value, at, found - self._reference(new, roots))
+        turn = float(_wrapped(np.diff(value.imag)).sum()) / (np.pi if self.mirrored else TWO_PI)
+        if abs(turn - round(turn)) > 0.05:
+            raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
+        return self.right(roots, rate, band) - round(turn), way, sizes
+
+    def _determinant(self, exponent: NDArray) -> NDArray:
+        """(k,) complex logarithm of det D."""
+        out = np.empty(len(exponent), complex)
+        for start in range(0, len(exponent), CHUNK):
+            part = slice(start, start + CHUNK)
+            sign, size = np.linalg.slogdet(self.matrix(exponent[part]))
+            out[part] = size + 1j * np.angle(sign)
+        return out
+
+
+def _pencil(K: NDArray, damping: NDArray, mass: NDArray) -> NDArray:
+    """Eigenvalues of mass s^2 + damping s + K, as many as the masses give."""
+    n, C = len(mass), np.diag(damping)
+    eye, zero = np.eye(n), np.zeros((n, n))
+    heavy = mass > 0.0
+    if heavy.all():
+        inverse = 1.0 / mass[:, None]
+        return np.asarray(np.linalg.eigvals(np.block([[zero, eye], [-inverse * K, -inverse * C]])))
+    values = scipy.linalg.eigvals(np.block([[zero, eye], [-K, -C]]), scipy.linalg.block_diag(eye, np.diag(mass)))
+    values = values[np.isfinite(values)]
+    return np.asarray(values[np.argsort(np.abs(values))][: 2 * int(heavy.sum())])
+
+
+def _spread(places: NDArray, low: float, high: float) -> NDArray:
+    """Places between two bounds, ascending, no closer to each other than the lower one."""
+    places = np.unique(places[(places > low) & (places <= high)])
+    return places[np.append(np.diff(places) > low, True)] if len(places) else places
+
+
+def _secant(change: NDArray, way: NDArray) -> NDArray:
+    """Step of the secant method from the end of a way on which the logarithm of a function changed."""
+    ratio = np.exp(np.minimum(change.real, 600.0) + 1j * change.imag)
+    return np.asarray(way * ratio / np.where(ratio == 1.0, 1e-300, ratio - 1.0))
+
+
+def _nonzero(x: NDArray) -> NDArray:
+    return np.where(x == 0.0, 1e-300, x)
+
+
+def _wrapped(phase: NDArray) -> NDArray:
+    return (phase + np.pi) % TWO_PI - np.pi
+
+
+NORMAL = 0  # kinds of contact stiffness: kn v v; 1, 2: kt u_d u_d; 3, 4: mu kn u_d v
+
+
+def _steady(
+    pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: list[NDArray]
+) -> NDArray:
+    """(n, n) complex G^H B G without memory; B from the Fourier coefficients of each piece of the cycle.
+
+    ``1/2 pi int_a^b exp(-i d theta)`` for the differences d of two orders.
+    """
+    point, kind, a, b, weight = pieces
+    n_points, n = G.shape[0], G.shape[2]
+    d = np.arange(1, max(orders) - min(orders) + 1)
+    wave = np.empty((len(a), len(d) + 1), complex)
+    wave[:, 0] = b - a
+    wave[:, 1:] = (np.exp(-1j * np.outer(b, d)) - np.exp(-1j * np.outer(a, d))) / (-1j * d)
+    wave *= weight[:, None] / TWO_PI
+    sums = np.zeros((n_points * 5, len(d) + 1), complex)
+    slot = 5 * point + kind
+    if len(slot):
+        first = np.flatnonzero(np.append(True, np.diff(slot) != 0))
+        sums[slot[first]] = np.add.reduceat(wave, first, axis=0)
+    sums = sums.reshape(n_points, 5, len(d) + 1)
+    out = np.empty((n, n), complex)
+    left = np.ascontiguousarray(G.conj().reshape(3 * n_points, n).T)
+    for m, columns in zip(orders, blocks):
+        g = G[:, :, columns]
+        for l, rows in zip(orders, blocks):
+            c = sums[:, :, abs(l - m)]
+            c = (c if l >= m else c.conj())[:, :, None]  # the indicator of a piece is real
+            force = np.empty_like(g)
+            force[:, 0] = c[:, 1] * g[:, 0] + c[:, 3] * g[:, 2]
+            force[:, 1] = c[:, 2] * g[:, 1] + c[:, 4] * g[:, 2]
+            force[:, 2] = c[:, 0] * g[:, 2]
+            out[np.ix_(rows, columns)] = left[rows] @ force.reshape(3 * n_points, -1)
+    return out
+
+
+def _slope(x: NDArray, theta: float) -> NDArray:
+    l = np.arange(1, x.shape[-1] // 2 + 1)
+    b = np.zeros(x.shape[-1])
+    b[1::2], b[2::2] = -l * np.sin(l * theta), l * np.cos(l * theta)
+    return np.asarray(x @ b)
+
+
+def _cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+    """What the contacts do in the cycle.
+
+    Returns
+    -------
+    pieces : point, kind, begin, end, weight (N/m)
+        In ascending order of point and kind.
+    events : point, axis, begin, length, factor
+        Parts in which a slider sticks that was set at their beginning.
+    """
+    p = system.points
+    pieces: list[tuple[int, int, float, float, float]] = []
+    events: list[tuple[int, int, float, float, float]] = []
+    load = p.n0 if p.load is None else p.load
+    for i in range(system.n_points):
+        law, mu, kn, n0 = int(p.law[i]), float(p.mu[i]), float(p.kn[i]), float(p.n0[i])
+        kt = [float(k) for k in p.kt[i]]
+        reach = 0.0 if law == LAW_CONSTANT else mu * kn
+        parts: list[list[tuple[float, float, int]]] = [[], []]
+        if law == LAW_BONDED:
+            parts = [[(0.0, TWO_PI, STICK)]] * 2
+        elif mu > 0.0:
+            parts = segments(x[i], p.kt[i], kn, mu, n0, p.slider[i], law, "exact", float(load[i]))
+        if law in (LAW_BONDED, LAW_CONSTANT):
+            pieces.append((i, NORMAL, 0.0, TWO_PI, kn))
+        else:
+            seen = next((parts[d] for d in range(2) if kt[d] > 0.0 and parts[d]), None)
+            if seen is None:  # no friction tells of separation: that of a slider next to none
+                seen = segments(x[i], np.full(2, kn), kn, 1e-12, n0, np.zeros(2))[0] if kn > 0.0 else []
+            pieces += [(i, NORMAL, a, b, kn) for a, b, state in seen if state != OPEN]
+        parts = [_united(list(f)) for f in parts]
+        for d in range(2):
+            if kt[d] > 0.0:
+                pieces += [(i, 1 + d, a, b, kt[d]) for a, b, state in parts[d] if state == STICK]
+        for d in range(2):
+            if kt[d] <= 0.0:
+                continue
+            for k, (a, b, state) in enumerate(parts[d]):
+                if state in (SLIP_PLUS, SLIP_MINUS):
+                    if reach > 0.0:
+                        pieces.append((i, 3 + d, a, b, reach if state == SLIP_PLUS else -reach))
+                elif state == STICK and len(parts[d]) > 1:  # in one state all through nothing is set
+                    factor = {SLIP_PLUS: -reach / kt[d], SLIP_MINUS: reach / kt[d]}.get(parts[d][k - 1][2])
+                    if factor is None:
+                        slope = _slope(x[i], a)
+                        factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
+                    events.append((i, d, a, b - a, factor))
+    return _columns(pieces), _columns(events)
+
+
+def _columns(rows: list[tuple[int, int, float, float, float]]) -> tuple[NDArray, ...]:
+    table = np.array(rows, float).reshape(-1, 5).T
+    return (table[0].astype(int), table[1].astype(int), *table[2:])
+
+
+def _united(parts: list[tuple[float, float, int]]) -> list[tuple[float, float, int]]:
+    out: list[tuple[float, float, int]] = []
+    for a, b, state in parts:
+        if b <= a:
+            continue
+        if out and out[-1][2] == state:
+            out[-1] = (out[-1][0], b, state)
+        else:
+            out.append((a, b, state))
+    if len(out) > 1 and out[0][2] == out[-1][2]:
+        a, b, state = out.pop()
+        out[0] = (a - TWO_PI, out[0][1], state)
+    return out

@@ -1,0 +1,254 @@
+"""What the structure does in time, period by period, where harmonic balance has no solution or one that is not stable.
+
+The equations of all sectors (:mod:`bdamper.stability.time_integration`) are marched from a state, and each period ``k`` of
+the excitation has response amplitudes of its own,
+
+    X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of that for l = 0).
+
+Where they stay the same the response is periodic; where they come back after some periods it is subharmonic; else, as of
+a damper that rattles in its seat, it is irregular, and what can be said of it is a mean and a range.  Both are those of the
+second half of the periods.  If the means of the last two quarters differ by ``d``, the response is still on its way: a
+transient that falls by a factor ``p`` from one quarter to the next leaves ``d p/(1 - p)`` to come, with the ``p`` of the
+slowest mode.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import Cost, HarmonicSystem
+from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
+from bdamper.util.errors import SettingError
+from bdamper.util.progress import each
+from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+ACCURACY = 0.5
+"""Step times the highest frequency of the closed contacts: five times the step of a comparison with harmonic balance."""
+REPEATS = 1e-3
+"""Largest relative change of the amplitudes over so many periods after which they are said to repeat."""
+MOST_REPEATED = 4
+"""Periods after which a response may repeat."""
+STILL = 0.01
+"""Relative change to come up to which a response has settled."""
+FEWEST = 16
+"""Periods."""
+
+
+class Motion(NamedTuple):
+    """State at the start of a period.
+
+    Parameters
+    ----------
+    q, v : (2 n_coordinates,) float
+        Coordinates of the ring and their velocities.
+    w : (n_sectors, n_points, 2) float, m
+        Sliders.
+    """
+
+    q: NDArray
+    v: NDArray
+    w: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class SettledResponse:
+    """The response of the marched structure, period by period.
+
+    Parameters
+    ----------
+    frequency, preload : float, Hz, N
+    harmonics : (n_periods, n_harmonics + 1) complex, m
+        Response amplitudes of each period; the first column is the mean.
+    memory : float
+        Periods in which a transient of the least damped mode falls to 1/e.
+    steps_per_period, sectors : int
+    status : {"settled", "still moving", "interrupted"}
+    reason : str
+    motion : Motion
+        At the end, from which :meth:`bdamper.Study.settle` goes on.
+    cost : Cost
+    model_hash : str
+    """
+
+    frequency: float
+    preload: float
+    harmonics: NDArray
+    memory: float
+    steps_per_period: int
+    sectors: int
+    status: str
+    reason: str
+    motion: Motion
+    cost: Cost
+    model_hash: str = ""
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n_periods,) amplitude of the harmonic of the excitation, m."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def mean(self) -> float:
+        """Amplitude of the harmonic of the excitation, m, mean over the second half of the periods."""
+        return float(_second_half(self.amplitude).mean())
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Smallest and largest of these amplitudes, m."""
+        last = _second_half(self.amplitude)
+        return float(last.min()), float(last.max())
+
+    @property
+    def to_come(self) -> float:
+        """Estimated relative change of the mean amplitude that is still to come."""
+        return to_come(self.amplitude, self.memory)
+
+    @property
+    def repeats_after(self) -> int | None:
+        """Periods of the excitation after which the response repeats: 1 if it is periodic, None if it is irregular."""
+        return repeats_after(self.harmonics)
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time in all."""
+        return self.cost.seconds
+
+    def __str__(self) -> str:
+        low, high = self.range
+        n = len(self.harmonics)
+        kind = f"{KINDS[self.repeats_after]} response"
+        return (
+            f"time integration at {self.frequency:.6g} Hz, preload {self.preload:g} N: {kind}\n"
+            f"  |X1| {self.mean:.4g} m on average, {low:.4g} to {high:.4g} m over the last {n - n // 2} of {n} periods\n"
+            f"  {self.status}: {self.reason}\n  {self.cost}"
+        )
+
+    def plot(self, ax: Axes | None = None) -> Axes:
+        """Draw the amplitude of each period, with mean and range of those that count."""
+        from bdamper.plot.plotting import plot_settled
+
+        return plot_settled(self, ax)
+
+    def mark(self, ax: Axes) -> Axes:
+        """Draw mean and range as one point with a bar over a response curve."""
+        from bdamper.plot.plotting import mark_settled
+
+        return mark_settled(self, ax)
+
+
+KINDS = {None: "irregular", 1: "periodic"} | {n: f"{n}-periodic" for n in range(2, MOST_REPEATED + 1)}
+
+
+def _second_half(x: NDArray) -> NDArray:
+    return x[len(x) // 2 :]
+
+
+def to_come(amplitude: NDArray, memory: float) -> float:
+    """Relative change after the last period, if those of the last two quarters differ by a transient with this memory."""
+    before, last = np.array_split(_second_half(amplitude), 2)
+    change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
+    left = np.exp(-len(last) / memory)
+    return change * left / (1.0 - left)
+
+
+def repeats_after(harmonics: NDArray) -> int | None:
+    """Fewest periods after which the amplitudes (n_periods, n_harmonics + 1) come back, over the last quarter of them."""
+    x = harmonics[:, 1:]
+    last = np.arange(len(x) - max(1, len(x) // 4), len(x))
+    size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
+    for n in range(1, MOST_REPEATED + 1):
+        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= REPEATS * size:
+            return n
+    return None
+
+
+def settle(
+    system: HarmonicSystem,
+    omega: float,
+    n_blades: int,
+    engine_order: int,
+    start: NDArray | Motion,
+    *,
+    preload: float,
+    periods: int = 200,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+    model_hash: str = "",
+) -> SettledResponse:
+    """March whole periods of the excitation from a state.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    omega : float, rad/s
+    n_blades, engine_order : int
+    start : (n_unknowns,) float or Motion
+        A harmonic-balance solution, of whatever frequency, or the motion at the end of an earlier response.
+    preload : float, N
+        For the record.
+    periods : int
+    steps_per_period : int, optional
+        By default such that the step resolves the stiffest contact.
+    progress : bool
+        Show a bar of the periods.
+    model_hash : str
+        For the record.
+
+    Raises
+    ------
+    SettingError
+        If the steps are too long to be stable, there are too few periods to judge, the state is one of another study, or
+        the settings describe something else than a structure in time.
+    """
+    if periods < FEWEST:
+        raise SettingError(f"periods: expected at least {FEWEST}, found {periods}")
+    begin = time.perf_counter()
+    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY)
+    if isinstance(start, Motion):
+        motion = start
+    else:
+        motion = Motion(*ring.state(start, omega, 0.0), ring.initial_slider(start, omega, n))
+    shapes = (2 * ring.n_coordinates,), (ring.n, system.n_points, 2)
+    if (motion.q.shape, motion.w.shape) != shapes:
+        raise SettingError(
+            f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
+            f"{motion.q.shape} and {motion.w.shape}"
+        )
+    row = ring.response_row()
+    found: list[NDArray] = []
+    stopped = False
+    try:
+        for _ in each(range(periods), progress, "marching", "period"):
+            *state, response = ring.march(*motion, omega, n, 1, row)
+            motion = Motion(*state)
+            found.append(amplitudes_of(response, system.n_harmonics))
+    except KeyboardInterrupt:
+        if len(found) < FEWEST:
+            raise
+        stopped = True
+    harmonics = np.array(found)
+    rates = ring.damping[ring.omega2 > 0.0]  # of free bodies contacts take energy alone
+    memory = float(omega / (np.pi * max(rates.min(initial=np.inf), 1e-9 * omega)))
+    change = to_come(np.abs(harmonics[:, 1]), memory)
+    return SettledResponse(
+        frequency=omega / TWO_PI,
+        preload=preload,
+        harmonics=harmonics,
+        memory=memory,
+        steps_per_period=n,
+        sectors=ring.n,
+        status="interrupted" if stopped else "settled" if abs(change) <= STILL else "still moving",
+        reason=f"estimated change of the mean still to come {100.0 * change:+.2g} %, memory {memory:.3g} periods",
+        motion=motion,
+        cost=replace(ring.cost, seconds=time.perf_counter() - begin),
+        model_hash=model_hash,
+    )

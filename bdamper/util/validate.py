@@ -1,0 +1,173 @@
+"""Checks of what a user gives: the value in the form in which it is used, or one error that names it.
+
+Every check takes the name first and raises a :class:`~bdamper.util.errors.SettingError` of the form
+``name: expected ..., found ...``.  Texts and booleans do not pass for numbers, nor numbers for booleans.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.errors import SettingError, shortened
+
+T = TypeVar("T")
+
+
+def unfit(name: str, expected: str, found: Any) -> SettingError:
+    """The error for a value that does not fit; numbers, texts and lists of them are shown, other things named."""
+    return SettingError(f"{name}: expected {expected}, found {shortened(_shown(found))}")
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, str | bytes | Real | complex | list | tuple | dict):
+        return repr(value)
+    if isinstance(value, np.ndarray):
+        return f"an array of shape {value.shape}" if value.size > 6 else repr(value.tolist())
+    return f"the class {value.__name__}" if isinstance(value, type) else f"a {type(value).__name__}"
+
+
+def _plain_number(value: Any) -> float | None:
+    """A finite real number; None for anything else."""
+    if isinstance(value, np.ndarray) and value.ndim == 0:
+        value = value.item()
+    if not isinstance(value, Real) or isinstance(value, bool | np.bool_):
+        return None
+    try:
+        out = float(value)
+    except (OverflowError, ValueError):
+        return None
+    return out if np.isfinite(out) else None
+
+
+def _limits(above: float | None, least: float | None, below: float | None, most: float | None, unit: str) -> str:
+    given = [(">", above), (">=", least), ("<", below), ("<=", most)]
+    text = " and ".join(f"{sign} {limit:g}" for sign, limit in given if limit is not None)
+    if above is not None and below is not None:
+        text = f"between {above:g} and {below:g}"
+    return f"{text} {unit}".strip() if text or not unit else f"in {unit}"
+
+
+def number(
+    name: str,
+    value: Any,
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    below: float | None = None,
+    most: float | None = None,
+    unit: str = "",
+) -> float:
+    """One finite number within limits, those of ``above`` and ``below`` excluded."""
+    out = _plain_number(value)
+    if (
+        out is None
+        or (above is not None and not out > above)
+        or (least is not None and not out >= least)
+        or (below is not None and not out < below)
+        or (most is not None and not out <= most)
+    ):
+        kind = "a number" if above is not None and below is not None else "a finite number"
+        words = (kind, _limits(above, least, below, most, unit))
+        raise unfit(name, " ".join(word for word in words if word), value)
+    return out
+
+
+def whole(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+    """One whole number from ``least`` to ``most``."""
+    out = _plain_number(value)
+    if out is None or out != int(out) or out < least or (most is not None and out > most):
+        raise unfit(name, f"a whole number {f'>= {least}' if most is None else f'from {least} to {most}'}", value)
+    return int(out)
+
+
+def flag(name: str, value: Any) -> bool:
+    """True or False, and nothing that only counts as such."""
+    if not isinstance(value, bool | np.bool_):
+        raise unfit(name, "True or False", value)
+    return bool(value)
+
+
+def choice(name: str, value: Any, choices: Iterable[str]) -> str:
+    """One of several names."""
+    if not isinstance(value, str) or value not in choices:
+        raise unfit(name, f"one of {tuple(choices)}", value)
+    return value
+
+
+def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
+    """A sequence of names, each at most once."""
+    given = tuple(value) if isinstance(value, Iterable) and not isinstance(value, str | bytes) else None
+    known = given is not None and all(isinstance(item, str) and item in choices for item in given)
+    if given is None or not known or len(set(given)) != len(given) or len(given) < least:
+        some = f"at least {least} of" if least else "a sequence of"
+        raise unfit(name, f"{some} {tuple(choices)}, each at most once", value)
+    return given
+
+
+def instance(name: str, value: T, kind: type | tuple[type, ...], words: str = "") -> T:
+    """An object of one of some classes, which ``words`` describe."""
+    if not isinstance(value, kind):
+        kinds = kind if isinstance(kind, tuple) else (kind,)
+        named = [f"{'an' if k.__name__[0] in 'AEIOU' else 'a'} {k.__name__}" for k in kinds]
+        raise unfit(name, words or " or ".join(named), value)
+    return value
+
+
+def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[str, Any]:
+    """A mapping of some of the keys to values."""
+    if not isinstance(value, Mapping):
+        raise unfit(name, f"a mapping of {words} out of {list(keys)} to values", value)
+    unknown = [key for key in value if key not in keys]
+    if unknown:
+        raise unfit(name, f"{words} out of {list(keys)}", unknown)
+    return value
+
+
+def numbers(
+    name: str, value: Any, n: int | None = None, *, above: float | None = None, least: float | None = None, unit: str = ""
+) -> NDArray:
+    """(n,) finite numbers within limits; at least one if their number is free."""
+    out = None
+    if isinstance(value, Sequence | np.ndarray) and not isinstance(value, str | bytes):
+        given = [_plain_number(v) for v in value] if np.ndim(value) != 0 else [None]
+        good = [g for g in given if g is not None and (above is None or g > above) and (least is None or g >= least)]
+        if len(good) == len(given) and (len(good) == n if n is not None else good):
+            out = np.array(good)
+    if out is None:
+        count = "a sequence of one or more" if n is None else str(n)
+        words = (count, "finite numbers", _limits(above, least, None, None, unit))
+        raise unfit(name, " ".join(word for word in words if word), value)
+    return out
+
+
+def wholes(name: str, value: Any, least: int = 0, most: int | None = None) -> tuple[int, ...]:
+    """A sequence of whole numbers, each at most once."""
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+        raise unfit(name, "a sequence of whole numbers", value)
+    given = tuple(whole(name, item, least, most) for item in value)
+    if len(set(given)) != len(given):
+        raise unfit(name, "whole numbers, each at most once", value)
+    return given
+
+
+def interval(name: str, value: Any, unit: str = "Hz") -> tuple[float, float]:
+    """Two ends, 0 < low < high."""
+    given = value.tolist() if isinstance(value, np.ndarray) else value
+    ends = [_plain_number(end) for end in given] if isinstance(given, Sequence) and len(given) == 2 else [None, None]
+    low, high = ends
+    if low is None or high is None or not 0.0 < low < high:
+        raise unfit(name, f"(low, high) in {unit} with 0 < low < high", value)
+    return low, high
+
+
+def fields(record: Any, check: Callable[..., Any], *attributes: str, **limits: Any) -> None:
+    """Check attributes of a frozen dataclass, and keep them in the form in which they are used."""
+    for name in attributes:
+        object.__setattr__(record, name, check(name, getattr(record, name), **limits))

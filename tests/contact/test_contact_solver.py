@@ -1,0 +1,292 @@
+"""Condensed static contact: certificate, closed forms of the rigid wedge, unloading."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.contact import static as preload
+from bdamper.contact.contact_solver import (
+    OPEN,
+    StaticContactProblem,
+    certify,
+    distinct_states,
+    least_imbalance,
+    solve_static_contact,
+    static_contact_problem,
+)
+from bdamper.model.coupling import Coupling, retained_modes
+from bdamper.util.errors import ModelError
+from tests.models import wedge_model
+
+
+def coupling_of(model, engine_order):
+    faces = tuple(name for name, face in model.interfaces.items() if face.kind == "friction")
+    return Coupling(model, faces, retained_modes(model, 2, 0), engine_order)
+
+
+@pytest.fixture(scope="module", params=(9, 24, 48))
+def coupling(request):
+    return coupling_of(bd.reference_model("bladed_disk", request.param), 5)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.05, 0.3, 0.6, 1.0, 1.8, 2.5])
+def test_certificate_on_the_reference_model(coupling, mu):
+    n = coupling.n_points
+    solution = solve_static_contact(static_contact_problem(coupling, np.full(n, mu), np.zeros(n)))[0]
+    assert solution.certificate.worst < 1e-10
+
+
+def test_frictionless_force_is_that_of_statics(coupling):
+    """Faces at 60 degrees from the radial axis: N = P/(2 sin 60) on each."""
+    n = coupling.n_points
+    solution = solve_static_contact(static_contact_problem(coupling, np.zeros(n), np.zeros(n)))[0]
+    half = solution.force[: n // 2, 2].sum(), solution.force[n // 2 :, 2].sum()
+    np.testing.assert_allclose(half, 1.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-10)
+
+
+def test_state_is_proportional_to_the_load(coupling):
+    n = coupling.n_points
+    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
+    one = solve_static_contact(problem)[0]
+    many = solve_static_contact(problem, (7.0, 50.0, 400.0), steps=3)[-1]
+    np.testing.assert_allclose(many.force, 400.0 * one.force, atol=1e-9 * np.abs(many.force).max())
+
+
+def test_unloading_remembers(coupling):
+    n = coupling.n_points
+    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
+    up, down, again = solve_static_contact(problem, (1.0, 0.4, 1.0))
+    for state in (up, down, again):
+        assert state.certificate.worst < 1e-10
+    assert np.abs(down.force - 0.4 * up.force).max() > 0.01 * np.abs(up.force).max()
+    # the wedge is held back by friction on its way out: more normal force than on the way in
+    assert down.force[:, 2].sum() > 0.4 * up.force[:, 2].sum()
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-6])
+def test_unloading_to_nothing_and_back(gap):
+    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
+    heights = gap * np.random.default_rng(0).random(18)
+    problem = static_contact_problem(coupling, np.full(18, 0.3), heights)
+    up, off, again = solve_static_contact(problem, (1000.0, 0.0, 1000.0))
+    assert max(state.certificate.worst for state in (up, off, again)) < 1e-10
+    assert np.abs(off.force).max() < 1e-9 * np.abs(up.force).max()
+    assert (again.force[:, 2].sum(), off.load) == (pytest.approx(up.force[:, 2].sum(), rel=0.2), 0.0)
+
+
+def test_gaps_close_under_load():
+    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
+    gap = 1e-6 * np.random.default_rng(0).random(18)
+    states = solve_static_contact(static_contact_problem(coupling, np.full(18, 0.3), gap), (100.0, 1000.0, 200.0, 1500.0))
+    for state in states:
+        assert state.certificate.worst < 1e-10
+    contacts = [(state.status[:, 0] != OPEN).sum() for state in states]
+    assert contacts[0] < contacts[-1]
+
+
+@pytest.mark.parametrize("own", [0.02, 1.0, 5.0])
+@pytest.mark.parametrize("mu", [0.0, 0.2, 0.5, 1.0, 2.0])
+def test_random_wedges(mu, own):
+    """A damper that deforms under its own load as one does (2 % of the synthetic one), and far more."""
+    for seed in range(12):
+        coupling = coupling_of(wedge_model(seed, n_points=6, alpha=0.6 + 0.1 * (seed % 6), beta=0.9), 2)
+        n = coupling.n_points
+        problem = static_contact_problem(coupling, np.full(n, mu), np.zeros(n))
+        problem = replace(problem, offset=own * problem.offset)
+        state = solve_static_contact(problem)[0]
+        assert state.certificate.worst < 1e-10
+        motion = problem.rigid @ state.rigid - problem.flexibility @ state.force.ravel() + problem.offset.ravel()
+        np.testing.assert_allclose(state.motion.ravel(), motion, atol=1e-12 * np.abs(motion).max())
+
+
+MISFITS = {
+    "line": {"crowning": 1e-5},
+    "axial": {"axial_crowning": 1e-5},
+    "one point": {"crowning": 1e-5, "axial_crowning": 1e-5},
+    "angle": {"angle": 2e-4},
+    "hollow": {"crowning": -1e-5},
+}
+
+
+@pytest.mark.parametrize("kind", sorted(MISFITS))
+@pytest.mark.parametrize("both", [True, False])
+@pytest.mark.parametrize("mu", [0.0, 0.3, 0.8])
+def test_faces_that_do_not_fit(kind, both, mu):
+    """Contact along one line or at one point of each face, at first: the damper can turn until others touch."""
+    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
+    gap = [
+        bd.misfit(coupling.model.interfaces[name], **MISFITS[kind]) * (both or name == "left")
+        for name in coupling.interfaces
+    ]
+    problem = static_contact_problem(coupling, np.full(18, mu), np.concatenate(gap))
+    states = solve_static_contact(problem, (100.0, 1000.0, 200.0, 1500.0))
+    for state in states:
+        assert state.certificate.worst < 1e-10
+    if both:
+        assert (states[0].status[:, 0] != OPEN).sum() < 18
+    if mu == 0.0:
+        np.testing.assert_allclose(states[-1].force[:9, 2].sum(), 1500.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("points", [24, 48])
+def test_line_contact_of_more_points(points):
+    coupling = coupling_of(bd.reference_model("bladed_disk", points), 5)
+    gap = np.concatenate([bd.misfit(coupling.model.interfaces[n], crowning=1e-5) for n in coupling.interfaces])
+    for state in solve_static_contact(
+        static_contact_problem(coupling, np.full(2 * points, 0.3), gap), (100.0, 1000.0, 200.0)
+    ):
+        assert state.certificate.worst < 1e-10
+
+
+def test_several_states_are_found():
+    """Normal and tangential flexibility coupled, mu beyond a/|c|: apart, stuck and slipping are all states (Klarbring).
+
+    Slip along +1: ``N = (x_v - g)/(b + c mu)``, and ``b + c mu < 0`` turns a surface that lifts off into a pressed one.
+    """
+    a, b, c, mu = 2.0, 1.0, -0.8, 2.0
+    problem = StaticContactProblem(
+        flexibility=np.array([[a, 0.0, c], [0.0, 1.0, 0.0], [c, 0.0, b]]),
+        rigid=np.zeros((3, 0)),
+        load=np.zeros(0),
+        offset=np.array([[8.0, 0.0, -1.0]]),
+        friction=np.array([mu]),
+        gap=np.zeros(1),
+    )
+    found = {state.status[0, 0]: state for state in distinct_states(problem, 1.0, starts=40)}
+    assert sorted(found) == [0, 1, 3]
+    np.testing.assert_allclose(found[1].force[0], [mu * -1.0 / (b + c * mu), 0.0, -1.0 / (b + c * mu)], rtol=1e-12)
+    np.testing.assert_allclose(found[3].force, 0.0, atol=1e-15)
+    stuck = np.linalg.solve([[a, c], [c, b]], [8.0, -1.0])
+    np.testing.assert_allclose(found[0].force[0, [0, 2]], stuck, rtol=1e-12)
+    # with little friction there is one
+    assert len(distinct_states(replace(problem, friction=np.array([0.5])), 1.0, starts=40)) == 1
+
+
+def test_no_state_without_equilibrium():
+    """A flat wedge without friction on one face only is pushed away; the linear program says by how much."""
+    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
+    problem = static_contact_problem(coupling, np.full(18, 0.3), np.zeros(18))
+    assert least_imbalance(problem) < 1e-9
+    rows = np.arange(27)
+    half = StaticContactProblem(
+        problem.flexibility[np.ix_(rows, rows)], problem.rigid[rows], problem.load, problem.offset[:9],
+        np.full(9, 0.3), np.zeros(9),
+    )  # fmt: skip
+    assert least_imbalance(half) > 0.1
+    with pytest.raises(ModelError, match=r"miss it by \d+"):
+        solve_static_contact(half)
+
+
+def test_one_point_pressed_and_dragged():
+    """A body with two rigid coordinates on one contact: N from equilibrium, slip where the drag exceeds mu N."""
+    for drag, states in ((0.2, [0, 0]), (0.3 - 1e-9, [0, 0])):
+        problem = StaticContactProblem(
+            flexibility=np.diag([1e-8, 1e-8, 2e-8]),
+            rigid=np.eye(3)[:, [0, 2]],
+            load=np.array([drag, 1.0]),
+            offset=np.zeros((1, 3)),
+            friction=np.array([0.3]),
+            gap=np.array([1e-6]),
+        )
+        s = solve_static_contact(problem, (10.0,))[0]
+        np.testing.assert_allclose(s.force, [[10.0 * drag, 0.0, 10.0]], atol=1e-12)
+        np.testing.assert_allclose(s.motion[0], [0.0, 0.0, 1e-6], atol=1e-18)
+        assert s.status[0].tolist() == states
+    # N = 1, T up to 0.3: the largest miss is least at N = 1 + d, T = 0.3 (1 + d) = 0.4 - d, d = 1/13
+    with pytest.raises(ModelError, match=r"miss it by 7\.69 % \(10 N\): the body slides away"):
+        solve_static_contact(
+            StaticContactProblem(
+                problem.flexibility, problem.rigid, np.array([0.4, 1.0]), problem.offset, problem.friction, problem.gap
+            ),
+            (10.0,),
+        )
+
+
+def test_certificate_sees_each_violation(coupling):
+    n = coupling.n_points
+    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
+    s = solve_static_contact(problem)[0]
+    rest = np.zeros((n, 2))
+    closed = int(np.argmax(s.force[:, 2]))
+    open_ = int(np.flatnonzero(s.status[:, 0] == OPEN)[0])
+
+    def broken(name, point, component, value, what="force"):
+        force, motion = s.force.copy(), s.motion.copy()
+        (force if what == "force" else motion)[point, component] = value
+        assert getattr(certify(problem, 1.0, force, motion, rest), name) > 1e-3
+
+    big, far = np.abs(s.force).max(), np.abs(s.motion).max()
+    broken("tension", open_, 2, -0.1 * big)
+    broken("equilibrium", closed, 2, 0.5 * s.force[closed, 2])
+    broken("friction", closed, 0, 0.5 * s.force[closed, 2])
+    broken("penetration", open_, 2, 0.1 * far, "motion")
+    broken("separation", closed, 2, -0.5 * far, "motion")
+    stuck = int(np.flatnonzero((s.status[:, 1] == 0) & (s.force[:, 2] > 0.05 * big))[0])
+    broken("sticking", stuck, 1, 0.5 * far, "motion")
+    slipping = np.argwhere((s.status == 1) | (s.status == 2))
+    p, d = slipping[np.argmax(s.force[slipping[:, 0], 2])]
+    broken("sense", p, d, -np.sign(s.force[p, d]) * far, "motion")
+
+
+def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
+    """At the first load all that touches sticks anyway, so the other ways to begin are the same one."""
+    model = wedge_model(3, n_points=4)
+    study = bd.Study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
+    began = []
+
+    def failing(system, load, q, w, status, *_):
+        began.append((load, status.tobytes()))
+        return q, status, 1, 1.0
+
+    monkeypatch.setattr(preload, "_step", failing)
+    monkeypatch.setattr(preload, "_creep", lambda system, load, state, tolerance: (state.q, state.slider, 1, 1.0))
+    assert not study.static(100.0).converged
+    assert len(began) == len(set(began)) > 1
+
+
+@pytest.mark.parametrize("seed", [3, 22, 40])
+def test_what_goes_round_in_circles_is_given_up(seed, monkeypatch):
+    """The state that is found is the same, with fewer factorisations."""
+    solved = []
+    solve = preload._solve
+
+    def counted(*a):
+        solved[-1] += 1
+        return solve(*a)
+
+    monkeypatch.setattr(preload, "_solve", counted)
+
+    def state(stalls):
+        solved.append(0)
+        monkeypatch.setattr(preload, "STALLS", stalls)
+        study = bd.Study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
+        return study.static(100.0)
+
+    soon, late = state(preload.STALLS), state(10**9)
+    assert soon.converged and soon.residual < 1e-10 and solved[0] < 0.5 * solved[1]
+    assert np.array_equal(soon.status, late.status) and np.array_equal(soon.q, late.q)
+
+
+def test_several_motions_at_once_are_each_alone():
+    rng = np.random.default_rng(0)
+    n, m = 5, 4
+    stiffness, G = rng.uniform(1.0, 2.0, m), rng.normal(size=(n, 3, m))
+    kt, kn, mu, n0 = rng.uniform(1.0, 2.0, (n, 2)), rng.uniform(1.0, 2.0, n), np.full(n, 0.3), rng.normal(size=n)
+    bonded = np.arange(n) == 2
+    force, shift = rng.normal(size=m), rng.normal(size=(n, 3))
+    system = preload.StaticSystem(stiffness, G, kt, kn, mu, n0, force, shift, np.zeros(m), bonded)
+    x, w = rng.normal(size=(7, n, 3)), rng.normal(size=(n, 2))
+    forces, states = preload._forces(system, x, w)
+    assert {preload.OPEN, preload.STICK, preload.SLIP_PLUS, preload.SLIP_MINUS} <= set(np.unique(states))
+    for one, f, s in zip(x, forces, states):
+        alone = preload._forces(system, one, w)
+        assert np.array_equal(alone[0], f) and np.array_equal(alone[1], s)
+        # closed form, point by point
+        for p in range(n):
+            level = n0[p] + kn[p] * one[p, 2]
+            trial = kt[p] * (one[p, :2] - w[p])
+            limit = np.inf if bonded[p] else 0.3 * max(level, 0.0)
+            np.testing.assert_allclose(f[p, :2], np.clip(trial, -limit, limit), rtol=1e-14, atol=1e-15)
+            assert f[p, 2] == pytest.approx(level if bonded[p] else max(level, 0.0), rel=1e-14, abs=1e-15)

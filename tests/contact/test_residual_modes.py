@@ -1,0 +1,225 @@
+"""Residual modes: algebra of the projection, and stuck frequencies against the bonded full finite element model."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import bdamper as bd
+from bdamper.contact.residual_modes import ResidualModes, ResidualSet, active_components, stuck_modes
+from bdamper.model.coupling import Coupling, retained_modes
+from bdamper.util.errors import ModelError, SettingError
+from tests.models import ALL_MODELS, wedge_model
+
+SOURCE = "bonded frequencies, nodal diameter 5"
+
+
+@pytest.fixture(scope="module", params=(9, 24, 48))
+def reference(request):
+    return bd.reference_model("bladed_disk", request.param)
+
+
+def bonded_in_full(model):
+    """Frequencies of the full finite element model with the damper bonded at the patches, kept with the model."""
+    return np.array([float(t) for t in re.findall(r"[\d.]+", model.provenance[SOURCE].replace("Hz", ""))])
+
+
+def bonded(model, blade_modes, damper_modes, contact):
+    """First frequencies (Hz) of the reduced model with all friction points bonded."""
+    study = bd.Study(
+        model,
+        bd.Excitation("tip"),
+        5,
+        blade_modes=blade_modes,
+        damper_modes=damper_modes,
+        constraints=False,
+        contact_stiffness=contact,
+    )
+    springs = np.concatenate([study.stiffness[name].stiffness for name in study.coupling.interfaces])
+    return study.system(0.0).linear_modes(springs)[0][:5] / (2 * np.pi)
+
+
+@pytest.mark.parametrize("damper_modes", [0, 10])
+@pytest.mark.parametrize("blade_modes", [10, 20])
+def test_bonded_frequencies_within_a_fifth_of_a_percent(reference, blade_modes, damper_modes):
+    found = bonded(reference, blade_modes, damper_modes, ResidualModes(8))
+    np.testing.assert_allclose(found, bonded_in_full(reference), rtol=2e-3)
+    # and much better where the fundamental harmonic of a tracking curve lies
+    np.testing.assert_allclose(found[:4], bonded_in_full(reference)[:4], rtol=5e-5)
+
+
+def test_diagonal_stiffness_alone_is_percents_off(reference):
+    """The test above can fail: the other methods do."""
+    error = bonded(reference, 10, 0, "unit_traction") / bonded_in_full(reference) - 1.0
+    assert np.abs(error).max() > 0.02
+
+
+def test_without_inertia_the_fifth_frequency_is_not_good_enough(reference):
+    """The massless ones are exact for the static residual flexibility: 0.23 % at mode 5 with ten blade modes."""
+    error = bonded(reference, 10, 0, ResidualModes(8, inertia=False)) / bonded_in_full(reference) - 1.0
+    assert 2e-3 < error[4] < 2.6e-3
+    assert np.abs(error[:4]).max() < 5e-4
+
+
+def coupling_of(model, engine_order=2, blade_modes=3):
+    return Coupling(model, tuple(model.interfaces), retained_modes(model, blade_modes, 0), engine_order)
+
+
+@pytest.mark.parametrize("name", sorted(ALL_MODELS))
+def test_projection_is_exact_for_its_patterns_and_positive(name):
+    model = ALL_MODELS[name](n_blade_modes=5)
+    coupling = coupling_of(model)
+    friction = np.full(coupling.n_points, 0.3)
+    made = ResidualSet.make(coupling, friction, ResidualModes(4, inertia=False))
+    D, share, bases = made.flexibility, made.share, [made.basis(l) for l in range(3)]
+    active = active_components(coupling, friction).ravel()
+    assert 0.0 < share <= 0.5
+    assert np.all((D.ravel() > 0) == active)
+    for l, basis in enumerate(bases):
+        R = coupling.residual_flexibility(l)[np.ix_(active, active)]
+        columns = basis.G.reshape(len(active), -1)[active]
+        approximate = np.diag(D.ravel()[active]) + (columns / basis.stiffness) @ columns.conj().T
+        assert np.linalg.eigvalsh(approximate)[0] > 0.0
+        b = coupling.basis(l)
+        b = replace(b, G=b.G.reshape(len(active), -1)[active])
+        pole, force = stuck_modes(b, R, "")
+        if l == 1:
+            n = len(basis.stiffness)
+            assert n >= 3
+            W = force[:, :n]
+            np.testing.assert_allclose(approximate @ W, R @ W, atol=1e-8 * np.abs(R @ W).max())
+            assert np.abs(approximate - R).max() > 1e-3 * np.abs(R).max()
+        K = np.diag(b.omega2) + b.G.conj().T @ np.linalg.solve(R, b.G)
+        np.testing.assert_allclose(pole**2, np.linalg.eigvalsh(K), rtol=1e-5, atol=1e-6 * pole[-1] ** 2)
+
+
+def test_residual_modes_are_damped_as_the_modes_left_out():
+    """Two modes of the blade with a ratio of 0.1 % and two of the damper with 0.2 %; without inertia nothing is damped."""
+    coupling = coupling_of(wedge_model(n_blade_modes=5))
+    friction = np.full(coupling.n_points, 0.3)
+    for inertia, expected in ((True, 1.5e-3), (False, 0.0)):
+        basis = ResidualSet.make(coupling, friction, ResidualModes(4, inertia=inertia)).basis(1)
+        assert len(basis.damping_ratio) == len(basis.stiffness) == 4
+        np.testing.assert_allclose(basis.damping_ratio, expected, rtol=1e-12)
+        assert (basis.mass > 0.0).any() == inertia
+        joined = basis.join(coupling.basis(1))
+        np.testing.assert_allclose(joined.damping_ratio[-4:], expected, rtol=1e-12)
+
+
+def test_all_patterns_are_the_whole_flexibility():
+    coupling = coupling_of(wedge_model(n_points=2))
+    friction = np.full(coupling.n_points, 0.3)
+    made = ResidualSet.make(coupling, friction, ResidualModes("all", inertia=False))
+    D, bases = made.flexibility, [made.basis(l) for l in range(2)]
+    active = active_components(coupling, friction).ravel()
+    for l, basis in enumerate(bases):
+        R = coupling.residual_flexibility(l)[np.ix_(active, active)]
+        columns = basis.G.reshape(len(active), -1)[active]
+        approximate = np.diag(D.ravel()[active]) + (columns / basis.stiffness) @ columns.conj().T
+        np.testing.assert_allclose(approximate, R, atol=1e-9 * np.abs(R).max())
+
+
+def test_mass_is_the_curvature_of_the_left_out_modes():
+    """Dynamic flexibility of the residual coordinates on their patterns, to second order in frequency."""
+    coupling = coupling_of(wedge_model(n_points=3, n_blade_modes=6), blade_modes=3)
+    friction = np.full(coupling.n_points, 0.3)
+    made = ResidualSet.make(coupling, friction, ResidualModes("all"))
+    D, bases = made.flexibility, [made.basis(l) for l in range(2)]
+    active = active_components(coupling, friction).ravel()
+    G, pole, _ = coupling.left_out_modes(1)
+    G = G[active]
+    R = coupling.residual_flexibility(1)[np.ix_(active, active)]
+    columns = bases[1].G.reshape(len(active), -1)[active]
+    error = []
+    for omega in (200.0, 400.0):
+        exact = R + (G * (1.0 / (pole - omega**2) - 1.0 / pole)) @ G.conj().T
+        ours = np.diag(D.ravel()[active]) + (
+            columns / (bases[1].stiffness - omega**2 * bases[1].mass)
+        ) @ columns.conj().T
+        error.append(np.abs(ours - exact).max())
+    assert np.log2(error[1] / error[0]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_stuck_response_does_not_depend_on_the_share():
+    model = bd.reference_model("bladed_disk", 9)
+    found = [bonded(model, 10, 0, ResidualModes(5, share, inertia=False)) for share in (0.02, 0.1)]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-7)
+
+
+def test_tracking_with_residual_modes():
+    model = bd.reference_model("bladed_disk", 9)
+    peaks = []
+    for patterns in (12, 16):
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=ResidualModes(patterns))
+        curve = study.track(4000.0, (330.0, 380.0))
+        assert curve.complete
+        assert curve.residual.max() < 1e-9
+        peaks.append(curve.peak.amplitude)
+        assert study.bases[0].coordinates[-1].body == "residual"
+        assert curve.unknowns.shape[1] == 3 * (16 + len(study.bases[1].mass) - 16)
+    assert peaks[0] == pytest.approx(peaks[1], rel=0.015)
+
+
+@pytest.mark.parametrize("bad", [0, 2.5, -1])
+def test_bad_patterns_are_refused(bad):
+    with pytest.raises(SettingError, match="patterns"):
+        ResidualModes(bad)
+
+
+def test_indefinite_flexibility_is_refused_with_its_eigenvalue():
+    model = wedge_model()
+    blade = model.bodies["blade"]
+    basis = blade.bases[2]
+    shift = 1.02 * np.linalg.eigvalsh(coupling_of(model).residual_flexibility(1)).max() * np.eye(len(basis.flexibility))
+    bad = replace(blade, bases={**blade.bases, 2: replace(basis, flexibility=basis.flexibility - shift)})
+    coupling = coupling_of(replace(model, bodies={**model.bodies, "blade": bad}))
+    with pytest.raises(ModelError, match=r"expected a positive.*found -?\d.*"):
+        ResidualSet.make(coupling, np.full(coupling.n_points, 0.3), ResidualModes())
+
+
+def test_missing_nodal_diameter_is_named():
+    model = wedge_model(harmonics=1)
+    with pytest.raises(SettingError, match="needs nodal diameter 4"):
+        ResidualSet.make(coupling_of(model), np.full(coupling_of(model).n_points, 0.3), ResidualModes()).basis(2)
+
+
+def test_stuck_modes_against_the_saddle_point_problem():
+    """An oracle without the inverse of R: [Omega^2 - lambda, G^H; G, -R] is singular at the stuck frequencies."""
+    coupling = coupling_of(wedge_model(n_points=2))
+    active = active_components(coupling, np.full(coupling.n_points, 0.3)).ravel()
+    R = coupling.residual_flexibility(1)[np.ix_(active, active)]
+    b = coupling.basis(1)
+    b = replace(b, G=b.G.reshape(len(active), -1)[active])
+    pole, _ = stuck_modes(b, R, "")
+    m = b.G.shape[1]
+    for k in range(3):
+        A = np.block([[np.diag(b.omega2 - pole[k] ** 2), b.G.conj().T], [b.G, -R]])
+        size = np.concatenate([np.sqrt(np.maximum(b.omega2, pole[k] ** 2)), 1.0 / np.sqrt(np.diag(R).real)])
+        size[m:] = np.sqrt(np.diag(R).real)
+        scaled = A / np.concatenate([size[:m], size[m:]])[:, None] / np.concatenate([size[:m], size[m:]])
+        assert scipy.linalg.svdvals(scaled)[-1] < 1e-6
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preload", [1500.0, 4000.0, 10000.0])
+def test_the_peak_does_not_depend_on_the_number_of_modes(preload):
+    """Ten or thirty blade modes with the stiffness recomputed: less than two percent."""
+    peaks = {}
+    for method in ("residual_modes", "unit_traction"):
+        for modes in (10, 30):
+            study = bd.Study(
+                bd.reference_model("bladed_disk", 9),
+                bd.Excitation("tip"),
+                5,
+                contact_stiffness=method,
+                blade_modes=modes,
+                constraints=False,
+            )
+            curve = study.track(preload, (345.0, 375.0))
+            assert curve.complete
+            peaks[method, modes] = curve.peak.amplitude
+    assert peaks["residual_modes", 30] == pytest.approx(peaks["residual_modes", 10], rel=0.02)
+    # what makes this a test: without residual modes it is ten percent or more
+    assert abs(peaks["unit_traction", 30] / peaks["unit_traction", 10] - 1.0) > 0.1

@@ -1,0 +1,79 @@
+"""Loads under which no static state is found: nothing is computed at another load instead, and results say so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+import bdamper.study as study_module
+from bdamper.peaks.scan import linear_peak
+from bdamper.util.errors import StaticError
+
+LAST = 500.0
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture
+def study(monkeypatch):
+    """No static state beyond a load of 500 N, as where a load step fails: the state is the last that was found."""
+    found = study_module.static_state
+
+    def failing(system, load, **options):
+        if load <= LAST:
+            return found(system, load, **options)
+        return replace(found(system, LAST, **options), converged=False, note="no equilibrium beyond 500 N")
+
+    monkeypatch.setattr(study_module, "static_state", failing)
+    monkeypatch.setattr(study_module, "scaled_state", lambda *args, **options: None)
+    return bd.Study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+    )
+
+
+def test_the_equations_are_not_those_of_another_load(study):
+    assert study.system(LAST).n_unknowns == study.n_unknowns
+    for ask in (
+        study.system,
+        study.contact_map,
+        study.major_directions,
+        lambda load: study.stuck(INTERVAL, load),
+        replace(study, friction_axes="major").system,
+    ):
+        with pytest.raises(StaticError, match="under 800 N, found none: no equilibrium beyond 500 N"):
+            ask(800.0)
+
+
+@pytest.mark.parametrize("options", [{}, {"effects": "auto"}, {"tolerance": 0.1}, {"stability": True}])
+def test_a_curve_has_no_start(study, options):
+    curve = study.track(800.0, INTERVAL, **options)
+    assert (curve.status, curve.reason, len(curve)) == ("no start", "static state: no equilibrium beyond 500 N", 0)
+    assert curve.unknowns.shape == (0, study.n_unknowns)
+    assert study.track(LAST, INTERVAL).complete
+
+
+def test_branches_are_looked_for_from_other_loads_that_have_a_state(study):
+    assert study.track(LAST, INTERVAL, search_branches=(0.9, 1.2)).complete
+
+
+def test_a_peak_is_not_that_of_another_load(study):
+    with pytest.raises(bd.BdamperError, match=r"no peak found at 800 N .* no equilibrium beyond 500 N"):
+        study.peak(800.0, INTERVAL)
+    done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
+    assert done.status[0] == "done"
+    assert done.status[1].startswith("failed: ") and "no equilibrium beyond 500 N" in done.status[1]
+
+
+def test_an_optimal_curve_has_no_peak_there(study):
+    loads = np.array([200.0, 400.0, 500.0, 600.0, 1000.0])
+    curve = study.optimal_curve(loads, frequency=INTERVAL)
+    np.testing.assert_array_equal(np.isfinite(curve.amplitude), loads <= LAST)
+    assert all("no equilibrium beyond 500 N" in s for s in curve.status[3:])
+    assert not curve.complete
+    assert curve.optimum.preload <= LAST
+    assert np.isnan(curve.stuck.amplitude)
+    assert linear_peak(study, (250.0, 350.0), 800.0, stuck=False).amplitude == study.free((250.0, 350.0)).peak.amplitude
+    with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"):
+        study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL)

@@ -1,0 +1,231 @@
+"""How the damper sits: load history, maps, misfit, and what statics leaves open."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.contact.contact_solver import solve_static_contact, static_contact_problem
+from bdamper.contact.stiffness import contact_stiffness
+from bdamper.model.model import StaticContact
+from bdamper.util.errors import ModelError, SettingError
+from tests.models import wedge_model
+
+
+def study(**settings):
+    settings = {"contact_stiffness": "residual_modes", "engine_order": 5} | settings
+    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), **settings)
+
+
+@pytest.mark.parametrize("alpha", [0.5, 0.9])
+@pytest.mark.parametrize("mu", [0.0, 0.1, 0.2])
+def test_interval_of_a_symmetric_wedge(alpha, mu):
+    """The four ways in which both faces can slide: N_R = P cos(a + r1) cos(r)/sin(2 a + r1 + r2), r1, r2 = ±atan(mu)."""
+    s = bd.Study(
+        wedge_model(n_points=6, alpha=alpha, beta=alpha),
+        bd.Excitation("tip"),
+        2,
+        friction_coefficient=mu,
+        contact_stiffness=1e7,
+    )
+    found = s.wedge_friction(3.0)
+    np.testing.assert_allclose(found.angle, alpha, rtol=1e-9)
+    r = np.arctan(mu)
+    force = [
+        3.0 * np.cos(alpha + a * r) * np.cos(r) / np.sin(2 * alpha + (a + b) * r) for a in (-1, 1) for b in (-1, 1)
+    ]
+    np.testing.assert_allclose(found.lowest, min(force), rtol=1e-7)
+    np.testing.assert_allclose(found.highest, max(force), rtol=1e-7)
+    assert not found.self_locking
+
+
+def test_self_locking_is_named():
+    model = wedge_model(n_points=6, alpha=0.4, beta=0.4)
+    made = [
+        bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7).wedge_friction()
+        for mu in (0.99 * np.tan(0.4), 1.01 * np.tan(0.4))
+    ]
+    assert [m.self_locking for m in made] == [False, True]
+    assert "self-locking" in str(made[1])
+    assert np.isinf(made[1].highest).all()
+
+
+def test_static_state_lies_in_the_interval():
+    s = study()
+    bounds, found = s.wedge_friction(1000.0), s.contact_map(1000.0).normal_force
+    for name, low, high in zip(bounds.interfaces, bounds.lowest, bounds.highest):
+        assert low < found[name] < high
+
+
+def test_history_of_loads():
+    s = study(friction_coefficient=0.5)
+    up, down = s.static(400.0), s.static(1000.0, history=(0.2, 1.0, 0.4))
+    assert down.load == pytest.approx(400.0)
+    assert down.converged
+    assert down.residual < 1e-9
+    assert np.abs(down.force - up.force).max() > 1e-3 * up.force.max()
+    # from rest the state is proportional to the load, whatever the steps
+    again = s.static(1000.0, history=(0.1, 0.4))
+    np.testing.assert_allclose(again.force, up.force, atol=1e-7 * up.force.max())
+    # an overload changes what a tracking curve starts from
+    seated = study(friction_coefficient=0.5, load_history=(2.5, 1.0))
+    np.testing.assert_allclose(seated.static(400.0).force, down.force, atol=2e-2 * up.force.max())
+    assert seated.track(400.0, (280.0, 320.0)).complete
+
+
+@pytest.mark.parametrize(("mu", "locks"), [(0.1, False), (0.3, True)])
+def test_unloading_to_nothing(mu, locks):
+    """A steep wedge that slid in under load and locks itself keeps its normal force, one that does not lets go."""
+    model = wedge_model(n_points=6, alpha=0.25, beta=0.25)
+    s = bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraints=False)
+    assert s.wedge_friction().self_locking == locks
+    found = s.static(1000.0, history=(1.0, 0.0))
+    assert found.converged
+    assert found.load == 0.0
+    assert (found.force[:, 2].sum() > 10.0) == locks
+
+
+def test_reduced_state_agrees_with_the_certified_one():
+    """Static contact with residual modes against the condensed problem on the whole flexibility."""
+    for patterns, tolerance in ((12, 2e-3), ("all", 1e-8)):
+        s = study(contact_stiffness=bd.ResidualModes(patterns), constraints=False)
+        problem = static_contact_problem(s.coupling, s.friction, np.zeros(len(s.friction)))
+        certified = solve_static_contact(problem, (1000.0,))[0]
+        found = s.static(1000.0)
+        assert np.abs(found.force - certified.force).max() < tolerance * certified.force.max()
+
+
+def test_map_of_the_contact(tmp_path):
+    s = study()
+    contact = s.contact_map(1000.0)
+    assert sum(contact.normal_force.values()) == pytest.approx(s.static(1000.0).force[:, 2].sum())
+    np.testing.assert_allclose(contact.pressure * contact.area, contact.force[:, 2])
+    assert 0.0 < contact.contact_area["left"] <= s.model.interfaces["left"].area.sum()
+    assert contact.utilisation.max() <= 1.0 + 1e-9
+    assert (contact.distance[contact.status[:, 0] != 3] == 0.0).all()
+    assert "MPa" in str(contact)
+    contact.save(tmp_path / "map.h5")
+    again = bd.load_contact_map(tmp_path / "map.h5")
+    np.testing.assert_array_equal(again.force, contact.force)
+    assert again.interfaces == contact.interfaces
+    for quantity in ("pressure", "gap", "friction"):
+        assert contact.plot(quantity).axes
+
+
+def test_misfit_of_a_face():
+    face = bd.reference_model("bladed_disk", 9).interfaces["left"]
+    gap = bd.misfit(face, angle=1e-3)
+    along = np.einsum("ij,ij->i", face.points, face.frame[:, 0])
+    np.testing.assert_allclose(np.ptp(gap), np.tan(1e-3) * np.ptp(along), rtol=1e-12)
+    assert gap.min() == 0.0
+    crowned = bd.misfit(face, crowning=1e-6, axial_crowning=2e-6)
+    assert crowned.max() == pytest.approx(3e-6)
+    assert crowned[4] == pytest.approx(0.0, abs=1e-18)
+    with pytest.raises(SettingError, match=r"angle: expected .* <= 0\.1 rad"):
+        bd.misfit(face, angle=1.0)
+
+
+def test_a_misfit_shrinks_the_contact_and_closes_under_load():
+    model = bd.reference_model("bladed_disk", 9)
+    gap = {"left": bd.misfit(model.interfaces["left"], angle=2e-4)}
+    fit, bad = study(), study(gap=gap)
+    for load in (20.0, 2e5):
+        assert bad.static(load).converged
+    area = [s.contact_map(20.0).contact_area["left"] for s in (fit, bad)]
+    assert area[1] < area[0]
+    assert bad.contact_map(2e5).contact_area["left"] > area[1]
+
+
+@pytest.mark.parametrize("kind", [{"crowning": 1e-5}, {"crowning": 1e-5, "axial_crowning": 1e-5}, {"angle": 2e-4}])
+def test_line_contact_of_the_reduced_model(kind):
+    """Both faces crowned: the damper can turn about the line on which it sits until others touch."""
+    faces = bd.reference_model("bladed_disk", 9).interfaces
+    s = study(gap={name: bd.misfit(faces[name], **kind) for name in ("left", "right")}, constraints=False)
+    for history in ((1.0,), (0.1, 1.0, 0.2, 1.5)):
+        found = s.static(1000.0, history=history)
+        assert found.converged
+        assert found.residual < 1e-9
+        friction = 0.3 * found.force[:, 2:]
+        assert np.all(np.abs(found.force[:, :2]) <= friction + 1e-9 * found.force.max())
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"gap": {"nowhere": np.zeros(9)}}, "gap: expected interfaces"),
+        ({"gap": {"left": np.zeros(4)}}, "gap of 'left': expected 9"),
+        ({"load_history": (1.0, 0.5)}, "load_history: expected 1.0 at its end"),
+        ({"load_history": ()}, "load_history, load factors: expected a sequence of one or more finite numbers"),
+        ({"load_history": (-1.0, 1.0)}, "load_history, load factors: expected"),
+    ],
+)
+def test_bad_settings(settings, message):
+    with pytest.raises(SettingError, match=re.escape(message)):
+        study(**settings).static(10.0)
+
+
+def test_comparison_of_the_methods():
+    found = study().compare_stiffness()
+    assert set(found.stiffness) == {"residual_modes", "unit_traction", "eq4"}
+    assert found.literal_negative["left"].max() > 0.0
+    assert np.abs(found.frequencies["residual_modes"] / found.frequencies["unit_traction"] - 1.0).max() > 0.02
+    assert "taken literally" in str(found)
+    assert found.plot("eq4").axes
+    with pytest.raises(SettingError, match="method"):
+        found.plot("guess")
+
+
+class TestForcesOfTheUser:
+    """A static solution made from the condensed problem and written into the model, as from another program."""
+
+    @pytest.fixture
+    def parts(self):
+        s = study(constraints=False)
+        problem = static_contact_problem(s.coupling, s.friction, np.zeros(len(s.friction)))
+        solution = solve_static_contact(problem)[0]
+        turn = np.array([1.0, 1.0, -1.0])
+        static = {}
+        for name in s.coupling.interfaces:
+            rows = s.coupling.rows(name)
+            static[name] = StaticContact(
+                solution.force[rows] * turn, np.zeros((9, 3)), solution.motion[rows] * turn
+            )
+        return s, solution, static
+
+    def test_gives_what_the_condensed_problem_gives(self, parts):
+        s, solution, static = parts
+        model = replace(s.model, static=static)
+        given = bd.Study(model, bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4")
+        left_out = (s.coupling.residual_flexibility(0).real @ solution.force.ravel()).reshape(-1, 3)
+        for name, contact in given.stiffness.items():
+            rows = given.coupling.rows(name)
+            sure = ~contact.fallback
+            assert sure.any()
+            expected = solution.force[rows][sure] / left_out[rows][sure]
+            np.testing.assert_allclose(contact.stiffness[sure], expected, rtol=1e-6)
+
+    def test_out_of_balance_is_refused(self, parts):
+        s, _, static = parts
+        bad = {name: replace(c, force=1.1 * c.force) for name, c in static.items()}
+        with pytest.raises(ModelError, match=r"found a difference of 0\.1 times"):
+            bd.Study(
+                replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
+            ).static(1.0)
+
+    def test_displacements_of_another_model_are_refused(self, parts):
+        s, _, static = parts
+        bad = {name: replace(c, displacement_b=-4.0 * c.displacement_b) for name, c in static.items()}
+        with pytest.raises(ModelError, match="displacements of the model"):
+            bd.Study(
+                replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
+            ).static(1.0)
+
+
+def test_stiffness_per_area():
+    s = study(contact_stiffness=bd.PerArea((1e12, 2e12, 3e12)))
+    face = s.model.interfaces["left"]
+    np.testing.assert_allclose(s.stiffness["left"].stiffness, face.area[:, None] * [1e12, 2e12, 3e12])
+    same = contact_stiffness(s.coupling, {n: bd.PerArea(1e12) for n in s.coupling.interfaces}, s.friction)
+    np.testing.assert_allclose(same.stiffness["right"].stiffness[:, 2], 1e12 * s.model.interfaces["right"].area)

@@ -1,0 +1,135 @@
+"""Single decisions of the continuation on curves that are known in closed form."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bdamper.balance.system import NOT_CONVERGED, OK, Correction
+from bdamper.continuation.follower import ContinuationOptions, _Follower, follow
+
+
+class Equations:
+    """Equations in closed form, with Newton's method in scaled unknowns as the core has it."""
+
+    n_mean, n_unknowns, watched, n_harmonics, lets_go = 0, 1, (), 1, False
+
+    @property
+    def response_rows(self):
+        return np.zeros(0), np.ones(1)
+
+    def amplitudes(self, u, harmonic):
+        return np.asarray(u[self.n_mean :], complex)
+
+    def closing(self, u, direction):
+        return np.zeros(1), np.zeros(1)
+
+    def derivatives(self, y):
+        J = self.jacobian(y)
+        return J[:, :-1], J[:, -1]
+
+    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False):
+        y, n = np.array(y, float), self.n_unknowns
+        right = np.append(np.zeros(n), 1.0)
+        for iterations in range(max_iterations):
+            A = np.vstack([self.jacobian(y) * scale, normal])
+            r = self.residual(y)
+            if np.abs(r).max() <= tolerance:
+                t = np.linalg.solve(A, right)
+                t /= np.linalg.norm(t)
+                sign = int(np.sign(np.linalg.det(np.vstack([A[:n], t]))))
+                return Correction(OK, y, t, iterations, float(np.abs(r).max()), 1.0, 0, orientation=sign)
+            y = y - scale * np.linalg.solve(A, np.append(r, 0.0))
+        return Correction(NOT_CONVERGED, y, np.zeros(n + 1), max_iterations, np.inf, 0.0, 0)
+
+    def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
+        return self.correct(np.append(u, omega), np.eye(self.n_unknowns + 1)[-1], scale, tolerance, max_iterations)
+
+
+class Beside(Equations):
+    """Two curves, ``u = 2 - (omega - 10)^2/4`` and one above it that runs the other way: ``det J`` has the other sign."""
+
+    def __init__(self, gap):
+        self.gap = gap
+
+    def lower(self, omega):
+        return 2.0 - 0.25 * (omega - 10.0) ** 2
+
+    def residual(self, y):
+        d = y[0] - self.lower(y[1])
+        return np.array([d * (d - self.gap)])
+
+    def jacobian(self, y):
+        d = y[0] - self.lower(y[1])
+        by_d = 2.0 * d - self.gap
+        return np.array([[by_d, by_d * 0.5 * (y[1] - 10.0)]])
+
+
+def test_a_part_of_the_curve_that_runs_the_other_way_is_refused():
+    """The step along the tangent ends right on it: near the prediction, in the same direction, and not the same curve."""
+    step = 0.1
+    system = Beside(0.25 * step**2)
+    start = np.array([2.0, 10.0])
+    follower = _Follower(system, (9.0, 11.0), ContinuationOptions(), None)
+    scale = follower.scale_at(start)
+    assert scale[-1] == 1.0
+    first = system.correct_at(start[:-1], 10.0, scale, 1e-12, 5)
+    follower.sign = first.orientation
+    found, why = follower.try_step(start, first.tangent, scale, step)
+    assert found.status == OK
+    assert found.orientation == -first.orientation
+    assert why == "orientation of the curve changed"
+    # without a sense of the curve it is taken
+    follower.sign = 0
+    assert follower.try_step(start, first.tangent, scale, step)[1] == ""
+
+
+class FarAtTheEnd(Equations):
+    """A straight line, and at fixed frequency a solution elsewhere."""
+
+    def __init__(self, distance):
+        self.distance = distance
+
+    def residual(self, y):
+        return np.array([y[0] - 1.0])
+
+    def jacobian(self, y):
+        return np.array([[1.0, 0.0]])
+
+    def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
+        c = super().correct_at(u, omega, scale, tolerance, max_iterations)
+        return c if omega < 11.0 else replace(c, y=c.y + [self.distance, 0.0])
+
+
+@pytest.mark.parametrize(("distance", "ends"), [(0.9, True), (1.1, False)])
+def test_the_end_of_the_interval_is_where_the_curve_leads(distance, ends):
+    """A solution at the last frequency, farther off than the vibration is large, is no end of this curve."""
+    path = follow(FarAtTheEnd(distance), np.array([1.0, 9.0]), (9.0, 11.0))
+    assert (path.status == "complete") == ends
+    assert (path.points[-1].y[-1] == 11.0) == ends
+    if not ends:
+        assert path.status == "stalled"
+        assert "no solution at" in path.reason
+
+
+class Walks(Equations):
+    """``u = 1``, ``omega = 2 - exp(-m)``: the mean m moves without bound while the frequency stays."""
+
+    n_mean, n_unknowns = 1, 2
+
+    def residual(self, y):
+        return np.array([y[2] - 2.0 + np.exp(-y[0]), y[1] - 1.0])
+
+    def jacobian(self, y):
+        return np.array([[-np.exp(-y[0]), 0.0, 1.0], [0.0, 1.0, 0.0]])
+
+
+def test_a_walk_without_end_is_left_a_million_vibrations_away():
+    path = follow(Walks(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    assert path.status == "walked off"
+    assert "moves without bound" in path.reason
+    away = np.array([abs(p.y[0]) for p in path.points])
+    assert away[-1] > 1e6
+    assert away[-2] <= 1e6
+    assert path.points[-1].kind == "walk"
+    assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)

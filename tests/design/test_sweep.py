@@ -1,0 +1,426 @@
+"""Sweeps on any executor, results files that survive being killed, samples and percentiles."""
+
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import bdamper as bd
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.design.sweep import OptimalTask, PeakTask, study_fingerprint
+from bdamper.peaks import scan as peakscan
+from bdamper.peaks.optimal import highest_peak, optimal_curve
+from tests.models import ground_model, wedge_model
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model(contact_points=9)
+    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+
+
+MPI_SCRIPT = """
+import json
+from mpi4py.futures import MPIPoolExecutor
+import bdamper as bd
+
+if __name__ == "__main__":
+    model = bd.reference_model(contact_points=9)
+    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    with MPIPoolExecutor() as pool:
+        print(json.dumps(bd.sweep(study, over={over}, frequency={interval}, executor=pool).values))
+"""
+OVER = {"friction_coefficient": [0.2, 0.3, 0.5], "preload": [800.0, 2000.0]}
+
+
+@pytest.fixture(scope="module")
+def serial(study):
+    return bd.sweep(study, over=OVER, frequency=INTERVAL)
+
+
+def answers(result):
+    return json.dumps(result.values)
+
+
+def residual_norm(study, preload):
+    """A quick question: size of the residual at rest."""
+    system = study.system(preload)
+    r, _, _ = system.evaluate(np.full(system.n_unknowns, 1e-7), 2000.0)
+    return {"norm": float(np.linalg.norm(r)), "list": [float(r[0]), float(r[-1])]}
+
+
+def slow_question(study, preload):
+    time.sleep(0.004)
+    return {"value": study.friction_coefficient * preload, "note": "x" * 200}
+
+
+def thinner(alpha=0.8, seed=0):
+    return wedge_model(seed=seed, alpha=alpha, beta=alpha)
+
+
+class TestAnswers:
+    def test_each_point_is_what_the_study_gives_alone(self, study, serial):
+        assert serial.complete
+        assert serial.shape == (3, 2)
+        amplitude = serial.array("amplitude")
+        for i, mu in enumerate(OVER["friction_coefficient"]):
+            for j, p in enumerate(OVER["preload"]):
+                alone = highest_peak(replace(study, friction_coefficient=mu), p, INTERVAL)
+                assert amplitude[i, j] == pytest.approx(alone.amplitude, rel=1e-12)
+
+    def test_threads_and_processes_give_the_same(self, study, serial):
+        with ThreadPoolExecutor(2) as pool:
+            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+        with ProcessPoolExecutor(2) as pool:
+            assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
+
+    def test_dask_gives_the_same(self, study, serial):
+        distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
+        with (
+            distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster,
+            distributed.Client(cluster) as client,
+        ):
+            result = bd.sweep(study, over=OVER, frequency=INTERVAL, executor=client.get_executor())
+        assert answers(result) == answers(serial)
+
+    def test_mpi_gives_the_same(self, serial, tmp_path):
+        """Under mpiexec, the way in which mpi4py's executor works everywhere."""
+        pytest.importorskip("mpi4py", reason="mpi4py is not installed")
+        mpiexec = shutil.which("mpiexec", path=f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}")
+        if mpiexec is None:
+            pytest.skip("mpiexec is not installed")
+        script = tmp_path / "on_mpi.py"
+        script.write_text(MPI_SCRIPT.format(over=OVER, interval=INTERVAL))
+        command = [mpiexec, "-n", "2", sys.executable, "-m", "mpi4py.futures", str(script)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+        if done.returncode != 0 and "bdamper" not in done.stderr:
+            pytest.skip(f"mpiexec does not run here: {done.stderr[-200:]}")
+        assert json.loads(done.stdout) == json.loads(answers(serial)), done.stderr
+
+    def test_model_factory_and_factors(self):
+        study = bd.Study(thinner(), excitation=bd.Excitation("tip"), engine_order=2)
+        over = {"model.alpha": [0.7, 0.8], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
+        result = bd.sweep(study, over=over, evaluate=residual_norm, model=thinner)
+        assert result.complete, result.status
+        direct = replace(study, model=thinner(alpha=0.7))
+        assert result.array("norm")[0, 0, 0] == residual_norm(direct, 100.0)["norm"]
+        assert len(np.unique(result.array("norm"))) == 4
+        assert result.array("list").shape == (2, 2, 1, 2)
+
+    def test_a_point_without_an_answer_is_marked(self, study):
+        result = bd.sweep(study, over={"preload": [1000.0, -1.0]}, frequency=INTERVAL)
+        assert result.status[0] == "done"
+        assert result.status[1].startswith("failed: preload: expected")
+        assert np.isnan(result.array("amplitude")[1])
+        assert not result.complete
+        assert "1 failed" in str(result)
+
+    def test_save_load_print_and_plot(self, serial, tmp_path):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        serial.save(tmp_path / "sweep.h5")
+        again = bd.load_sweep(tmp_path / "sweep.h5")
+        assert answers(again) == answers(serial)
+        assert again.points == serial.points
+        assert again.settings == serial.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == serial.model_hash != ""
+        assert np.array_equal(again.seconds, serial.seconds)
+        assert again.cost == serial.cost
+        assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
+        assert "6 points" in str(serial)
+        assert len(serial.plot("amplitude").lines) == 3
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"over": {}}, "over: expected"),
+            ({"over": {"preload": []}}, "at least one value"),
+            ({"over": {"preload": "abc"}}, "sequence"),
+            ({"over": {"colour": [1]}}, "expected one of .* found 'colour'"),
+            ({"over": {"model.alpha": [1]}}, "model factory"),
+            ({"over": {"friction_coefficient": [0.1]}}, "preload: expected a number"),
+            ({"over": {"preload": [1.0]}, "combine": "all"}, "combine"),
+            ({"over": {"preload": [1.0], "friction_coefficient": [0.1, 0.2]}, "combine": "zip"}, "as many values"),
+            ({"over": {"preload": [1.0]}, "evaluate": residual_norm, "frequency": INTERVAL}, "together with evaluate"),
+        ],
+    )
+    def test_bad_input(self, study, arguments, message):
+        with pytest.raises(bd.SettingError, match=message):
+            bd.sweep(study, **arguments)
+
+
+class TestResultsFile:
+    over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}  # noqa: RUF012
+
+    def run(self, study, path, **more):
+        return bd.sweep(study, over=self.over, evaluate=slow_question, results=path, **more)
+
+    def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
+        """20 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
+        assert hasattr(os, "fork")
+        begin = time.monotonic()
+        quiet = answers(self.run(study, tmp_path / "quiet.jsonl"))
+        span = time.monotonic() - begin
+        path = tmp_path / "killed.jsonl"
+        rng = random.Random(1)
+        finished = 0
+        for _ in range(20):
+            child = os.fork()
+            if child == 0:
+                try:
+                    self.run(study, path)
+                finally:
+                    os._exit(0)
+            time.sleep(rng.uniform(0.0, 0.7 * span))
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
+            indices = [json.loads(line)["index"] for line in lines]
+            assert len(set(indices)) == len(indices)  # nothing computed twice
+            assert len(indices) >= finished
+            finished = len(indices)
+        assert finished > 0
+        assert answers(self.run(study, path)) == quiet
+        # and a run of a finished file computes nothing
+        before = path.read_bytes()
+        assert answers(self.run(study, path)) == quiet
+        assert path.read_bytes() == before
+
+    def test_torn_last_line_at_every_length(self, study, tmp_path):
+        """The file may end anywhere."""
+        path = tmp_path / "r.jsonl"
+        full = self.run(study, path)
+        content = path.read_bytes()
+        starts = [0, *[i + 1 for i, c in enumerate(content) if c == 10]]
+        for cut in [0, 5, starts[1] - 1, starts[1], starts[1] + 1, starts[2] - 1, len(content) - 1, len(content) - 30]:
+            path.write_bytes(content[:cut])
+            assert answers(self.run(study, path)) == answers(full), cut
+            assert answers(self.run(study, path)) == answers(full), cut  # and the mended file reads well
+            assert path.read_bytes().startswith(content[: starts[1]])
+
+    def test_on_workers(self, study, tmp_path):
+        path = tmp_path / "r.jsonl"
+        with ThreadPoolExecutor(2) as pool:
+            first = self.run(study, path, executor=pool)
+        assert answers(first) == answers(self.run(study, path))
+
+    def test_file_of_another_study_is_refused(self, study, tmp_path):
+        path = tmp_path / "r.jsonl"
+        self.run(study, path)
+        content = path.read_bytes()
+        with pytest.raises(bd.BdamperError, match="another one: study"):
+            self.run(replace(study, engine_order=60), path)
+        with pytest.raises(bd.BdamperError, match="another one: over"):
+            bd.sweep(study, over={"preload": [1.0]}, evaluate=slow_question, results=path)
+        with pytest.raises(bd.BdamperError, match="another one: evaluate"):
+            bd.sweep(study, over=self.over, evaluate=residual_norm, results=path)
+        assert path.read_bytes() == content
+
+    def test_something_else_is_refused_and_left_alone(self, study, tmp_path):
+        for text in (b"notes of mine\n", b"notes", b'{"format": "other"}\n'):
+            path = tmp_path / "notes.txt"
+            path.write_bytes(text)
+            with pytest.raises(bd.BdamperError, match="something else"):
+                self.run(study, path)
+            assert path.read_bytes() == text
+
+    def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
+        from bdamper.design.sweep import ResultsFile
+
+        header = {"format": "bdamper-sweep-results"}
+        first = ResultsFile(tmp_path / "r.jsonl", header)
+        with pytest.raises(bd.BdamperError, match="another run"):
+            ResultsFile(tmp_path / "r.jsonl", header)
+        first.close()
+        ResultsFile(tmp_path / "r.jsonl", header).close()
+
+    def test_fingerprint_sees_every_setting(self, study):
+        base = study_fingerprint(study)
+        others = [
+            replace(study, friction_coefficient=0.31),
+            replace(study, harmonics=3),
+            replace(study, excitation=replace(study.excitation, amplitude=2.0)),
+            replace(study, contact_stiffness=1e7),
+            replace(study, evaluation=bd.Sampled(64)),
+            replace(study, model=bd.reference_model(contact_points=24)),
+        ]
+        prints = [study_fingerprint(s) for s in others]
+        assert len({base, *prints}) == len(prints) + 1
+        assert study_fingerprint(replace(study)) == base
+
+
+DISTRIBUTIONS = {"friction_coefficient": stats.uniform(0.2, 0.2), "damping_factor": stats.lognorm(0.1)}
+
+
+@pytest.fixture(scope="module")
+def samples():
+    return bd.draw(DISTRIBUTIONS, 8, seed=3)
+
+
+@pytest.fixture(scope="module")
+def curve(study, samples):
+    return bd.uncertain_curve(study, samples, (200.0, 10e3), 8, frequency=INTERVAL)
+
+
+class TestWarnings:
+    """What an answer leaves open reaches the result of a sweep, and what is made of sweeps."""
+
+    @pytest.fixture
+    def short(self, monkeypatch):
+        """Scans that stop early."""
+        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, searches=0, max_points=50)
+        monkeypatch.setattr(peakscan, "coarse_options", lambda: options)
+
+    def test_a_peak_of_an_incomplete_scan(self, study, short):
+        wide = (200.0, 1200.0)
+        peak = study.peak(3000.0, wide)
+        assert peak.scan.startswith("incomplete")
+        result = bd.sweep(study, {"preload": [3000.0]}, frequency=wide)
+        assert result.complete
+        assert result.array("scan").tolist() == [peak.scan]
+        assert result.warnings == (f"scan {peak.scan}",)
+        assert "0 failed, 1 with a warning" in str(result)
+        assert f"first warning: scan {peak.scan}" in str(result)
+
+    def test_none_of_a_whole_scan(self, serial):
+        assert set(serial.array("scan").ravel()) == {"complete"}
+        assert serial.warnings == ("",) * len(serial)
+        assert "0 with a warning" in str(serial)
+
+    def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
+        whole = optimal_curve
+
+        def coarse(*args, **options):
+            curve = whole(*args, **options)
+            coarse_optimum = replace(curve.optimum, status="bracket not narrowed further", uncertainty=0.1)
+            return replace(curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:]))
+
+        monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", coarse)
+        samples = {"friction_coefficient": [0.3]}
+        result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
+        assert result.values[0]["optimum_status"] == "bracket not narrowed further"
+        assert result.values[0]["optimum_uncertainty"] == 0.1
+        expected = "500 N: scan incomplete (lost); optimum to a relative 0.1: bracket not narrowed further"
+        assert result.warnings == (expected,)
+        curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
+        assert curve.warnings == (expected,)
+        assert "1 draws with a warning" in str(curve)
+        curve.save(tmp_path / "curve.h5")
+        assert bd.load_uncertain_curve(tmp_path / "curve.h5").warnings == (expected,)
+        robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
+        assert robust.warnings == 1
+
+
+class TestUncertainty:
+
+    @pytest.mark.parametrize("method", ["sobol", "latin", "random"])
+    def test_draws_follow_their_distributions(self, method):
+        samples = bd.draw(DISTRIBUTIONS, 1024, method=method, seed=1)
+        for name, distribution in DISTRIBUTIONS.items():
+            assert stats.kstest(samples[name], distribution.cdf).pvalue > 1e-3
+        again = bd.draw(DISTRIBUTIONS, 1024, method=method, seed=1)
+        assert np.array_equal(samples["damping_factor"], again["damping_factor"])
+
+    def test_sobol_means_converge_faster_than_random_ones(self):
+        error = {m: [] for m in ("sobol", "random")}
+        for method, list_ in error.items():
+            for seed in range(20):
+                x = bd.draw({"x": stats.norm(0, 1)}, 256, method=method, seed=seed)["x"]
+                list_.append(np.mean(x**2) - 1.0)
+        assert np.std(error["sobol"]) < 0.2 * np.std(error["random"])
+
+    def test_every_draw_is_its_own_optimal_curve(self, study, samples, curve):
+        from bdamper.problem.variation import vary
+
+        own = vary(study, {name: float(v[2]) for name, v in samples.items()})
+        alone = own.optimal_curve((200.0, 10e3), 8, frequency=INTERVAL)
+        assert curve.amplitude[2] == pytest.approx(alone.amplitude, rel=1e-9)
+        assert curve.frequency[2] == pytest.approx(alone.frequency, rel=1e-9)
+
+    def test_percentiles_are_ordered_and_reach_the_extremes(self, curve):
+        low, mid, high = curve.percentile([5.0, 50.0, 95.0])
+        assert np.all(low < mid)
+        assert np.all(mid < high)
+        assert curve.percentile(0.0) == pytest.approx(curve.amplitude.min(axis=0))
+        assert curve.percentile(100.0) == pytest.approx(curve.amplitude.max(axis=0))
+
+    def test_save_load_print_and_plot(self, curve, tmp_path):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        curve.save(tmp_path / "u.h5")
+        again = bd.load_uncertain_curve(tmp_path / "u.h5")
+        assert np.array_equal(again.amplitude, curve.amplitude)
+        assert list(again.samples) == list(curve.samples)
+        assert again.settings == curve.settings and again.settings["engine_order"] == 5
+        assert again.model_hash == curve.model_hash != ""
+        assert "8 draws" in str(curve)
+        curve.plot()
+        curve.plot(quantity="frequency")
+
+    def test_robust_optimum_of_one_draw_is_the_optimum(self, study):
+        """A sample of equal draws has the optimum of the study itself."""
+        plain = study.optimum((25.0, 60.0), 5, frequency=INTERVAL)
+        same = {"friction_coefficient": [0.3, 0.3]}
+        found = bd.robust_optimum(study, same, (25.0, 60.0), n=8, tolerance=1e-2, frequency=INTERVAL)
+        assert found.kind == "interior"
+        assert found.preload == pytest.approx(plain.preload, rel=2e-2)
+        assert found.amplitude == pytest.approx(plain.amplitude, rel=1e-3)
+
+    def test_robust_optimum_bounds_a_spread_of_friction(self, study):
+        """Friction and preload act nearly as a product, so the robust preload lies between the two extremes' optima."""
+        spread = {"friction_coefficient": [0.25, 0.3, 0.35]}
+        found = bd.robust_optimum(
+            study, spread, (20.0, 70.0), percentile=100.0, n=7, tolerance=0.05, frequency=INTERVAL
+        )  # fmt: skip
+        worst = bd.uncertain_curve(study, spread, [0.9 * found.preload, found.preload, 1.1 * found.preload],
+                                   frequency=INTERVAL).percentile(100.0)  # fmt: skip
+        assert worst[1] == pytest.approx(found.amplitude, rel=1e-9)
+        assert worst[1] <= min(worst[0], worst[2])
+
+    @pytest.mark.parametrize(
+        ("call", "message"),
+        [
+            (lambda s: bd.draw({}, 8), "distributions: expected"),
+            (lambda s: bd.draw({"x": 3}, 8), "one of scipy.stats"),
+            (lambda s: bd.draw({"x": stats.norm()}, 7), "power of two"),
+            (lambda s: bd.draw({"x": stats.norm()}, 8, method="grid"), "method"),
+            (lambda s: bd.uncertain_curve(s, {"preload": [1.0]}), "other than the preload"),
+            (lambda s: bd.robust_optimum(s, {"friction_coefficient": [0.3]}, percentile=101), "percentile"),
+        ],
+    )
+    def test_bad_input(self, study, call, message):
+        with pytest.raises(bd.SettingError, match=message):
+            call(study)
+
+
+def test_models_without_a_loaded_body_say_so():
+    study = bd.Study(ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6)
+    with pytest.raises(bd.SettingError, match="carries a load"):
+        study.optimal_curve()
+    assert PeakTask(0.0) == PeakTask(0.0)
+    result = bd.sweep(study, over={"friction_coefficient": [0.1]}, evaluate=OptimalTask())
+    assert result.status[0].startswith("failed: optimal_curve: expected a model with a body that carries a load")
+
+
+def test_answers_do_not_depend_on_order(study):
+    """To the last bit, also where only the preload varies and all points share one study."""
+    loads = [5000.0, 700.0, 1500.0]
+    fresh = replace(study)
+    first = bd.sweep(fresh, over={"preload": loads}, frequency=INTERVAL)
+    again = bd.sweep(replace(study), over={"preload": loads[::-1]}, frequency=INTERVAL)
+    assert first.values == again.values[::-1]

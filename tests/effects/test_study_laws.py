@@ -1,0 +1,202 @@
+"""Friction laws as settings of a study."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import h5py
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.balance.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, PointArrays
+from bdamper.contact.friction_axes import major_angles, turned
+from bdamper.contact.static import STICK
+from tests.models import acyclic_model, wedge_model
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return bd.Study(
+        bd.reference_model("bladed_disk", 9),
+        engine_order=5,
+        friction_coefficient=0.4,
+        excitation=bd.Excitation("tip"),
+    )
+
+
+def test_law_of_each_point(study):
+    friction = study._friction_points
+    for settings, law in (
+        ({"friction_law": "coupled", "evaluation": bd.Sampled(64)}, LAW_COUPLED),
+        ({"friction_law": "bonded"}, LAW_BONDED),
+        ({"friction_law": "constant_normal_load"}, LAW_CONSTANT),
+        ({"friction_law": "coupled", "evaluation": bd.Sampled(64), "variable_normal_load": False}, LAW_COUPLED_CONSTANT),
+    ):
+        points = replace(study, **settings).system(200.0).points
+        assert set(points.law[: friction.sum()]) == {law}
+        assert set(points.law[friction.sum() :]) <= {LAW_NORMAL}
+    assert not replace(study, friction_law="constant_normal_load").variable_normal_load
+
+
+def test_a_law_for_each_interface(study):
+    faces = [name for name, face in study.model.interfaces.items() if face.kind == "friction"]
+    mixed = replace(study, friction_law={faces[0]: "bonded", faces[1]: "separable"})
+    law = mixed.system(200.0).points.law
+    assert (law[mixed.coupling.rows(faces[0])] == LAW_BONDED).all()
+    assert (law[mixed.coupling.rows(faces[1])] != LAW_BONDED).all()
+    assert mixed.track(200.0, INTERVAL).complete
+
+
+def test_bonded_points_have_no_gap(study):
+    face = next(name for name, face in study.model.interfaces.items() if face.kind == "friction")
+    gap = {face: np.where(np.arange(9) == 3, 2e-6, 0.0)}
+    with pytest.raises(bd.SettingError, match=rf"^gap of '{face}': expected none under friction_law=.* found 2e-06 m"):
+        replace(study, friction_law="bonded", gap=gap)
+    assert replace(study, gap=gap)._gap[3] == 2e-6
+    assert replace(study, friction_law="bonded", gap={face: np.zeros(9)})._gap[3] == 0.0
+
+
+def test_bonded_points_give_the_stuck_response(study):
+    bonded, stuck = replace(study, friction_law="bonded").track(50.0, INTERVAL), study.stuck(INTERVAL)
+    assert bonded.complete
+    assert bonded.shares[:, 0].min() > 0.999
+    assert bonded.peak.amplitude == pytest.approx(stuck.peak.amplitude, rel=1e-4)
+    assert bonded.peak.frequency == pytest.approx(stuck.peak.frequency, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "model",
+    [acyclic_model(4), acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0), wedge_model(3), wedge_model(9)],
+    ids=["damper modes", "acyclic", "wedge 3", "wedge 9"],
+)
+def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
+    """Statics, solved as one linear system: the wedge pulls at points where it would open, and nothing slips."""
+    study = bd.Study(
+        model,
+        bd.Excitation("tip", "tangential", 40.0),
+        engine_order=2 if model.n_blades > 1 else 0,
+        contact_stiffness="model",
+        damping_ratio=0.02,
+        friction_law="bonded",
+        constraints=False,
+    )
+    load = 2000.0
+    state = study.static(load)
+    assert state.converged
+    basis, (force, shift) = study._static_basis, study._load
+    G = basis.G.real.reshape(-1, basis.n_modes)
+    k = np.concatenate([study._kt, study._k[:, 2:]], axis=1).ravel()
+    K = np.diag(basis.omega2) + G.T @ (k[:, None] * G)
+    q = np.linalg.solve(K, load * (force - G.T @ (k * shift.ravel())))
+    springs = (k * (G @ q + load * shift.ravel())).reshape(-1, 3)
+    np.testing.assert_allclose(state.force, springs, atol=1e-8 * np.abs(springs).max())
+    assert springs[:, 2].min() < 0.0
+    assert (state.status == STICK).all()
+    assert study.self_locking == ()
+    curve = study.track(load, (250.0, 400.0))
+    assert curve.complete
+    assert curve.shares[:, 0].min() > 0.999
+
+
+def test_comparison_of_laws(study, tmp_path):
+    """At high preload nothing slips, and all laws agree; at a low one they differ, most of all from constant load."""
+    laws = ("separable", "major", "constant_normal_load", "coupled")
+    low = study.compare_laws(200.0, INTERVAL, laws)
+    assert all(curve.complete for curve in low.curves)
+    assert abs(low.difference("separable")) < 0.05
+    assert abs(low.difference("constant_normal_load")) > 0.1
+    assert low.difference("coupled") == 0.0
+    assert "coupled" in str(low)
+    low.save(tmp_path / "laws.h5")
+    with h5py.File(tmp_path / "laws.h5") as file:
+        assert {law: json.loads(file[law].attrs["settings"])["friction_law"] for law in laws} == {
+            "separable": "separable", "major": "separable", "constant_normal_load": "separable", "coupled": "coupled"
+        }  # fmt: skip
+        assert file["major"].attrs["preload"] == 200.0
+    high = replace(study, damping_ratio=0.02).compare_laws(50000.0, INTERVAL, laws)
+    # turned axes leave out what couples them, so "major" is another linear structure
+    for law in ("separable", "constant_normal_load"):
+        assert abs(high.difference(law)) < 1e-3
+
+
+def test_residual_traction_bounds_the_normal_load(study):
+    """Friction that carries as much of the load as it can leaves the lowest normal loads, and the other way round."""
+    sums = {}
+    for end in ("lower", "static", "upper"):
+        this = replace(study, residual_traction=end)
+        curve = this.track(2000.0, (250.0, 260.0))
+        assert curve.complete
+        _, force, share = this.system(2000.0).contact(curve.unknowns[0])
+        sums[end] = force[:18, 2, 0].sum()
+        assert share[:18, 1].max() == 0.0, "a point slips: the interval is empty"
+    assert sums["lower"] <= sums["static"] * (1 + 1e-6)
+    assert sums["static"] < 0.99 * sums["upper"]
+    interval = study.system(2000.0).slider_interval(curve.unknowns[0])
+    widths = interval[:18, 0, 1] - interval[:18, 0, 0]
+    assert (widths > 0).all()
+
+
+class TestMajorAxes:
+    def test_angles_of_known_ellipses(self):
+        a = np.array([0.3, -1.2, np.pi / 2, 0.0])
+        turn = np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]])
+        motion = np.einsum("dcp,c->pd", turn, np.array([2.0, 0.5j])) * np.exp(0.7j)
+        np.testing.assert_allclose(np.mod(major_angles(motion), np.pi), np.mod(a, np.pi), atol=1e-12)
+        assert major_angles(np.array([[1.0, 1j], [0.0, 0.0]]))[1] == 0.0
+
+    def test_turning_keeps_motion_and_isotropic_stiffness(self, study):
+        system = study.system(200.0)
+        angles = np.linspace(-1, 1, system.n_points)
+        points = replace(system.points, kt=np.ones((system.n_points, 2)))
+        bases, new = turned(study.bases, points, angles)
+        assert isinstance(new, PointArrays)
+        np.testing.assert_allclose(new.kt, 1.0)
+        size = [np.linalg.norm(b.G[:, :2], axis=1) for b in (bases[1], study.bases[1])]
+        np.testing.assert_allclose(*size)
+        back, _ = turned(bases, new, -angles)
+        np.testing.assert_allclose(back[1].G, study.bases[1].G, atol=1e-12)
+
+    def test_stuck_motion_is_along_the_major_axes(self, study):
+        major = replace(study, friction_axes="major", major_frequency=350.0)
+        angles = major.major_directions(500.0)
+        springs = study._stuck_springs(study.static(500.0))
+        linear = study.system(500.0).linear_response(2 * np.pi * 350.0, springs)
+        bases, _ = turned(study.bases, study.system(500.0).points, angles)
+        u = bases[1].G[:, :2] @ linear
+        assert (np.abs(u[:, 0]) >= np.abs(u[:, 1])).all()
+        np.testing.assert_allclose((u[:, 0] * u[:, 1].conj()).real, 0.0, atol=1e-9 * np.abs(u).max() ** 2)
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"friction_law": "viscous"}, r"friction_law: expected one of .* found 'viscous'"),
+        ({"friction_law": {"nowhere": "bonded"}}, r"friction_law: expected one of .* for each interface"),
+        ({"friction_law": "coupled"}, r"evaluation: expected Sampled\(n_time\) with friction_law"),
+        ({"friction_axes": "minor"}, r"friction_axes: expected"),
+        ({"major_frequency": -1.0}, r"major_frequency: expected"),
+        ({"residual_traction": "middle"}, r"residual_traction: expected"),
+        (
+            {"friction_law": "coupled", "evaluation": bd.Sampled(64), "residual_traction": "lower"},
+            r"residual_traction: expected .* with coupled friction",
+        ),
+    ],
+)
+def test_wrong_settings_are_named(study, settings, message):
+    with pytest.raises(bd.SettingError, match=message):
+        replace(study, **settings)
+
+
+@pytest.mark.parametrize("n_time", [7, -1, 64.5, True, "many"])
+def test_wrong_numbers_of_samples(n_time):
+    with pytest.raises(bd.SettingError, match="n_time: expected"):
+        bd.Sampled(n_time)
+
+
+def test_unknown_laws_cannot_be_compared(study):
+    with pytest.raises(bd.SettingError, match="laws: expected"):
+        study.compare_laws(100.0, INTERVAL, ("separable", "none"))

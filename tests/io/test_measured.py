@@ -1,0 +1,86 @@
+"""Measured points: the loader and the goodness of fit."""
+
+import numpy as np
+import pytest
+
+from bdamper.io.measured import Measured, goodness_of_fit, load_measured
+from bdamper.util.errors import BdamperError
+
+
+def write(tmp_path, text):
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    return path
+
+
+def test_points_are_read(tmp_path):
+    points = load_measured(write(tmp_path, "# rig\nLoad, frequency,amplitude\n0, 280, 2\n\n100, 300,\n50,290, 1.0\n"))
+    assert points.load.tolist() == [0.0, 100.0, 50.0]
+    assert np.isnan(points.amplitude[1])
+    load, shift = points.normalised("frequency")
+    assert load.tolist() == [50.0, 100.0] and shift == pytest.approx([290 / 280, 300 / 280])
+    load, amplitude = points.normalised("amplitude")
+    assert load.tolist() == [50.0] and amplitude == pytest.approx([0.5])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found nothing"),
+        ("force,amplitude\n1,2\n", "line 1: expected the columns"),
+        ("load,amplitude\n1,2\n2,x\n", "line 3: expected a finite number of at least 0 in column 'amplitude', found 'x'"),
+        ("load,amplitude\n-1,2\n", "line 2: expected a finite number of at least 0 in column 'load', found '-1'"),
+        ("load,amplitude\n,2\n", "line 2: expected a finite number of at least 0 in column 'load', found ''"),
+        ("load,amplitude\n1,-2\n", "line 2: expected .* in column 'amplitude', found '-2'"),
+        ("load,amplitude\n1,inf\n", "line 2: expected .* in column 'amplitude', found 'inf'"),
+        ("load,amplitude\n10,0,5\n", "line 2: expected 2 values separated by commas, .*, found 3: '10,0,5'"),
+        ("load,amplitude\n", "expected rows of numbers after the header, found none"),
+    ],
+)
+def test_bad_files_are_named(tmp_path, text, message):
+    with pytest.raises(BdamperError, match=message):
+        load_measured(write(tmp_path, text))
+
+
+def test_a_byte_order_mark_is_no_part_of_the_header(tmp_path):
+    path = tmp_path / "points.csv"
+    path.write_bytes("load,amplitude\n0,2\n10,1\n".encode("utf-8-sig"))
+    assert load_measured(path).load.tolist() == [0.0, 10.0]
+
+
+@pytest.mark.parametrize("encoding", ["latin-1", "utf-16"])
+def test_other_encodings_are_named(tmp_path, encoding):
+    path = tmp_path / "points.csv"
+    path.write_bytes("# Prüfstand\nload,amplitude\n0,2\n".encode(encoding))
+    with pytest.raises(BdamperError, match=r"points\.csv: expected text in UTF-8, found another encoding"):
+        load_measured(path)
+
+
+def test_a_reference_of_zero_is_named():
+    points = Measured(np.array([0.0, 1.0]), np.array([0.0, 1.0]), np.ones(2), "rig")
+    with pytest.raises(BdamperError, match="rig: expected a reference amplitude above 0 at the least load, 0, found 0"):
+        points.normalised("amplitude")
+    with pytest.raises(BdamperError, match="quantity: expected one of"):
+        points.normalised("phase")
+
+
+def test_missing_quantity_is_named():
+    with pytest.raises(BdamperError, match="expected a measured amplitude, found none"):
+        Measured(np.ones(2), np.full(2, np.nan), np.ones(2)).normalised("amplitude")
+
+
+def test_goodness_of_fit_in_closed_form():
+    load = np.geomspace(1.0, 100.0, 3)  # 1, 10, 100
+    predicted = np.array([1.0, 2.0, 3.0])  # linear in the logarithm
+    at = np.array([1.0, np.sqrt(10.0), 10.0, 1000.0])
+    measured = np.array([1.25, 1.5, 1.6, 1.0])
+    fit = goodness_of_fit(load, predicted, at, measured)
+    deviation = np.array([1.0 / 1.25, 1.0, 2.0 / 1.6]) - 1.0
+    assert (fit.points, fit.outside) == (3, 1)
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(deviation**2)))
+    assert fit.bias == pytest.approx(deviation.mean())
+    assert fit.largest == pytest.approx(0.25)
+    rest, spread = 0.25**2 + 0.4**2, np.sum((measured[:3] - measured[:3].mean()) ** 2)
+    assert fit.r_squared == pytest.approx(1.0 - rest / spread)
+    with pytest.raises(BdamperError, match="expected measured loads between 1 and 100"):
+        goodness_of_fit(load, predicted, np.array([1e4]), np.array([1.0]))

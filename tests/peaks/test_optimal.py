@@ -1,0 +1,520 @@
+"""Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.balance.system import CostMeter
+from bdamper.continuation.follower import _Follower, follow
+from bdamper.peaks.follower import PeakFollower, follow_peak
+from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
+from bdamper.peaks.optimal import (
+    PARAMETERS,
+    linear_peak,
+    load_optimal_curve,
+    peaks_at,
+    resonance_interval,
+    setting_family,
+    setting_value,
+)
+from bdamper.peaks.peak_set import Branch, PeakSet
+from bdamper.peaks.scan import scan_from, solution_near
+from bdamper.problem.variation import vary
+from bdamper.util.errors import SettingError
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model(contact_points=9)
+    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def result(study):
+    return study.optimal_curve((150.0, 20e3), 14, frequency=INTERVAL)
+
+
+@pytest.fixture(scope="module")
+def peak(study):
+    return study.peak(1000.0, INTERVAL)
+
+
+class TestOptimalCurve:
+    def test_agrees_with_tracking_curves(self, study, result):
+        assert result.complete
+        for p, a, f in zip(result.preload, result.amplitude, result.frequency):
+            curve = study.track(p, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10))
+            assert curve.complete
+            assert a == pytest.approx(curve.peak.amplitude, rel=1e-6)
+            assert f == pytest.approx(curve.peak.frequency, rel=1e-6)
+
+    def test_every_point_solves_the_equations(self, study, result):
+        for p, u, f in zip(result.preload, result.unknowns, result.frequency):
+            system = study.system(p)
+            r, _, _ = system.evaluate(u, 2 * np.pi * f)
+            assert np.abs(r * system.row_scale).max() < 1e-9
+        assert np.all(result.residual <= 1e-10)
+
+    def test_limits(self, study, result):
+        for limit, curve in ((result.free, study.free(INTERVAL)), (result.stuck, study.stuck(INTERVAL))):
+            assert limit.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+            assert limit.frequency == pytest.approx(curve.peak.frequency, rel=1e-7)
+        high = study.peak(1e6, INTERVAL)
+        assert high.amplitude == pytest.approx(result.stuck.amplitude, rel=1e-6)
+        assert result.stuck_shift_percent == pytest.approx(100 * (result.stuck.frequency / result.free.frequency - 1))
+        assert np.all(result.shift_percent < result.stuck_shift_percent + 1e-6)
+
+    def test_shares_sum_to_one_and_stick_rises(self, result):
+        assert result.shares.sum(axis=1) == pytest.approx(1.0)
+        assert np.all(np.diff(result.shares[:, 0]) > -1e-3)
+        assert result.shares[-1, 0] > 0.9
+
+    def test_optimum_of_a_smooth_curve(self, study):
+        """Direct evaluation on both sides of the optimum is higher, by the square of the distance."""
+        small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL)
+        o = small.optimum
+        assert o.status == "converged"
+        if o.kind != "smooth":
+            pytest.skip(f"the optimum of this model is a {o.kind}")
+        at = study.peak(o.preload, INTERVAL)
+        assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
+        rise = []
+        for h in (1e-3, 2e-3):
+            both = [follow_peak(study.system, at, [o.preload * (1 + s)]).peaks[0].amplitude for s in (h, -h)]
+            assert min(both) > o.amplitude
+            rise.append(sum(both) - 2 * o.amplitude)
+        assert rise[1] / rise[0] == pytest.approx(4.0, rel=0.05)
+
+    def test_optimum_at_the_end_of_the_range_is_named_so(self, result):
+        assert result.optimum.kind == "end"
+        assert result.optimum.preload == result.preload[0]
+        assert result.ratio == result.stuck.amplitude / result.amplitude[0]
+
+    def test_save_and_load(self, result, tmp_path):
+        result.save(tmp_path / "curve.h5")
+        again = load_optimal_curve(tmp_path / "curve.h5")
+        for name, value in result.__dict__.items():
+            if isinstance(value, np.ndarray):
+                assert np.array_equal(getattr(again, name), value)
+            else:
+                assert getattr(again, name) == value, name
+        with h5py.File(tmp_path / "other.h5", "w") as file:
+            file.attrs["format"] = "bdamper-curve"
+        with pytest.raises(bd.BdamperError, match="bdamper-optimal"):
+            load_optimal_curve(tmp_path / "other.h5")
+
+    def test_print_and_plot(self, result):
+        import matplotlib as mpl
+
+        mpl.use("Agg")
+        text = str(result)
+        assert "optimum" in text
+        assert "14 points" in text
+        left, right = result.plot()
+        assert left.get_xscale() == "log"
+        assert "shift" in right.get_ylabel()
+
+    @pytest.mark.parametrize(
+        ("arguments", "message"),
+        [
+            ({"preload": (100.0, 10.0)}, "increasing"),
+            ({"preload": (0.0, 10.0)}, "numbers > 0"),
+            ({"preload": 5.0}, "preload: expected"),
+            ({"n": 1}, "n: expected"),
+            ({"mode": 99}, "mode: expected 1 to"),
+        ],
+    )
+    def test_bad_input(self, study, arguments, message):
+        with pytest.raises(bd.SettingError, match=message):
+            study.optimal_curve(**arguments)
+
+    def test_one_preload_twice_gives_the_same_peak(self, study, result):
+        """The followed peak does not depend on where it came from."""
+        alone = study.peak(float(result.preload[5]), INTERVAL)
+        assert alone.amplitude == pytest.approx(result.amplitude[5], rel=1e-9)
+        assert alone.frequency == pytest.approx(result.frequency[5], rel=1e-9)
+
+
+def test_coexisting_peaks_are_told_apart_and_their_end_reported():
+    """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
+    study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    peaks, ending = peaks_at(study, 100.0, INTERVAL)
+    assert ending == "complete"
+    assert len(peaks) >= 2
+    assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
+    lower = peaks[-1]
+    branch = follow_peak(study.system, lower, np.geomspace(100.0, 1000.0, 12)[1:])
+    assert branch.status == "vanished"
+    assert branch.reason
+    curve = study.optimal_curve((100.0, 1000.0), 5, frequency=INTERVAL)
+    assert any("vanished" in event for event in curve.events)
+    # beyond its end a tracking curve does not have it either
+    beyond, _ = peaks_at(study, 1.1 * branch.ended, INTERVAL)
+    assert len(beyond) < len(peaks)
+
+
+def test_jumps_at_low_preload_are_found():
+    """Down to 10 N the highest peak changes three times; every complete tracking curve has the same highest peak."""
+    model = bd.reference_model(contact_points=24)
+    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    curve = study.optimal_curve((15.0, 100.0), 12, frequency=INTERVAL)
+    checked = 0
+    for p, a in zip(curve.preload, curve.amplitude):
+        track = study.track(p, INTERVAL)
+        if track.complete:
+            checked += 1
+            assert a == pytest.approx(track.peak.amplitude, rel=1e-6), p
+    assert checked >= 9
+    assert any("jump" in event for event in curve.events)
+
+
+class TestSensitivities:
+    @pytest.mark.parametrize("name", PARAMETERS)
+    def test_against_finite_differences(self, study, peak, name):
+        found = study.peak_sensitivities(peak, [name])[name]
+        if name == "preload":
+            family, value = study.system, peak.parameter
+        else:
+            family, value = setting_family(study, name, peak.parameter), setting_value(study, name)
+        h = 1e-4 * value
+        start = replace(peak, parameter=value)
+        high, low = (PeakFollower(family, start).go(value + s) for s in (h, -h))
+        assert found.amplitude != 0.0
+        assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
+        assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
+
+    def test_scaling_of_load_and_excitation_together(self, study):
+        """The response is homogeneous in preload and excitation where no gap matters."""
+        free = replace(study, constraints=False)
+        peak = free.peak(2000.0, INTERVAL)
+        found = free.peak_sensitivities(peak, ["preload", "excitation.amplitude"])
+        load, force = found["preload"], found["excitation.amplitude"]
+        assert 2000.0 * load.amplitude + force.amplitude == pytest.approx(peak.amplitude, rel=1e-7)
+        assert 2000.0 * load.frequency + force.frequency == pytest.approx(0.0, abs=1e-6)
+
+    def test_unconverged_peak_is_refused(self, study, peak):
+        with pytest.raises(bd.SettingError, match="converged"):
+            study.peak_sensitivities(replace(peak, status="lost"), ["preload"])
+
+
+class TestFindPeak:
+    def test_no_solution_near_the_guess_is_a_status(self, study, peak):
+        system = study.system(1000.0)
+        y = peak.y.copy()
+        y[:-1] *= 1e6
+        found = find_peak(system, y)
+        assert not found.converged
+        assert "no solution" in found.status or "not found" in found.status or found.status
+        with pytest.raises(bd.SettingError, match="expected a converged one"):
+            PeakFollower(study.system, found)
+
+    def test_from_a_point_beside_the_peak(self, study, peak):
+        system = study.system(1000.0)
+        for s in (-0.3, 0.3):
+            c = system.correct(peak.y + s * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-10, 30)
+            assert c.status == 0
+            found = find_peak(system, c.y, tangent=c.tangent, scale=peak.scale)
+            assert found.converged
+            assert found.amplitude == pytest.approx(peak.amplitude, rel=1e-9)
+            assert found.frequency == pytest.approx(peak.frequency, rel=1e-8)
+
+    def test_linear_structure(self, study):
+        """Without friction and with all points held the peak is that of the linear response."""
+        peak = study.peak(1e6, INTERVAL)
+        linear = linear_peak(study, INTERVAL, 1e6, stuck=True)
+        assert peak.amplitude == pytest.approx(linear.amplitude, rel=1e-8)
+        assert peak.frequency == pytest.approx(linear.frequency, rel=1e-8)
+
+    def test_interval_spans_free_and_stuck(self, study):
+        low, high = resonance_interval(study)
+        assert low < linear_peak(study, INTERVAL, 1.0, stuck=False).frequency
+        assert high > linear_peak(study, INTERVAL, 1.0, stuck=True).frequency
+
+
+class TestNewtonToThePeak:
+    """The quick way to a peak against the search along the curve, which shares nothing but the corrector."""
+
+    @pytest.mark.parametrize("away", [(0.02, 0.0), (-0.02, 0.0), (0.0, 1e-4), (0.01, -1e-4)])
+    def test_same_peak_as_the_search(self, study, peak, away):
+        system = study.system(1000.0)
+        rng = np.random.default_rng(3)
+        side = rng.standard_normal(len(peak.y))
+        side -= (side @ peak.tangent) * peak.tangent
+        guess = peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
+        c, slope, curvature = system.peak(guess, peak.tangent, peak.scale, 2.0 * peak.curvature, 1e-10, 1e-8, 15, 0.2)
+        assert c.status == 0
+        assert c.residual <= 1e-10
+        assert abs(slope / curvature) <= 1e-8
+        assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
+        assert curvature == pytest.approx(peak.curvature, rel=1e-2)
+        # the tangent spans the null space of the Jacobian
+        J, r_omega = system.derivatives(c.y)
+        t = c.tangent * peak.scale
+        assert np.linalg.norm(J @ t[:-1] + r_omega * t[-1]) < 1e-9 * np.linalg.norm(r_omega * t[-1])
+
+    def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
+        system = study.system(1000.0)
+        c = system.correct(peak.y + 0.1 * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-12, 20)
+        ends = [
+            system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20).y for h in (1e-4, -1e-4)
+        ]
+        difference = np.diff([np.log(abs(system.response(y[:-1])[1])) for y in ends])[0] / -2e-4
+        assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(difference, rel=1e-6)
+
+    def test_a_minimum_is_not_taken_for_a_peak(self):
+        """Between the two peaks at 18.94 N the amplitude has a minimum."""
+        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+        curve = study.track(18.94, (279.0, 284.0))
+        a = curve.amplitude
+        i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
+        y = np.append(curve.unknowns[i], 2 * np.pi * curve.frequency[i])
+        chord = np.append(curve.unknowns[i + 1], 2 * np.pi * curve.frequency[i + 1]) - y
+        system = study.system(18.94)
+        scale = peak_scale(system, y, abs(chord[-1]))
+        c, _, _ = system.peak(y, chord / scale / np.linalg.norm(chord / scale), scale, -1.0, 1e-10, 1e-8, 15, 0.1)
+        assert c.status != 0 or abs(system.response(c.y[:-1])[1]) > 1.01 * a[i]
+
+
+class TestScanFromAKnownSolution:
+    @pytest.mark.parametrize("preload", [150.0, 2000.0])
+    def test_finds_what_the_scan_from_the_ends_finds(self, study, preload):
+        whole, ending = peaks_at(study, preload, INTERVAL)
+        assert ending == "complete"
+        meter = CostMeter(0.0)
+        found = scan_from(
+            study, study.system(preload), whole[0].y, INTERVAL, preload=preload, options=PeakOptions(), meter=meter
+        )
+        assert found.ending == "complete"
+        assert found.peaks[0].amplitude == pytest.approx(whole[0].amplitude, rel=1e-9)
+        assert found.passes(whole[0], study.system(preload).n_mean)
+        far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
+        assert not found.passes(far, study.system(preload).n_mean)
+
+    def test_a_solution_at_a_neighbouring_preload_leads_to_one_here(self, study):
+        curve = study.track(400.0, INTERVAL)
+        points = np.column_stack([curve.unknowns, 2 * np.pi * curve.frequency])[::10]
+        system = study.system(350.0)
+        y = solution_near(system, points, PeakOptions(), CostMeter(0.0))
+        r, _, _ = system.evaluate(y[:-1], y[-1])
+        assert np.abs(r * system.row_scale).max() < 1e-3
+
+    def test_walks_go_straight_to_the_plane(self):
+        """The way of a walking body to the plane: there the first open point touches, a little before it none does."""
+        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+        at = study.track(30.0, (300.0, 302.0))
+        system = study.system(30.0)
+        start = np.append(at.unknowns[0], 2 * np.pi * at.frequency[0])
+        ends = []
+        for to in (False, True):
+            path = follow(system, start, (1600.0, 1900.0), up=False, options=bd.ContinuationOptions(to_planes=to))
+            assert path.status == "complete"
+            ends.append(path.points[-1].y)
+        assert ends[1] == pytest.approx(ends[0], rel=1e-6, abs=1e-12)
+        walks = [point for point in path.points if point.kind == "walk"]
+        assert walks
+        follower = _Follower(system, (1600.0, 1900.0), bd.ContinuationOptions(), None)
+        for point in walks:
+            for sense in (1.0, -1.0):
+                direction = sense * point.tangent * point.scale
+                way = follower.way_to_touch(point.y, direction)
+                if not np.isfinite(way):
+                    continue
+                unit = direction / np.linalg.norm(direction / follower.scale_at(point.y))
+                before, there = (
+                    system.closing((point.y + part * way * unit)[:-1], direction[: system.n_mean])[0]
+                    for part in (1.0 - 1e-6, 1.0 + 1e-6)
+                )
+                open_ = system.closing(point.y[:-1], direction[: system.n_mean])[0] < 0.0
+                assert before[open_].max() < 0.0 < there[open_].max()
+
+
+class TestVary:
+    def test_unknown_names_are_listed(self, study):
+        with pytest.raises(bd.SettingError, match=r"expected one of .*excitation\.amplitude.*found 'friction'"):
+            vary(study, {"friction": 0.2})
+
+    @pytest.mark.parametrize(
+        "settings",
+        [
+            {"friction_coefficient": 0.2},
+            {"excitation.amplitude": 3.0},
+            {"damping_ratio": 0.004},
+            {"friction_coefficient": 0.2, "excitation.amplitude": 3.0},
+            {"contact_stiffness_factor": 1.5, "friction_coefficient": 0.4},
+        ],
+    )
+    def test_kept_parts_do_not_change_the_equations(self, study, peak, settings):
+        """A varied study gives the equations of one that is made from nothing."""
+        study.system(500.0)
+        fast = vary(study, settings).system(500.0)
+        plain = {k: v for k, v in settings.items() if "." not in k and not k.endswith("_factor")}
+        fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
+        fresh = replace(fresh, **plain)
+        if "excitation.amplitude" in settings:
+            fresh = replace(fresh, excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
+        if "contact_stiffness_factor" in settings:
+            given = {k: settings["contact_stiffness_factor"] * v.stiffness for k, v in fresh.stiffness.items()}
+            fresh = replace(fresh, contact_stiffness=given)
+        slow = fresh.system(500.0)
+        for a, b in zip(fast.evaluate(peak.y[:-1], 2000.0), slow.evaluate(peak.y[:-1], 2000.0)):
+            assert a == pytest.approx(b, rel=1e-12)
+
+    @pytest.mark.parametrize("method", ["residual_modes", "eq4", "unit_traction"])
+    def test_a_varied_coefficient_of_friction_makes_the_contact_stiffness_anew(self, study, method):
+        study = replace(study, contact_stiffness=method)
+        assert study.stiffness.keys() == study.model.interfaces.keys()
+        varied, fresh = vary(study, {"friction_coefficient": 0.05}), replace(study, friction_coefficient=0.05)
+        for name, contact in fresh.stiffness.items():
+            assert varied.stiffness[name].stiffness == pytest.approx(contact.stiffness, rel=1e-9)
+
+    def test_a_factor_stays_while_other_settings_are_varied(self, study):
+        twice = vary(vary(study, {"contact_stiffness_factor": 2.0}), {"harmonics": 2})
+        for name, contact in study.stiffness.items():
+            assert twice.stiffness[name].stiffness == pytest.approx(2.0 * contact.stiffness)
+        assert twice.free((300.0, 350.0)).settings["contact_stiffness_factor"] == 2.0
+        with pytest.raises(bd.SettingError, match="contact_stiffness_factor"):
+            replace(study, contact_stiffness_factor=0.0)
+
+    def test_the_factor_acts_on_residual_modes_too(self, study):
+        """Twice the factor, half the flexibility of the whole contact: what is at the points and what the modes carry."""
+        study = replace(study, contact_stiffness="residual_modes")
+        flexibility = []
+        for factor in (1.0, 2.0):
+            varied = vary(study, {"contact_stiffness_factor": factor})
+            basis = varied.bases[1]
+            residual = np.array([c.body == "residual" for c in basis.coordinates])
+            assert residual.any()
+            G = basis.G[..., residual].reshape(-1, int(residual.sum()))
+            k = np.concatenate([varied.stiffness[name].stiffness for name in varied.coupling.interfaces]).ravel()
+            point = np.diag(np.where(k > 0.0, 1.0 / np.where(k > 0.0, k, 1.0), 0.0))
+            flexibility.append(point + (G / basis.omega2[residual]) @ G.conj().T)
+        assert flexibility[1] == pytest.approx(0.5 * flexibility[0], rel=1e-12, abs=1e-12 * np.abs(flexibility[0]).max())
+
+    def test_denser_damper(self, study):
+        new = vary(study, {"damper_mass_factor": 2.0})
+        old_body, body = study.model.bodies["damper"], new.model.bodies["damper"]
+        assert body.mass == 2 * old_body.mass
+        # the free damper's modes keep unit modal mass: rigid translations are 1/sqrt(mass)
+        assert body.bases[0].contact_modes == pytest.approx(old_body.bases[0].contact_modes / np.sqrt(2))
+        bd.Study(replace(new.model, provenance={"made": "twice as dense"}), excitation=study.excitation, engine_order=5)
+
+
+def test_static_states_scale_with_the_load(study):
+    """Without gaps at the friction points the static state is proportional; a fresh analysis gives the same."""
+    first = study.static(500.0)
+    scaled = study.static(1250.0)
+    fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5).static(1250.0)
+    assert scaled.converged
+    assert scaled.residual < 1e-10
+    for name in ("q", "slider", "force", "closing"):
+        a, b = getattr(scaled, name), getattr(fresh, name)
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-9 * np.abs(b).max()), name
+    assert np.array_equal(scaled.status, fresh.status)
+    assert scaled.force == pytest.approx(2.5 * first.force, rel=1e-9)
+    # a gap that closes under the larger load stops the proportion
+    face = study.model.interfaces["left"]
+    gap = np.zeros(face.n_points)
+    gap[0] = 1e-9 + 1.2 * abs(float(first.closing[0]))
+    model = replace(study.model, interfaces=dict(study.model.interfaces) | {"left": replace(face, gap=gap)})
+    gapped = bd.Study(model, excitation=study.excitation, engine_order=5)
+    low, high = gapped.static(5.0), gapped.static(5e4)
+    fresh = bd.Study(model, excitation=study.excitation, engine_order=5).static(5e4)
+    assert high.force == pytest.approx(fresh.force, rel=1e-9, abs=1e-9 * np.abs(fresh.force).max())
+    assert np.any(high.status[0] != low.status[0])
+
+
+def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
+    """Slopes jump where an event passes a sample; the top is bracketed all the same, and has no derivative."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9),
+        bd.Excitation("tip"),
+        engine_order=5,
+        friction_coefficient=0.4,
+        friction_law="coupled",
+        evaluation=bd.Sampled(128),
+    )
+    interval = (270.0, 380.0)
+    for friction in (0.38, 0.39, 0.40, 0.41, 0.42):
+        s = replace(study, friction_coefficient=friction)
+        peak, curve = s.peak(500.0, interval), s.track(500.0, interval)
+        assert peak.converged
+        assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=5e-4)
+        assert amplitude_at(s.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
+    with pytest.raises(SettingError, match="evaluation"):
+        s.peak_sensitivities(peak)
+
+
+@pytest.fixture(scope="module")
+def left(study):
+    """A peak that leaves the interval on the way down, still getting lower."""
+    return study.optimal_curve(np.geomspace(200.0, 8000.0, 8), frequency=(335.0, 400.0))
+
+
+class TestPeaksOutsideTheInterval:
+    """A branch of peaks is followed beyond the interval, but what is found there does not count."""
+
+    def test_they_are_no_points_of_the_curve(self, study, left):
+        whole = study.optimal_curve(left.preload, frequency=INTERVAL)
+        within = whole.frequency >= 335.0
+        assert within.tolist() == [False, False, True, True, True, True, True, True]
+        np.testing.assert_array_equal(np.isfinite(left.frequency), within)
+        np.testing.assert_allclose(left.amplitude[within], whole.amplitude[within], rtol=1e-8)
+        assert left.peak_frequency.min() < 335.0
+        assert not left.complete
+
+    def test_an_optimum_beside_a_preload_without_a_peak_is_as_coarse_as_the_grid(self, left):
+        o = left.optimum
+        assert (o.kind, o.preload, o.amplitude) == ("end", left.preload[2], left.amplitude[2])
+        assert o.status == f"the amplitude falls toward {left.preload[1]:.6g} N, where no peak was found"
+        assert o.uncertainty == pytest.approx(np.log(40.0) / 7.0)
+        assert left.warnings[-1] == f"optimum to a relative {o.uncertainty:.2g}: {o.status}"
+        assert f"not converged: {o.status}" in str(left)
+        assert f"{len(left.warnings) - 1} preloads with a warning, first 200 N: no peak found" in str(left)
+
+    def test_a_curve_of_two_leaders_takes_the_one_inside(self, study):
+        known = PeakSet(study, np.array([900.0, 1000.0]), (300.0, 320.0), PeakOptions(), CostMeter(0.0))
+        inside, outside = SimpleNamespace(frequency=310.0, amplitude=1.0), SimpleNamespace(frequency=290.0, amplitude=2.0)
+        known.branches = [Branch(0, {0: inside, 1: inside}), Branch(1, {0: outside})]
+        assert known.leader(0) == (known.branches[0], inside)
+        known.branches[1].detached.add(0)
+        assert known.leader(0) == (known.branches[0], inside)
+
+
+@pytest.fixture(scope="module")
+def smooth(study):
+    return replace(study, friction_coefficient=0.0)
+
+
+@pytest.fixture(scope="module")
+def found(smooth):
+    peak = smooth.peak(300.0)
+    return peak, smooth.peak_sensitivities(peak)
+
+
+class TestNoFriction:
+    """A coefficient of friction of zero, with a damper that slides freely along its faces."""
+
+    def test_sensitivities_are_those_of_neighbouring_peaks(self, smooth, found):
+        sensitivity = found[1]
+        up, down = smooth.peak(300.3), smooth.peak(299.7)
+        assert sensitivity["preload"].amplitude == pytest.approx((up.amplitude - down.amplitude) / 0.6, rel=1e-3)
+        assert sensitivity["preload"].frequency == pytest.approx((up.frequency - down.frequency) / 0.6, rel=1e-3)
+        assert sensitivity["excitation.amplitude"].amplitude > 0.0
+
+    def test_that_to_friction_is_the_derivative_to_the_right(self, smooth, found):
+        """Extrapolated from two steps upward, since the forces are of first order in the coefficient."""
+        peak, sensitivity = found
+        one, two = (replace(smooth, friction_coefficient=mu).peak(300.0) for mu in (1e-4, 2e-4))
+        for name in ("amplitude", "frequency"):
+            a, b, c = (getattr(p, name) for p in (peak, one, two))
+            slope = (4.0 * (b - a) - (c - a)) / 2e-4
+            assert getattr(sensitivity["friction_coefficient"], name) == pytest.approx(slope, rel=5e-3)
+
+    def test_optimal_curve(self, smooth):
+        assert smooth.optimal_curve((100.0, 1000.0), 3).complete

@@ -1,0 +1,137 @@
+"""Rigid-body motion in metres and radians, contact status, surfaces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.plot.motion import contact_status, rigid_motion, surface_motion
+from bdamper.plot.vtu import export_modes, export_response
+
+
+@pytest.fixture(scope="module")
+def solved():
+    study = bd.Study(
+        bd.reference_model("bladed_disk"),
+        engine_order=5,
+        friction_coefficient=0.4,
+        excitation=bd.Excitation("tip"),
+    )
+    curve = study.track(500.0, (330.0, 360.0))
+    return study, curve
+
+
+def test_rigid_motion_is_that_of_the_damper_at_its_points(solved):
+    """Translation plus rotation about the centre of mass give what the modes give at the contact points."""
+    study, curve = solved
+    u = curve.unknowns[curve.peak.index]
+    surface = surface_motion(study, u)["damper"]
+    # contact axes of the front plane are X, Y, Z of the damper
+    body = study.coupling.model.bodies["damper"]
+    face = study.coupling.model.interfaces["front"]
+    basis = study.bases[1]
+    q = u[len(study.bases[0].omega2) :]
+    n = len(basis.omega2)
+    q = q[:n] - 1j * q[n : 2 * n]
+    own = [k for k, c in enumerate(basis.coordinates) if c.body == "damper"]
+    rows = study.coupling.model.port_slice("damper", ("front", "a"))
+    local = body.bases[0].contact_modes[rows][..., :6] @ q[own][:6]
+    expected = np.einsum("pij,pi->pj", face.frame, local)
+    # the surface moves rigidly: fit its motion and read it at the points
+    fit, *_ = np.linalg.lstsq(np.c_[surface.points, np.ones(len(surface.points))], surface.amplitude, rcond=None)
+    got = np.c_[face.points, np.ones(len(face.points))] @ fit
+    assert np.abs(expected).max() > 1e-8
+    assert got == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+def test_units_of_rigid_motion(solved):
+    study, curve = solved
+    motion = rigid_motion(study, curve.unknowns)
+    assert motion.bias.shape == (len(curve), 6) and motion.vibratory.shape == (len(curve), 1, 6)
+    mass = study.model.bodies["damper"].mass
+    assert motion.amplitude[:, :3] == pytest.approx(np.abs(motion.modal_vibratory[:, 0, :3]) / np.sqrt(mass))
+    moments = np.linalg.eigvalsh(study.model.bodies["damper"].inertia)
+    factor = motion.amplitude[:, 3:] / np.abs(motion.modal_vibratory[:, 0, 3:])
+    assert np.sort(1.0 / factor[0] ** 2) == pytest.approx(moments, rel=1e-9)
+
+
+def test_missing_rigid_modes_do_not_move(solved):
+    study, _ = solved
+    part = replace(study, rigid_modes=("TX", "TY", "TZ"))
+    curve = part.track(500.0, (350.0, 380.0))
+    motion = rigid_motion(part, curve.unknowns[curve.peak.index])
+    assert np.all(motion.vibratory[0, 3:] == 0.0) and np.all(motion.amplitude[:2] > 0.0)
+
+
+def test_unknown_body_is_named(solved):
+    study, curve = solved
+    with pytest.raises(bd.SettingError, match=r"expected one of the free bodies \['damper'\], found 'blade'"):
+        rigid_motion(study, curve.unknowns[0], "blade")
+
+
+def test_status_agrees_with_the_curve_and_with_itself(solved):
+    study, curve = solved
+    i = curve.peak.index
+    status = contact_status(study, curve.unknowns[i], 500.0, n_theta=2000)
+    both = [*status.rows("left"), *status.rows("right")]
+    assert status.share[both].mean(axis=(0, 1)) == pytest.approx(curve.shares[i], abs=1e-9)
+    assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
+    for state in range(3):
+        assert (status.state == state).mean(axis=2) == pytest.approx(status.share[..., state], abs=3e-3)
+    # open is where there is no normal load
+    opened = status.state[both, 0] == 2
+    assert opened.any() and np.all(status.normal[both][opened] <= 1e-9 * status.normal.max())
+    assert np.all(status.normal[both][~opened] >= 0.0)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"separation": False},
+        {"variable_normal_load": False},
+        {"friction_axes": "major"},
+        {"friction_law": "coupled", "evaluation": bd.Sampled(64)},
+        {"friction_law": "bonded"},
+        {"friction_coefficient": {"left": 0.3, "right": 0.0}},
+    ],
+    ids=str,
+)
+def test_status_under_every_law(solved, settings):
+    study = replace(solved[0], **settings)
+    curve = study.track(500.0, (350.0, 380.0))
+    i = curve.peak.index
+    _, F, core = (a[: study.coupling.n_points] for a in study.system(500.0).contact(curve.unknowns[i]))
+    status = contact_status(study, curve.unknowns[i], 500.0, n_theta=2000)
+    assert status.share.sum(axis=2) == pytest.approx(1.0, abs=1e-12)
+    for state in range(3):
+        assert (status.state == state).mean(axis=2) == pytest.approx(status.share[..., state], abs=2e-2)
+    rubs = study.friction > 0.0
+    if len(core) == len(rubs) and study.system(500.0).points.index is None:
+        assert status.share[rubs][..., 0] == pytest.approx(core[rubs][:, [0, 2]], abs=1e-9)
+        opened = np.column_stack([core[:, 4]] * 2)
+        assert status.share[rubs][..., 2] == pytest.approx(opened[rubs], abs=1e-9)
+        assert status.share[..., 2] == pytest.approx(opened, abs=1.0 / 64.0)  # samples
+        assert status.normal.mean(axis=1) == pytest.approx(F[:, 2, 0], rel=1e-3, abs=1e-2 * np.abs(F[:, 2]).max())
+
+
+def test_export_to_vtu(solved, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    study, curve = solved
+    path = export_modes(study.model, tmp_path / "modes.vtu")
+    mesh, stored = meshio.read(path), study.model.meshes["blade"]
+    assert len(mesh.cells_dict["quad"]) == len(stored.quads)
+    name = next(n for n in mesh.point_data if n.startswith("mode 1,") and n.endswith("real"))
+    assert mesh.point_data[name] == pytest.approx(stored.modes[5][..., 0].real)
+    u = curve.unknowns[curve.peak.index]
+    paths = export_response(study, u, tmp_path)
+    assert [p.name for p in paths] == ["response_blade.vtu", "response_damper.vtu"]
+    blade = (
+        meshio.read(paths[0]).point_data["vibration, real, m"]
+        + 1j * meshio.read(paths[0]).point_data["vibration, imaginary, m"]
+    )
+    # the tip on the surface moves as the response says (all ten modes of the study are on the mesh)
+    tip = np.argmin(np.linalg.norm(stored.points - study.model.locations["tip"].position, axis=1))
+    assert abs(blade[tip, 0]) == pytest.approx(curve.peak.amplitude, rel=1e-6)
+    with pytest.raises(bd.SettingError, match="mode shapes on its mesh"):
+        export_modes(study.model, tmp_path / "x.vtu", body="damper")

@@ -1,0 +1,237 @@
+"""Pictures: they are written, their legends and labels say what is drawn, nothing lies on anything else."""
+
+from dataclasses import replace
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from PIL import Image
+
+import bdamper as bd
+from bdamper.accuracy.ladders import AccuracyCost, Reference, Rung
+from bdamper.effects.advice import EffectAdvice
+from bdamper.io import Measurement
+from bdamper.io.import_report import ImportReport
+from bdamper.plot import damper_picture, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
+from bdamper.plot.motion import contact_status
+
+INTERVAL = (270.0, 380.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model("bladed_disk", contact_points=9)
+    return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+@pytest.fixture(autouse=True)
+def closed():
+    yield
+    plt.close("all")
+
+
+def legend_texts(ax):
+    return [text.get_text() for text in ax.get_legend().get_texts()]
+
+
+def drawn_ticks(axis):
+    """Tick labels of an axis that are drawn, major and minor."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]
+    return [t.label1 for t in ticks if low <= t.get_loc() <= high and t.label1.get_visible() and t.label1.get_text()]
+
+
+def assert_nothing_overlaps(ax):
+    """Tick labels and labels of the axes of a picture, all of them inside of it."""
+    ax.figure.canvas.draw()
+    axes = [ax.xaxis, ax.yaxis] + ([ax.zaxis] if hasattr(ax, "zaxis") else [])
+    texts = [text for axis in axes for text in [*drawn_ticks(axis), axis.label] if text.get_text()]
+    boxes = [text.get_window_extent() for text in texts]
+    for i, box in enumerate(boxes):
+        assert ax.figure.bbox.x0 <= box.x0 and box.x1 <= ax.figure.bbox.x1, texts[i]
+        assert ax.figure.bbox.y0 <= box.y0 and box.y1 <= ax.figure.bbox.y1, texts[i]
+        for j in range(i):
+            assert not box.overlaps(boxes[j]), (texts[i].get_text(), texts[j].get_text())
+
+
+def assert_picture(path):
+    with Image.open(path) as picture:
+        grey = np.asarray(picture.convert("L"))
+    assert 0.005 < np.mean(grey < 240) < 0.9
+
+
+@pytest.mark.parametrize("name", ["bladed_disk", "blade_to_ground", "test_rig"])
+def test_models_have_pictures(tmp_path, name):
+    model = bd.reference_model(name)
+    model.plot(tmp_path / "model.png", backend="matplotlib")
+    model.plot_mode(2, tmp_path / "mode.png", backend="matplotlib")
+    assert_picture(tmp_path / "model.png")
+    assert_picture(tmp_path / "mode.png")
+
+
+def test_pyvista(tmp_path):
+    pytest.importorskip("pyvista")
+    bd.reference_model("bladed_disk").plot_mode(1, tmp_path / "mode.png", backend="pyvista")
+    assert_picture(tmp_path / "mode.png")
+
+
+def test_bad_requests_are_named():
+    model = bd.reference_model("bladed_disk")
+    with pytest.raises(bd.SettingError, match=r"found mode 11 of nodal diameter 5"):
+        model.plot_mode(11)
+    with pytest.raises(bd.SettingError, match="expected a body with mode shapes"):
+        model.plot_mode(1, body="damper")
+    with pytest.raises(bd.SettingError, match='expected "pyvista" or "matplotlib"'):
+        plot_surfaces([], backend="paper")
+
+
+class TestCurves:
+    def test_highest_at_the_end_has_an_open_marker_and_a_legend(self, study):
+        ax = study.track(2000.0, (360.0, 380.0)).plot()
+        assert "highest at the end of the interval" in legend_texts(ax)
+        top = next(line for line in ax.lines if line.get_markersize() == 5.0)
+        assert top.get_markerfacecolor() == "w"
+
+    def test_a_peak_has_a_filled_one(self, study):
+        ax = study.track(2000.0, (330.0, 365.0)).plot()
+        assert "highest at the end of the interval" not in legend_texts(ax)
+        top = next(line for line in ax.lines if line.get_markersize() == 5.0)
+        assert not isinstance(top.get_markerfacecolor(), str)
+
+    @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e-3), ("m", 1.0), ("", 1.0), ("µm", 1e-6), ("inch", 0.0254)])
+    def test_measured_points_are_in_the_legend_and_in_metres(self, study, unit, factor):
+        ax = study.free(INTERVAL).plot()
+        Measurement("shaker", np.array([280.0, 290.0]), np.array([1.0, 2.0j]), unit=unit).plot(ax)
+        assert legend_texts(ax) == ["free", "shaker"]
+        assert np.allclose(ax.lines[-1].get_ydata(), [factor, 2.0 * factor], rtol=1e-15)
+
+    def test_measured_points_in_other_units_are_refused(self):
+        measurement = Measurement("shaker", np.array([280.0]), np.array([1.0]), unit="m/s2")
+        with pytest.raises(bd.SettingError, match=r"shaker.*scale to metres .*found the unit 'm/s2'"):
+            measurement.plot()
+        assert measurement.plot(scale=0.5).lines[-1].get_ydata() == [0.5]
+
+
+class TestOptimalCurves:
+    def test_end_of_the_range(self, study):
+        ax, _ = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL).plot()
+        assert "least at the end of the range, 3 kN" in legend_texts(ax)
+
+    def test_flat(self, study):
+        curve = replace(study, friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL)
+        ax, _ = curve.plot()
+        assert "flat: no optimum" in legend_texts(ax)
+        assert not any("N" in text for text in legend_texts(ax))
+        with pytest.raises(bd.SettingError, match="expected some with an optimum, found 'bonded'"):
+            plot_over_measurement({"bonded": curve})
+
+
+def test_advice_legend_shows_what_is_drawn():
+    effects = tuple(
+        EffectAdvice(name, change, 0.5 * change, 0.0, reliability, 10, 10, 1.0)
+        for name, change, reliability in (("harmonics", 0.5, "must be on"), ("damper modes", 0.001, "small"))
+    )
+    ax = bd.Advice(500.0, 350.0, 1e-4, 0.01, 10, 10, effects).plot()
+    patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
+    assert list(patches) == ["amplitude", "frequency", "must be on", "tolerance, 1 %"]
+    assert [bool(patch.get_hatch()) for patch in patches.values()] == [False, False, True, False]
+    bars = [bar for container in ax.containers for bar in container]
+    assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False, True]  # from the bottom
+    assert {bars[0].get_facecolor(), bars[2].get_facecolor()} == {
+        patches["amplitude"].get_facecolor(), patches["frequency"].get_facecolor()
+    }  # fmt: skip
+    assert_nothing_overlaps(ax)
+
+
+def test_sweeps_have_units(study):
+    points = {"preload": [2000.0, 4000.0], "friction_coefficient": [0.3, 0.4]}
+    result = bd.sweep(study, points, frequency=INTERVAL)
+    ax = result.plot()
+    assert ax.get_xlabel() == "Friction coefficient"
+    assert ax.get_ylabel() == "Resonance amplitude (m)"
+    assert legend_texts(ax) == ["preload 2000 N", "preload 4000 N"]
+    assert result.plot("frequency").get_ylabel() == "Resonance frequency (Hz)"
+    assert_nothing_overlaps(ax)
+
+
+@pytest.mark.parametrize("times", [(25.0, 60.0), (1.1, 9.0), (30.0, 3000.0)])
+def test_accuracy_explains_its_lines(times):
+    rungs = tuple(
+        Rung("harmonics", f"harmonics {i}", 1e-3, 300.0, error, 0.0, 1e-3 * t, 1.0, True)
+        for i, (t, error) in enumerate(zip(np.geomspace(*times, 3), (1e-1, 1e-2, 1e-3)), 1)
+    )
+    reference = Reference("harmonics", "harmonics 6", 1e-3, 300.0, 1e-4, "harmonics 12", 1.0)
+    ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, rungs, (reference,), 1))
+    assert legend_texts(ax) == ["harmonics", "tolerance, 0.01", "error of the reference itself"]
+    assert_nothing_overlaps(ax)
+    assert len(drawn_ticks(ax.xaxis)) >= 2
+
+
+class TestAxesIn3D:
+    @pytest.mark.parametrize("name", ["bladed_disk", "blade_to_ground", "test_rig"])
+    def test_models(self, name):
+        ax = bd.reference_model(name).plot(backend="matplotlib")
+        assert_nothing_overlaps(ax)
+        assert ax.get_zlabel() == "Y (mm)"
+
+    def test_import_report(self):
+        model = bd.reference_model(contact_points=9)
+        frequencies = {d: np.sqrt(b.omega2) / 6.28 for d, b in model.bodies["blade"].bases.items()}
+        figure = plot_import_report(ImportReport({}, frequencies, np.zeros(0), (), None, None, None, (), (), model))
+        ax = figure.axes[1]
+        assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_zlabel()) == ("X (mm)", "Y (mm)", "Z (mm)")
+        assert ax.get_ylim()[1] > 100.0
+        assert_nothing_overlaps(ax)
+
+
+class TestDamperPicture:
+    """At 500 N the damper rocks between its platforms."""
+
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def solution(study):
+        curve = study.track(500.0, INTERVAL)
+        return curve.unknowns[curve.peak.index]
+
+    def test_dots_part_where_points_are_open(self, study, solution):
+        """Off the face by the gap where it is open, not at all where it is closed."""
+        figure, draw, scale = damper_picture(study, solution, 500.0, frames=8)
+        status = contact_status(study, solution, 500.0, 8)
+        seen = set()
+        for k in range(8):
+            for port, (here, there) in draw(k).items():
+                rows, face = status.rows(port), study.model.interfaces[port]
+                y = study.model.bodies["damper"].load.direction  # up in the picture
+                normal = face.frame[:, 2] @ np.stack([np.cross(y, [0.0, 0.0, 1.0]), y], axis=1)
+                off = np.einsum("px,px->p", there - here, normal)
+                is_open = status.normal[rows, k] == 0.0
+                assert np.all(off[is_open] > 0.0)
+                assert np.allclose(off[~is_open], 0.0, atol=1e-9 * scale)
+                seen |= set(is_open.tolist())
+        assert seen == {True, False}
+        assert len(figure.axes[0].lines) == 2  # platforms
+
+    def test_dots_of_the_damper_stay_on_its_outline(self, study, solution):
+        figure, draw, _ = damper_picture(study, solution, 500.0, frames=8)
+        shape = figure.axes[0].patches[1]
+        moved = []
+        for k in range(8):
+            for here, _ in draw(k).values():
+                corner = shape.get_xy()
+                a, b = corner[:-1, None], corner[1:, None]
+                along = np.clip(((here - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1), 0.0, 1.0)
+                distance = np.linalg.norm(here - a - along[..., None] * (b - a), axis=-1).min(axis=0)
+                assert distance.max() < 0.1  # mm: the outline is that of the front, behind it the damper yaws
+                moved.append(here.copy())
+        assert np.ptp([m[0, 0] for m in moved[::2]]) > 0.1
+
+    def test_animation_is_written(self, study, solution, tmp_path):
+        from bdamper.plot import animate_damper
+
+        assert animate_damper(study, solution, 500.0, tmp_path / "damper.gif", frames=2) > 1.0
+        with Image.open(tmp_path / "damper.gif") as picture:
+            assert picture.n_frames == 2

@@ -1,0 +1,170 @@
+"""What results print: short, and true of the result."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.util.estimates import percent
+
+INTERVAL = (270.0, 380.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model("bladed_disk", contact_points=9)
+    return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+@pytest.fixture(scope="module")
+def bonded(study):
+    return replace(study, friction_law="bonded").optimal_curve((20.0, 1e4), 3, frequency=INTERVAL)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(8000.0, (345.0, 365.0), tolerance=0.01)
+
+
+@pytest.fixture(scope="module")
+def rich(study):
+    return replace(study, harmonics=3)
+
+
+@pytest.fixture(scope="module")
+def peak(rich):
+    return rich.peak(8000.0, INTERVAL, effects="auto")
+
+
+class TestHighestAtTheEnd:
+    def test_is_not_called_a_peak(self, study):
+        """At 2000 N the resonance is near 352 Hz: above 360 Hz the response falls."""
+        curve = study.track(2000.0, (360.0, 380.0))
+        assert curve.peak_at_end
+        assert "highest 0.000223667 m at 360 Hz, the end of the interval: no peak" in str(curve)
+
+    def test_a_maximum_is_a_peak(self, study):
+        curve = study.track(2000.0, (330.0, 365.0))
+        assert not curve.peak_at_end
+        assert f"peak {curve.peak.amplitude:.6g} m" in str(curve)
+
+    def test_of_linear_limits(self, study):
+        assert not study.free(INTERVAL).peak_at_end
+        assert study.free((300.0, 380.0)).peak_at_end
+        assert "no peak" in str(study.free((300.0, 380.0)))
+
+
+class TestOptimum:
+    def test_at_the_end_of_the_range(self, study):
+        curve = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL)
+        assert curve.optimum.kind == "end"
+        assert "end of the range, the optimum may lie beyond" in str(curve)
+
+    def test_without_any_peak_is_refused(self, study):
+        with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and"):
+            study.optimum((100.0, 1e3), 3, frequency=(100.0, 150.0))
+
+    def test_flat_where_the_preload_does_not_matter(self, bonded):
+        assert bonded.optimum.kind == "flat"
+        assert np.isnan(bonded.optimum.preload)
+        assert bonded.optimum.amplitude == pytest.approx(bonded.stuck.amplitude, rel=1e-6)
+        assert "no optimum: flat" in str(bonded)
+
+    def test_flat_is_kept_in_a_file(self, bonded, tmp_path):
+        bonded.save(tmp_path / "flat.h5")
+        assert str(bd.load_optimal_curve(tmp_path / "flat.h5")) == str(bonded)
+
+    @pytest.mark.parametrize("ask", ["optimal_curve", "optimum"])
+    def test_an_interval_in_the_place_of_n_is_named(self, study, ask):
+        with pytest.raises(bd.SettingError, match=r"frequency=\(low, high\)"):
+            getattr(study, ask)((20.0, 25e3), INTERVAL)
+
+
+class TestStudyOfACurve:
+    """The settings that a tolerance has chosen come back from the curve."""
+
+    def test_settings(self, study, curve):
+        assert curve.settings["harmonics"] != [1]
+        made = study.of(curve)
+        assert list(made.harmonic_numbers) == curve.settings["harmonics"]
+        assert made.of(curve) is made
+        assert study.of(study.track(8000.0, (345.0, 365.0))) is study
+
+    def test_functions_find_them(self, study, curve):
+        made = study.of(curve)
+        assert np.array_equal(study.with_stability(curve).stable, made.with_stability(curve).stable)
+        ours, theirs = (s.with_errors(curve, sources=("harmonics",)).error_estimates for s in (study, made))
+        assert ours["harmonics"].amplitude == pytest.approx(theirs["harmonics"].amplitude, rel=1e-6)
+        marched = study.verify(curve, periods=2, steps_per_period=1024)
+        assert len(marched.expected) == len(made.harmonic_numbers) + 1
+
+    def test_other_settings_are_still_refused(self, study, curve):
+        with pytest.raises(bd.SettingError, match="other settings"):
+            replace(study, friction_coefficient=0.3).with_stability(curve)
+
+
+class TestAdaptivePeaks:
+    def test_have_errors_and_sensitivities(self, rich, peak):
+        """Those of the same peak, found as such with what was on."""
+        used = rich.with_effects(peak.effects)
+        plain = used.peak(8000.0, INTERVAL)
+        assert plain.amplitude == pytest.approx(peak.amplitude, rel=1e-5)
+        ours = rich.estimate_errors(peak, sources=("harmonics",))["harmonics"]
+        theirs = used.estimate_errors(plain, sources=("harmonics",))["harmonics"]
+        assert ours.amplitude == pytest.approx(theirs.amplitude, rel=1e-3)
+        ours = rich.peak_sensitivities(peak, ("preload",))["preload"]
+        theirs = used.peak_sensitivities(plain, ("preload",))["preload"]
+        assert ours.value == 8000.0
+        assert ours.amplitude == pytest.approx(theirs.amplitude, rel=1e-3)
+
+    def test_of_another_study_are_refused(self, study, rich, peak):
+        with pytest.raises(bd.SettingError, match="expected one of this study"):
+            replace(rich, friction_coefficient=0.1).peak_sensitivities(peak)
+        with pytest.raises(bd.SettingError, match="expected a converged one"):
+            rich.estimate_errors(replace(peak, status="lost"))
+
+
+class TestShortTexts:
+    def test_of_objects_with_arrays(self, study):
+        state = study.static(500.0)
+        for item in (study.model, study, study.coupling, state, study.model.bodies, study.model.interfaces, study.bases[0],
+                     study.contact_map(500.0), study.model.meshes, study.track(2000.0, (360.0, 380.0))):  # fmt: skip
+            assert len(str(item)) < 1500, type(item)
+            assert len(repr(item)) < 1500, type(item)
+            assert "array(" not in repr(item)
+
+    def test_say_what_there_is(self, study):
+        assert "65 sectors" in str(study.model)
+        assert "left: friction, damper on blade, 9 contact points" in repr(study.model)
+        assert "friction 0.4 (separable)" in repr(study)
+        assert "of 26 contact points 4 stick, 14 slip, 8 are open" in str(study.static(500.0))
+        assert "omega2=<16 float64>" in repr(study.bases[0])
+
+    def test_of_settings_that_are_arrays(self, study):
+        faces = study.model.interfaces
+        full = replace(
+            study, contact_stiffness={name: np.full((face.n_points, 3), 1e7) for name, face in faces.items()},
+            gap={name: np.full(face.n_points, 2e-6) for name, face in faces.items()}, bias=False,
+        )  # fmt: skip
+        text = str(full)
+        assert "array" not in text
+        assert "gap: left up to 2 um" in text
+        assert "off: bias" in text
+
+    @pytest.mark.parametrize(
+        ("value", "text"),
+        [(1.1, "110 %"), (-2.4, "-240 %"), (0.9949, "99 %"), (0.9951, "100 %"), (0.0234, "2.3 %"), (1e-6, "0.0001 %")],
+    )
+    def test_percent(self, value, text):
+        assert percent(value) == text
+
+    def test_columns_of_advice_stay_apart(self, study):
+        advice = study.advise(8000.0, INTERVAL, against=replace(bd.Effects.of(study), harmonics=2))
+        item = replace(advice.effects[0], points=26, unknowns=3000, cost=263951.8, amplitude_change=1e5, defect=12.5)
+        for cost in (item.cost, 2.0, 4e8):
+            row = str(replace(advice, effects=(replace(item, cost=cost),))).splitlines()[-1]
+            words = re.split(r"\s{2,}", row)
+            assert len(words) in (8, 7)  # "must be on" fills its column
+            assert row.split()[-2:] == ["26", f"{cost:.1f}x" if cost < 1e6 else "4.0e+08x"]

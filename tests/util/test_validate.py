@@ -1,0 +1,272 @@
+"""What a user gives is checked at once, by name: bad values of every kind of setting and argument."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.plot import plotting
+from bdamper.plot.motion import contact_status, rigid_motion
+from bdamper.util import validate
+
+
+@pytest.mark.parametrize("value", [2, 2.0, np.float32(2.0), np.int64(2), np.array(2.0)])
+def test_numbers_pass_in_every_form(value):
+    out = validate.number("n", value, above=1.0, most=2.0)
+    assert out == 2.0
+    assert type(out) is float
+    whole = validate.whole("n", value, least=2, most=2)
+    assert whole == 2
+    assert type(whole) is int
+
+
+@pytest.mark.parametrize("value", ["2", None, True, np.True_, np.nan, np.inf, [2.0], np.array([2.0]), 2j, 10**400])
+def test_other_things_are_no_numbers(value):
+    for check in (validate.number, validate.whole):
+        with pytest.raises(bd.SettingError, match=r"n: expected a (finite|whole) number.*, found "):
+            check("n", value)
+
+
+def test_limits_are_in_the_message():
+    for limits, good, bad, words in [
+        ({"above": 0.0}, 1e-9, 0.0, "a finite number > 0 N, found 0.0"),
+        ({"least": 0.0}, 0.0, -1.0, "a finite number >= 0 N, found -1.0"),
+        ({"above": 0.0, "below": 1.0}, 0.5, 1.0, "a number between 0 and 1 N, found 1.0"),
+        ({"above": 0.0, "most": 1.0}, 1.0, 1.1, "a finite number > 0 and <= 1 N, found 1.1"),
+    ]:
+        assert validate.number("p", good, unit="N", **limits) == good
+        with pytest.raises(bd.SettingError) as error:
+            validate.number("p", bad, unit="N", **limits)
+        assert str(error.value) == f"p: expected {words}"
+
+
+@pytest.mark.parametrize(
+    ("check", "good", "bad"),
+    [
+        (validate.flag, True, ["yes", 1, None]),
+        (lambda n, v: validate.choice(n, v, ("a", "b")), "a", ["c", 1, None, ["a"]]),
+        (lambda n, v: validate.names(n, v, ("a", "b"), least=1), ("b",), ["a", ("a", "a"), ("c",), (1,), (), None, ([],)]),
+        (lambda n, v: validate.instance(n, v, bd.Excitation), bd.Excitation("tip"), ["tip", None, bd.Excitation]),
+        (lambda n, v: validate.mapping(n, v, ("a",), "faces"), {"a": 1}, [("a", 1), {"b": 1}, None]),
+        (lambda n, v: validate.interval(n, v), (1.0, 2.0), [1.0, (2.0, 1.0), (0.0, 1.0), (1.0,), "12", ("1", "2"), None]),
+        (lambda n, v: validate.wholes(n, v, most=9), (1, 2), [1, "12", (1.5,), (10,), (1, 1), None]),
+    ],
+)
+def test_checks_return_what_is_good_and_name_what_is_not(check, good, bad):
+    assert check("thing", good) == good
+    for value in bad:
+        with pytest.raises(bd.SettingError, match=r"thing: expected .*, found "):
+            check("thing", value)
+
+
+def test_sequences_of_numbers():
+    np.testing.assert_array_equal(validate.numbers("f", [1, 2.0, np.float32(3)]), [1.0, 2.0, 3.0])
+    assert validate.numbers("f", np.arange(3.0), 3).dtype == float
+    for value in ("123", 1.0, None, [], [1.0, "2"], [[1.0, 2.0, 3.0]], [1.0, np.nan], np.eye(3), np.array(1.0)):
+        with pytest.raises(bd.SettingError, match="f: expected a sequence of one or more finite numbers"):
+            validate.numbers("f", value)
+    with pytest.raises(bd.SettingError, match="f: expected 3 finite numbers > 0 N, found"):
+        validate.numbers("f", [1.0, 2.0, 0.0], 3, above=0.0, unit="N")
+
+
+def test_long_things_are_not_printed_whole():
+    with pytest.raises(bd.SettingError) as error:
+        validate.number("k", np.zeros((500, 3)))
+    assert str(error.value).endswith("found an array of shape (500, 3)")
+
+
+# ---- settings of a study ----
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model("bladed_disk", contact_points=9)
+    return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "variable_normal_load")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((flag, value) for flag in FLAGS for value in ("off", 1, None)),
+        ("excitation", "tip"), ("excitation", None), ("response", "tip"), ("effects", "auto"),
+        ("friction_coefficient", [0.3, 0.4]), ("friction_coefficient", None), ("friction_coefficient", "0.3"),
+        ("friction_coefficient", {"left": "0.3", "right": 0.3}), ("friction_coefficient", True),
+        ("engine_order", "5"), ("engine_order", 2.5), ("engine_order", True),
+        ("harmonics", 2.5), ("harmonics", "2"), ("harmonics", None), ("harmonics", (1, "2")),
+        ("blade_modes", 1000), ("blade_modes", 0), ("damper_modes", 1000), ("damper_modes", "x"),
+        ("rigid_modes", ("TX", "TX")), ("rigid_modes", None), ("rigid_modes", "TX"), ("rigid_modes", ("QX",)),
+        ("contact_stiffness", [1e7]), ("contact_stiffness", "eq5"), ("contact_stiffness", -1.0),
+        ("contact_stiffness", np.nan), ("contact_stiffness", None), ("contact_stiffness", {"left": 1e7}),
+        ("contact_stiffness", {"left": "1", "right": 1.0}), ("contact_stiffness", "model"),
+        ("contact_stiffness_factor", "2"), ("contact_stiffness_factor", 0.0),
+        ("evaluation", "sampled"), ("evaluation", 128), ("evaluation", None),
+        ("friction_law", None), ("friction_law", "x"), ("friction_law", {"left": "x", "right": "x"}), ("friction_law", 1),
+        ("friction_axes", None), ("residual_traction", "q"), ("residual_traction", None),
+        ("major_frequency", 300.0), ("major_frequency", "300"),
+        ("damping_ratio", "0.1"), ("damping_ratio", 1.0), ("contact_points", "9"), ("contact_points", 0),
+        ("gap", 1e-6), ("gap", {"left": "wide"}), ("gap", {"left": np.zeros(4)}), ("gap", ()),
+        ("load_history", 1.0), ("load_history", ()), ("load_history", "1"), ("load_history", (2.0,)),
+    ],
+)  # fmt: skip
+def test_a_study_refuses_bad_settings_at_once(study, name, value):
+    with pytest.raises(bd.SettingError, match=rf"^{name}.*: .*(expected|the model has none)"):
+        replace(study, **{name: value})
+
+
+def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
+    with pytest.raises(bd.SettingError, match="Sampled with at least 24 samples for 5 harmonics, found 16"):
+        replace(study, harmonics=5, evaluation=bd.Sampled(16))
+    few = replace(study, evaluation=bd.Sampled(16))
+    with pytest.raises(bd.SettingError, match="evaluation: expected"):
+        few.with_effects(replace(bd.Effects.of(few), harmonics=5))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        *(lambda n=n, v=v: bd.ContinuationOptions(**{n: v}) for n, v in [
+            ("max_turn", 0), ("max_turn", "1"), ("corner_step", -1), ("max_points", 2.5), ("locate_tolerance", 0),
+            ("locate", "no"), ("tolerance", "1e-9"), ("searches", -1), ("step", 1.0), ("to_planes", None),
+            ("patience", 1), ("max_iterations", "8"),
+        ]),
+        *(lambda n=n, v=v: bd.PeakOptions(**{n: v}) for n, v in [
+            ("tolerance", 0.0), ("max_step", "x"), ("max_trials", 1), ("max_halvings", -1), ("max_iterations", 2.5),
+        ]),
+        *(lambda n=n, v=v: bd.Effects(**{n: v}) for n, v in [
+            ("friction_law", "x"), ("residual_traction", "q"), ("damper_modes", "x"), ("blade_modes", 0),
+            ("bias", "off"), ("rotation", "XY"), ("translation", None), ("contact_points", 2.5), ("stability", 1),
+            ("harmonics", 65), ("friction_law", {"left": "x"}),
+        ]),
+        *(lambda v=v: bd.PerArea(v) for v in ["a", -1, np.nan, None, (1.0, 2.0), (1.0, 2.0, "3")]),
+        *(lambda v=v: bd.Sampled(v) for v in ["128", 10**9, 4, 12.5, None]),
+        lambda: bd.Sampled(128, "yes"),
+        *(lambda n=n, v=v: bd.ResidualModes(**{n: v}) for n, v in [
+            ("patterns", "x"), ("patterns", 0), ("patterns", None), ("share", "x"), ("share", 0.0), ("inertia", 1),
+        ]),
+        *(lambda n=n, v=v: bd.Excitation(**{"location": "tip", n: v}) for n, v in [
+            ("location", 1), ("direction", "up"), ("direction", (0.0, 0.0, 0.0)), ("direction", None),
+            ("amplitude", "1"), ("amplitude", -1.0), ("phase", "0"),
+        ]),
+        lambda: bd.Response(None),
+        lambda: bd.Response("tip", (1.0, "x", 0.0)),
+    ],
+)  # fmt: skip
+def test_options_refuse_bad_values_at_once(make):
+    with pytest.raises(bd.SettingError, match=r": expected .*, found "):
+        make()
+
+
+# ---- arguments ----
+
+F = (270.0, 380.0)
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda s: s.track("2 kN", F), lambda s: s.track(None, F), lambda s: s.track(-1.0, F),
+        lambda s: s.track(9.0, 300.0), lambda s: s.track(9.0, (380.0, 270.0)), lambda s: s.track(9.0, "ab"),
+        lambda s: s.track(9.0, F, stability="no"), lambda s: s.track(9.0, F, from_high=1),
+        lambda s: s.track(9.0, F, progress="yes"), lambda s: s.track(9.0, F, options={"step": 0.1}),
+        lambda s: s.track(9.0, F, options=bd.PeakOptions()), lambda s: s.track(9.0, F, search_branches=0.9),
+        lambda s: s.track(9.0, F, search_branches="x"), lambda s: s.track(9.0, F, search_branches=(0.9, "x")),
+        lambda s: s.track(9.0, F, tolerance="1%"), lambda s: s.track(9.0, F, effects="off"),
+        lambda s: s.free("low"), lambda s: s.stuck(F, "1"), lambda s: s.static("a"), lambda s: s.static(5.0, history="up"),
+        lambda s: s.static(5.0, history=()), lambda s: s.contact_map("a"), lambda s: s.wedge_friction(None),
+        lambda s: s.peak("a", F), lambda s: s.peak(9.0, "F"), lambda s: s.peak(9.0, mode="1"),
+        lambda s: s.peak(9.0, F, options=bd.ContinuationOptions()), lambda s: s.peak(9.0, F, effects=None),
+        lambda s: s.peak(9.0, F, effects="auto", tolerance="x"), lambda s: s.adaptive_peak("9", F),
+        lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((20.0, 25e3), 5, checks=-3),
+        lambda s: s.optimal_curve((20.0, 25e3), 5, frequency="F"), lambda s: s.optimal_curve((20.0, 25e3), 5, mode="1"),
+        lambda s: s.optimal_curve((20.0, 25e3), 5, options={}), lambda s: s.optimal_curve(20.0),
+        lambda s: s.optimal_curve((20.0, "x")), lambda s: s.optimum((20.0, 10.0)),
+        lambda s: s.advise(9.0, F, against="all"), lambda s: s.advise(9.0, F, tolerance="x"), lambda s: s.advise("9", F),
+        lambda s: s.with_effects("all"), lambda s: s.verify(None), lambda s: s.with_stability("curve"),
+        lambda s: s.estimate_errors(None), lambda s: s.with_errors(None), lambda s: s.peak_sensitivities("peak"),
+        lambda s: s.compare_stiffness(-5), lambda s: s.compare_stiffness("5"),
+        lambda s: s.compare_laws(9.0, F, "major"), lambda s: s.compare_laws(9.0, F, ("major", "x")),
+        lambda s: bd.accuracy_cost(s, 9.0, F, vary=()), lambda s: bd.accuracy_cost(s, 9.0, F, repeats=1.5),
+        lambda s: bd.accuracy_cost(s, 9.0, "F"), lambda s: bd.accuracy_cost(s, 9.0, F, tolerance="1"),
+        lambda s: bd.accuracy_cost(s, 9.0, F, quantity="x"), lambda s: bd.accuracy_cost(s, "9", F),
+        lambda s: bd.sweep(s, {"preload": [1.0]}, "peak"), lambda s: bd.sweep(s, {"preload": [1.0]}, executor="threads"),
+        lambda s: bd.sweep(s, {"preload": ["a"]}), lambda s: bd.sweep(s, {"preload": [1.0]}, mode="1"),
+        lambda s: bd.sweep(s, {"preload": [1.0]}, frequency="F"), lambda s: bd.sweep(s, {"preload": [1.0]}, model="m"),
+        lambda s: bd.PeakTask("9"), lambda s: bd.OptimalTask(n="5"), lambda s: bd.OptimalTask((2.0, 1.0)),
+        lambda s: bd.microslip(s, 9.0, [1.0], location="x"), lambda s: bd.microslip(s, 9.0, ["1"]),
+        lambda s: bd.misfit(s.model.interfaces["left"], angle="x"), lambda s: bd.misfit("left"),
+        lambda s: bd.misfit(s.model.interfaces["left"], crowning=None),
+    ],
+)  # fmt: skip
+def test_calls_refuse_bad_arguments(study, ask):
+    with pytest.raises(bd.SettingError, match=r": .*expected .*, found "):
+        ask(study)
+
+
+def test_calls_on_results_refuse_bad_arguments(study):
+    curve, peak = study.track(1000.0, F), study.peak(1000.0, F)
+    for ask in (
+        lambda: study.peak_sensitivities(peak, ["mu"]),
+        lambda: study.peak_sensitivities(peak, "preload"),
+        lambda: study.peak_sensitivities(curve.peak),
+        lambda: study.with_stability(curve, nodal_diameters=1),
+        lambda: study.with_stability(curve, oscillating="yes"),
+        lambda: study.verify(curve, index=10**6),
+        lambda: study.estimate_errors(curve, sources="harmonics"),
+    ):
+        with pytest.raises(bd.SettingError, match=r": .*expected .*, found "):
+            ask()
+
+
+def test_files_that_cannot_be_named(study, tmp_path):
+    curve = study.free(F)
+    for save in (curve.save, lambda path: bd.save_model(study.model, path)):
+        with pytest.raises(bd.BdamperError, match=r"a\.h5: expected a folder that exists, found no '.*nowhere'"):
+            save(tmp_path / "nowhere" / "a.h5")
+    for load in (bd.load_curve, bd.load_contact_map, bd.load_sweep):
+        with pytest.raises(FileNotFoundError, match=r"^there is no file '.*zz\.h5'$"):
+            load(tmp_path / "zz.h5")
+
+
+@pytest.fixture(scope="module")
+def tracked(study):
+    return study.track(1000.0, F)
+
+
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda s, c, st: plotting.plot_status_map(st, s.model, "lft"),
+        lambda s, c, st: plotting.plot_status_map(st, s.model, "left", direction=3),
+        lambda s, c, st: plotting.plot_status_map(st, s.model, "left", instant=10**4),
+        lambda s, c, st: plotting.plot_status_bars(st, [500]),
+        lambda s, c, st: plotting.plot_status_bars(st, 5),
+        lambda s, c, st: plotting.plot_status_bars(st, [0], direction=2),
+        lambda s, c, st: plotting.animate_damper(s, c.unknowns[0], 1000.0, "a.gif", frames=0),
+        lambda s, c, st: plotting.animate_damper(s, c.unknowns[0, :5], 1000.0, "a.gif"),
+        lambda s, c, st: plotting.animate_damper(s, c.unknowns[0], 1000.0, "a.gif", scale="big"),
+        lambda s, c, st: plotting.plot_mode(s.model, "mode.png"),
+        lambda s, c, st: plotting.plot_over_measurement({}),
+        lambda s, c, st: plotting.plot_over_measurement({"a": c}),
+        lambda s, c, st: plotting.plot_over_measurement({"a": c}, quantity="phase"),
+        lambda s, c, st: plotting.plot_curves([c, c], labels=["a"]),
+        lambda s, c, st: plotting.plot_curves([c, None]),
+        lambda s, c, st: contact_status(s, c.unknowns[0, 1:], 1000.0),
+        lambda s, c, st: rigid_motion(s, "unknowns"),
+    ],
+)
+def test_pictures_refuse_what_they_cannot_draw(study, tracked, draw):
+    status = contact_status(study, tracked.unknowns[0], 1000.0)
+    with pytest.raises(bd.SettingError, match=r": expected .*, found "):
+        draw(study, tracked, status)
+
+
+def test_a_load_whose_motions_are_left_out_is_named(study):
+    still = replace(study, rigid_modes=())
+    for ask in (lambda: still.static(10.0), lambda: still.optimal_curve((10.0, 100.0), 3)):
+        with pytest.raises(bd.SettingError, match=r"the study leaves out the motions of \['damper'\] along the load"):
+            ask()
+    assert still.static(0.0).converged
