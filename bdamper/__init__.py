@@ -1,7 +1,7 @@
 """Forced response of structures coupled through frictional contacts: bladed disks with free wedge dampers."""
 
 from bdamper.accuracy.ladders import AccuracyCost, Setting, accuracy_cost, load_accuracy
-from bdamper.balance.system import Cost, Sampled
+from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.static import PreloadState
 from bdamper.contact.stiffness import PerArea
@@ -34,6 +34,7 @@ from bdamper.problem.prescribed import prescribe_preload
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification
 from bdamper.study import Study
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError
 

@@ -15,21 +15,11 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.linear import linear_curve
-from bdamper.balance.system import (
-    LAW_BONDED,
-    LAW_COUPLED,
-    LAW_NORMAL,
-    LAW_SEPARABLE,
-    Cost,
-    CostMeter,
-    HarmonicSystem,
-    PointArrays,
-    Sampled,
-    check_evaluation,
-)
+from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.friction_axes import major_angles, turned
+from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
 from bdamper.contact.no_separation import without_separation
+from bdamper.contact.points import PointArrays
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.static import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import (
@@ -46,6 +36,7 @@ from bdamper.contact.stiffness import (
 from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
 from bdamper.continuation.curve import Curve, InterruptedCurve, uninterrupted
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.linear_curve import linear_curve
 from bdamper.continuation.mean_position import why_no_solution
 from bdamper.continuation.start import NO_AIDS, Aids, first_point
 from bdamper.continuation.track import track_curve
@@ -61,6 +52,7 @@ from bdamper.stability.steady_state import FEWEST, Motion, SettledResponse, sett
 from bdamper.stability.time_integration import Verification, verify_solution
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.repr import brief, short
 

@@ -54,7 +54,7 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
 
 
 def _meter() -> object:
-    from bdamper.balance.system import CostMeter
+    from bdamper.util.cost import CostMeter
 
     return CostMeter(time.perf_counter())
 

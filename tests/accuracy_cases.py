@@ -119,7 +119,7 @@ class Tried:
     tolerance: float
     error: float
     work: float
-    """Million operations (:class:`bdamper.balance.system.Cost`), which do not depend on the machine and what else it
+    """Million operations (:class:`bdamper.util.cost.Cost`), which do not depend on the machine and what else it
     does."""
     cheapest: float
     """Those of the shortest series of harmonics whose curve is within the tolerance."""

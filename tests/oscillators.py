@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.balance.system import HarmonicSystem, PointArrays
+from bdamper.balance.system import HarmonicSystem
+from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import Coordinate, HarmonicBasis
 
 

@@ -35,7 +35,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, HarmonicSystem, Sampled
+from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed_between, estimate_change
 from bdamper.peaks.carryover import carried_over, higher_nearby

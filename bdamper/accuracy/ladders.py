@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bdamper.accuracy.estimate import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
-from bdamper.balance.system import OK, Sampled
+from bdamper.balance.system import OK
+from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions
 from bdamper.peaks.optimal import peak_interval

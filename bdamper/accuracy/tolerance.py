@@ -15,7 +15,7 @@ Where a peak comes to lie beyond the interval, its curve is compared at the end.
 curve, the richer curve is looked for a little below it and a piece of it followed over its top.
 
 What is spent on a decision is bound by what it could save: carrying points may in all take as much work
-(:class:`bdamper.balance.system.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with
+(:class:`bdamper.util.cost.Cost`) as one curve with the shortest series that is still in question, 1.4 of them with
 what it takes to find the shortest series and to make sure of its curve.  Where this runs out, the longest series reached
 must do, with what it differs from the one before as the error that may be left.  If this error alone keeps a curve from
 being accepted, the point is carried to all harmonics after all, within the 1.4 curves.
@@ -51,13 +51,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.accuracy.estimate import finer_evaluation, missing_harmonics
-from bdamper.balance.system import OK, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint, follow
 from bdamper.effects.indicator import embed_between, estimate_change
 from bdamper.peaks.carryover import phase_plane, solutions_near
 from bdamper.peaks.newton import PeakOptions, find_peak, peak_scale, slope_along
 from bdamper.problem.effects import Effects
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import percent
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -17,8 +17,9 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper import _core
+from bdamper.contact.laws import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -30,72 +31,11 @@ STATUS_TEXT = {
     SINGULAR: "singular Jacobian",
     NOT_FINITE: "not finite",
 }
-LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
 
 
 def norm2(x: NDArray) -> float:
     """Euclidean norm of a vector."""
     return math.sqrt(x.dot(x))
-
-
-MAX_SAMPLES = 1 << 20
-"""Samples per period that the core takes at most."""
-
-
-@dataclass(frozen=True)
-class Sampled:
-    """Contact forces from samples in time (alternating frequency/time) instead of exact events.
-
-    Parameters
-    ----------
-    n_time : int
-        Samples per period, at least ``4 harmonics + 4``.
-    interpolate : bool
-        Interpolate the instant of closing between samples; without it the derivative does not converge.
-    """
-
-    n_time: int = 128
-    interpolate: bool = True
-
-    def __post_init__(self) -> None:
-        validate.fields(self, validate.whole, "n_time", least=8, most=MAX_SAMPLES)
-        validate.fields(self, validate.flag, "interpolate")
-
-
-@brief
-@dataclass(frozen=True)
-class PointArrays:
-    """Parameters of all contact points, stacked.
-
-    Parameters
-    ----------
-    kt : (n_points, 2) float, N/m
-    kn : (n_points,) float, N/m
-    mu, n0 : (n_points,) float
-        Friction coefficient; normal load at zero closing (N), negative for a gap.
-    slider : (n_points, 2) float, m
-        An infinite slider asks for that end of the interval of admissible ones where a point never slips.
-    law : (n_points,) int
-        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
-        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
-    shift : (n_points, 3) float, m
-        Constant part of (u1, u2, v) that the modes do not carry.
-    load : (n_points,) float, N, optional
-        Normal load that limits friction under the laws of constant load; ``n0`` by default.
-    index : (n_points,) int, optional
-        Contact point of the structure that each is made of; where two are made of one, the second one's normal force is
-        taken off that of the first.
-    """
-
-    kt: NDArray
-    kn: NDArray
-    mu: NDArray
-    n0: NDArray
-    slider: NDArray
-    law: NDArray
-    shift: NDArray
-    load: NDArray | None = None
-    index: NDArray | None = None
 
 
 @brief
@@ -595,103 +535,3 @@ def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) ->
     if isinstance(evaluation, Sampled):
         return (1 if evaluation.interpolate else 2), evaluation.n_time
     return 0, 0
-
-
-def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
-    """Refuse what is no evaluation, or too few samples for the highest harmonic."""
-    if isinstance(evaluation, Sampled):
-        if evaluation.n_time < 4 * harmonics + 4:
-            expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
-            raise validate.unfit("evaluation", expected, evaluation.n_time)
-    elif not isinstance(evaluation, str) or evaluation != "exact":
-        raise validate.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)
-
-
-@dataclass(frozen=True)
-class Cost:
-    """Where the time went.
-
-    Parameters
-    ----------
-    seconds : float
-        Wall-clock time in all.
-    contact, assembly, algebra : float
-        Seconds in the C core: contact forces, modal sums and products, linear algebra.
-    evaluations, jacobians, factorisations : int
-    iterations, failed_steps : int
-    least_norm : int
-        Solutions by least norm, where the equations leave a direction undetermined.
-    work : float
-        Million operations: what the evaluations and Jacobians cost by their sizes, the same on every machine.  With n
-        unknowns, p contact points and H harmonics an evaluation counts 28,000 p (2 H + 1), or p (120,000 + 1,200 samples),
-        a Jacobian 6 p n^2, a factorisation n^3 + 700 n^2 + 1,000,000, a solution by least norm 15 n^3.  The weights are
-        fitted to processor times of tracking curves, with what Python and the rest of the core spend in between.
-    """
-
-    seconds: float = 0.0
-    contact: float = 0.0
-    assembly: float = 0.0
-    algebra: float = 0.0
-    evaluations: int = 0
-    jacobians: int = 0
-    factorisations: int = 0
-    iterations: int = 0
-    failed_steps: int = 0
-    least_norm: int = 0
-    work: float = 0.0
-
-    @property
-    def core(self) -> float:
-        """Seconds inside the C core."""
-        return self.contact + self.assembly + self.algebra
-
-    @property
-    def python(self) -> float:
-        """Seconds outside the C core."""
-        return max(0.0, self.seconds - self.core)
-
-    def __str__(self) -> str:
-        return (
-            f"{self.seconds:.3f} s: contact {self.contact:.3f}, assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
-            f"Python {self.python:.3f}; {self.evaluations} evaluations, {self.iterations} iterations, "
-            f"{self.failed_steps} failed steps"
-        )
-
-
-@dataclass
-class CostMeter:
-    """Sums the cost of several systems that serve one result."""
-
-    start: float
-    systems: list[tuple[HarmonicSystem, tuple[float, ...]]] = field(default_factory=list)
-    iterations: int = 0
-    failed_steps: int = 0
-    parts: list[Cost] = field(default_factory=list)
-
-    def add(self, cost: Cost) -> None:
-        """Count in what a part of the work, done while this meter ran, has metered by itself."""
-        self.parts.append(cost)
-
-    def watch(self, system: HarmonicSystem) -> None:
-        self.systems.append((system, system.core.cost))
-
-    @property
-    def work(self) -> float:
-        """Million operations so far."""
-        total = sum(p.work for p in self.parts)
-        for system, before in self.systems:
-            total += float(system.work @ (np.array(system.core.cost[3:]) - before[3:]))
-        return float(total)
-
-    def read(self, now: float) -> Cost:
-        total = np.zeros(7)
-        for system, before in self.systems:
-            total += np.array(system.core.cost) - np.array(before)
-        for p in self.parts:
-            counts = p.evaluations, p.jacobians, p.factorisations, p.least_norm
-            total += np.array([p.contact, p.assembly, p.algebra, *counts])
-        c, a, g = (float(t) for t in total[:3])
-        e, j, f, least = (int(t) for t in total[3:])
-        iterations = self.iterations + sum(p.iterations for p in self.parts)
-        failed = self.failed_steps + sum(p.failed_steps for p in self.parts)
-        return Cost(now - self.start, c, a, g, e, j, f, iterations, failed, least, self.work)

@@ -17,7 +17,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import PointArrays
+from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
 
 

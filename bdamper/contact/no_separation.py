@@ -21,15 +21,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import (
-    LAW_BONDED,
-    LAW_CONSTANT,
-    LAW_COUPLED,
-    LAW_COUPLED_CONSTANT,
-    LAW_NORMAL,
-    LAW_SEPARABLE,
-    PointArrays,
-)
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, LAW_SEPARABLE
+from bdamper.contact.points import PointArrays
 from bdamper.contact.static import OPEN, PreloadState
 from bdamper.model.coupling import HarmonicBasis
 

@@ -18,8 +18,9 @@ from heapq import heappop, heappush
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.continuation.follower import ContinuationOptions, follow
+from bdamper.util.cost import CostMeter
 
 SUPPORTS = ((0.2, 0.0), (0.0, 1.0), (2.0, 0.0), (1.0, 1.0), (0.0, 10.0), (20.0, 0.0))
 """Drag and mass by which the highest harmonic is held."""

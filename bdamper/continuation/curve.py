@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import Cost
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.estimates import ErrorEstimates, estimates_from_json
 from bdamper.util.hdf5 import reading, writing

@@ -13,9 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, Correction, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, Correction, HarmonicSystem
 from bdamper.continuation.coverage import TWO_PI, Piece, finished, uncovered
 from bdamper.continuation.follower import ContinuationOptions, Interrupted, Path, PathPoint, follow
+from bdamper.util.cost import CostMeter
 
 BEYOND = 0.03
 """Part of the interval at each end, outside of it, in which folds are looked for."""

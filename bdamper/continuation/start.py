@@ -23,10 +23,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, STATUS_TEXT, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, STATUS_TEXT, HarmonicSystem
 from bdamper.contact.static import PreloadState
 from bdamper.continuation.climb import HELD, Ladder
 from bdamper.continuation.follower import ContinuationOptions, Path, follow
+from bdamper.util.cost import CostMeter
 
 RAMP_POINTS = 2000
 """Points of a path on which the excitation is raised, or bodies are let go."""

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.linear import linear_resonances
-from bdamper.balance.system import Cost, CostMeter
 from bdamper.continuation.coverage import TWO_PI, LeftOut, Piece, ending, in_order
 from bdamper.continuation.curve import Curve, passing
 from bdamper.continuation.follower import ContinuationOptions, Path
 from bdamper.continuation.mean_position import notes
 from bdamper.continuation.search import EVERY_VISIT, BranchSearch, Visits
 from bdamper.continuation.start import NOT_CLIMBED, NOT_LET_IN, PROMISING, SUPPORTS, WALKS, Aids
+from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.progress import progress_bar
 
 if TYPE_CHECKING:

@@ -24,12 +24,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import Cost
 from bdamper.model.model import Model, _feed
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.variation import check_name, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import reading, writing
 from bdamper.util.repr import brief
@@ -44,7 +44,7 @@ Task = Callable[["Study", float | None], Values]
 """The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers.
 
 An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts them.  One named ``"cost"``
-that is a :class:`bdamper.balance.system.Cost` is kept apart, as the cost of the point.
+that is a :class:`bdamper.util.cost.Cost` is kept apart, as the cost of the point.
 """
 
 

@@ -41,7 +41,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, Cost, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.continuation.curve import passing, uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.continuation.start import first_point
@@ -61,6 +61,7 @@ from bdamper.effects.rivals import (
 from bdamper.peaks.carryover import AROUND, BOTH_WAYS, LOOSE, ROUGH, STAYS_UP, carried_over, higher_nearby, solutions_near
 from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
 from bdamper.problem.effects import Effects
+from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 

@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import Cost
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.follower import ContinuationOptions
 from bdamper.effects.adaptive import MARGIN, On, Search, check_tolerance
 from bdamper.effects.indicator import Estimate
+from bdamper.util.cost import Cost
 
 if TYPE_CHECKING:
     from bdamper.study import Study

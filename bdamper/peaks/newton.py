@@ -23,9 +23,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, STATUS_TEXT, Cost, HarmonicSystem, norm2
+from bdamper.balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.util import validate
+from bdamper.util.cost import Cost
 from bdamper.util.repr import brief
 
 JUMP = 1e3

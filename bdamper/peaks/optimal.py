@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import CostMeter, HarmonicSystem
+from bdamper.balance.system import HarmonicSystem
 from bdamper.peaks.envelope import LeastEnvelope
 from bdamper.peaks.newton import Family, Peak, PeakOptions
 from bdamper.peaks.optimal_curve import Limit, OptimalCurve, OptimumPoint, load_optimal_curve
@@ -24,6 +24,7 @@ from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan
 from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities
 from bdamper.problem.variation import FACTORS, setting_names, vary
 from bdamper.util import validate
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError, SettingError
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import Cost
+from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import reading, writing
 from bdamper.util.repr import brief
 

@@ -16,10 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import CostMeter, HarmonicSystem
+from bdamper.balance.system import HarmonicSystem
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import FROM_ENDS, Scan, scan, scan_from, solution_near
+from bdamper.util.cost import CostMeter
 
 if TYPE_CHECKING:
     from bdamper.study import Study

@@ -14,13 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.linear import around, linear_maximum, linear_resonances
-from bdamper.balance.system import OK, CostMeter, HarmonicSystem
+from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.continuation.coverage import Piece
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.continuation.search import BranchSearch
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
 from bdamper.peaks.optimal_curve import Limit
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT, segments
+from bdamper.balance.system import segments
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.study import Study
 from bdamper.util import validate

@@ -48,7 +48,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.balance.system import LAW_COUPLED, LAW_COUPLED_CONSTANT, HarmonicSystem, segments
+from bdamper.balance.system import HarmonicSystem, segments
+from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util.repr import brief

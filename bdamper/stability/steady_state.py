@@ -21,8 +21,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import Cost, HarmonicSystem
+from bdamper.balance.system import HarmonicSystem
 from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
+from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import each
 from bdamper.util.repr import brief

@@ -26,15 +26,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import (
-    LAW_BONDED,
-    LAW_CONSTANT,
-    LAW_COUPLED,
-    LAW_COUPLED_CONSTANT,
-    LAW_NORMAL,
-    Cost,
-    HarmonicSystem,
-)
+from bdamper.balance.system import HarmonicSystem
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
+from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import each
 from bdamper.util.repr import brief

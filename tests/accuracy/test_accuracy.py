@@ -10,8 +10,9 @@ import bdamper as bd
 from bdamper.accuracy.estimate import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
 from bdamper.accuracy.ladders import by_sweep, by_tracking, make_ladders, richest, slipping_preload, varied
 from bdamper.accuracy.tolerance import SHARE, WORTH, WORTH_IN_ALL, _Choice, richest_study
-from bdamper.balance.system import OK, CostMeter
+from bdamper.balance.system import OK
 from bdamper.peaks.newton import PeakOptions, find_peak
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import estimates_from_json
 from tests import accuracy_cases, models

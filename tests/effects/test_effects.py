@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.balance.linear import linear_resonances
-from bdamper.balance.system import LAW_CONSTANT
+from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.static import OPEN
 from bdamper.continuation.follower import PathPoint
 from bdamper.continuation.mean_position import notes, why_no_solution

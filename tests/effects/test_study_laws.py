@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL, PointArrays
 from bdamper.contact.friction_axes import major_angles, turned
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
+from bdamper.contact.points import PointArrays
 from bdamper.contact.static import STICK
 from tests.models import acyclic_model, wedge_model
 

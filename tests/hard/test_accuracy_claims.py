@@ -75,7 +75,7 @@ def test_effectivity_of_estimates(first, sample):
 @pytest.mark.slow
 @pytest.mark.parametrize(("first", "most"), [(0, 50), (1000, 100), (8000, 100)])
 def test_tolerance_is_met_at_little_cost(first, most):
-    """Cost is counted work (:class:`bdamper.balance.system.Cost`), against that of the cheapest series that will do.
+    """Cost is counted work (:class:`bdamper.util.cost.Cost`), against that of the cheapest series that will do.
 
     What it is against the cheapest that does so by no coincidence, and in measured time, is printed only.
     """

@@ -7,13 +7,14 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.balance.system import NOT_CONVERGED, OK, Correction, CostMeter
+from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation import follower as continuation
 from bdamper.continuation import start
 from bdamper.continuation import track as tracking
 from bdamper.continuation.coverage import Piece, ending, in_order, uncovered
 from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint, follow
 from bdamper.continuation.search import EVERY_VISIT, BranchSearch
+from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model

@@ -9,18 +9,17 @@ bisection along the disturbance, and the Jacobian beyond it must give the differ
 import numpy as np
 import pytest
 
-from bdamper.balance.system import (
+from bdamper.balance.system import HarmonicSystem, segments
+from bdamper.contact.laws import (
     LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
     LAW_COUPLED_CONSTANT,
     LAW_NORMAL,
     LAW_SEPARABLE,
-    HarmonicSystem,
-    PointArrays,
     Sampled,
-    segments,
 )
+from bdamper.contact.points import PointArrays
 from bdamper.stability.floquet import _contact_changes
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study

@@ -13,9 +13,9 @@ import os
 import numpy as np
 import pytest
 
-from bdamper.balance.system import CostMeter
 from bdamper.continuation.follower import ContinuationOptions
 from bdamper.stability.time_integration import Ring
+from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
 BATCH = 25

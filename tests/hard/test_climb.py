@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.balance.system import OK, Correction, Cost, CostMeter
+from bdamper.balance.system import OK, Correction
 from bdamper.continuation import climb, start
 from bdamper.continuation import track as tracking
 from bdamper.continuation.climb import HELD, Ladder
@@ -16,6 +16,7 @@ from bdamper.continuation.curve import crossings
 from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.search import EVERY_VISIT
 from bdamper.continuation.start import LOOSE_TURN, Aids, first_point
+from bdamper.util.cost import Cost, CostMeter
 from tests.hard.test_branches import study
 
 OMEGA = 2.0 * np.pi * 300.0

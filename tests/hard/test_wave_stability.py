@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import CostMeter
 from bdamper.continuation.follower import ContinuationOptions
 from bdamper.stability.disturbances import WaveDisturbances, _pencil
 from bdamper.stability.floquet import NEUTRAL, monodromy, multipliers
 from bdamper.stability.time_integration import Ring
+from bdamper.util.cost import CostMeter
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import wedge_model
 from tests.physics import test_full_annulus as annulus

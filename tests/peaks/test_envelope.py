@@ -5,12 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bdamper.balance.system import CostMeter
 from bdamper.peaks import envelope as leastenvelope
 from bdamper.peaks.envelope import LeastEnvelope
 from bdamper.peaks.newton import Peak, PeakOptions, walked
 from bdamper.peaks.peak_set import Branch, PeakSet
 from bdamper.peaks.scan import Scan
+from bdamper.util.cost import CostMeter
 
 
 def peak(preload, amplitude, frequency=100.0):

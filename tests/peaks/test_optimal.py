@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import CostMeter
 from bdamper.continuation.follower import _Follower, follow
 from bdamper.peaks.follower import PeakFollower, follow_peak
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
@@ -24,6 +23,7 @@ from bdamper.peaks.optimal import (
 from bdamper.peaks.peak_set import Branch, PeakSet
 from bdamper.peaks.scan import scan_from, solution_near
 from bdamper.problem.variation import vary
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 
 INTERVAL = (250.0, 400.0)

@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import CostMeter, HarmonicSystem, PointArrays
+from bdamper.balance.system import HarmonicSystem
+from bdamper.contact.points import PointArrays
 from bdamper.continuation.follower import ContinuationOptions
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
+from bdamper.util.cost import CostMeter
 from tests.models import wedge_model
 
 N, H, DOF = 8, 4, 6

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import OK, CostMeter
+from bdamper.balance.system import OK
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
 from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model

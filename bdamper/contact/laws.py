@@ -1,0 +1,44 @@
+"""Contact laws by number, and how contact forces are found over a cycle.
+
+The laws themselves are evaluated by the C core (``csrc/bd_element.c``, ``bd_event.c``, ``bd_sampled.c``, ``bd_coulomb.c``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from bdamper.util import validate
+
+LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
+MAX_SAMPLES = 1 << 20
+"""Samples per period that the core takes at most."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """Contact forces from samples in time (alternating frequency/time) instead of exact events.
+
+    Parameters
+    ----------
+    n_time : int
+        Samples per period, at least ``4 harmonics + 4``.
+    interpolate : bool
+        Interpolate the instant of closing between samples; without it the derivative does not converge.
+    """
+
+    n_time: int = 128
+    interpolate: bool = True
+
+    def __post_init__(self) -> None:
+        validate.fields(self, validate.whole, "n_time", least=8, most=MAX_SAMPLES)
+        validate.fields(self, validate.flag, "interpolate")
+
+
+def check_evaluation(evaluation: str | Sampled, harmonics: int) -> None:
+    """Refuse what is no evaluation, or too few samples for the highest harmonic."""
+    if isinstance(evaluation, Sampled):
+        if evaluation.n_time < 4 * harmonics + 4:
+            expected = f"Sampled with at least {4 * harmonics + 4} samples for {harmonics} harmonics"
+            raise validate.unfit("evaluation", expected, evaluation.n_time)
+    elif not isinstance(evaluation, str) or evaluation != "exact":
+        raise validate.unfit("evaluation", '"exact" or Sampled(n_time)', evaluation)

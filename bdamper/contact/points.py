@@ -1,0 +1,45 @@
+"""Parameters of the contact points, as the equations take them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from numpy.typing import NDArray
+
+from bdamper.util.repr import brief
+
+
+@brief
+@dataclass(frozen=True)
+class PointArrays:
+    """Parameters of all contact points, stacked.
+
+    Parameters
+    ----------
+    kt : (n_points, 2) float, N/m
+    kn : (n_points,) float, N/m
+    mu, n0 : (n_points,) float
+        Friction coefficient; normal load at zero closing (N), negative for a gap.
+    slider : (n_points, 2) float, m
+        An infinite slider asks for that end of the interval of admissible ones where a point never slips.
+    law : (n_points,) int
+        LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
+        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
+    shift : (n_points, 3) float, m
+        Constant part of (u1, u2, v) that the modes do not carry.
+    load : (n_points,) float, N, optional
+        Normal load that limits friction under the laws of constant load; ``n0`` by default.
+    index : (n_points,) int, optional
+        Contact point of the structure that each is made of; where two are made of one, the second one's normal force is
+        taken off that of the first.
+    """
+
+    kt: NDArray
+    kn: NDArray
+    mu: NDArray
+    n0: NDArray
+    slider: NDArray
+    law: NDArray
+    shift: NDArray
+    load: NDArray | None = None
+    index: NDArray | None = None

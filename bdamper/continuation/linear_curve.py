@@ -1,0 +1,113 @@
+"""Linear response curves: without any contact, or with every closed point stuck.
+
+The response is sampled in equal steps of phase around each resonance, and its maxima are searched for.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from bdamper.balance.linear import NEAREST, around, linear_maximum, linear_resonances
+from bdamper.balance.system import HarmonicSystem
+from bdamper.continuation.curve import Curve
+from bdamper.util.cost import Cost, CostMeter
+
+
+def linear_curve(
+    system: HarmonicSystem,
+    kind: str,
+    frequency: tuple[float, float],
+    springs: NDArray | None,
+    preload: float,
+    settings: dict[str, Any],
+    model_hash: str,
+) -> Curve:
+    """The linear response over a frequency interval.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    kind : str
+        "free" or "stuck".
+    frequency : (low, high), rad/s
+    springs : (n_points, 3) float, N/m, optional
+        In place of the contact.
+    preload : float, N
+    settings : dict
+    model_hash : str
+    """
+    meter = CostMeter(time.perf_counter())
+    low, high = frequency
+    omega = np.linspace(low, high, 201)
+    unbounded = []
+    for w, width, _ in linear_resonances(system, (springs,), *around(low, high)):
+        at, amplitude = linear_maximum(system, springs, w, width)
+        if np.isinf(amplitude):
+            unbounded.append(w)
+            omega = np.concatenate([omega, w * (1.0 + np.outer((-1.0, 1.0), np.geomspace(NEAREST, 1e-2, 40)).ravel())])
+        else:
+            # equal steps of phase around each resonance
+            omega = np.concatenate([omega, w + width * np.tan(np.linspace(-1.56, 1.56, 161)), [at]])
+    infinite = [w / (2.0 * np.pi) for w in unbounded if low < w < high]
+    for w in unbounded:
+        omega = omega[np.abs(omega - w) >= 0.5 * NEAREST * w]
+    omega = np.unique(omega[(omega >= low) & (omega <= high)])
+
+    def height(w: float) -> float:
+        return float(abs(system.linear_response(w, springs) @ system.response_rows[1]))
+
+    tops = [w for w in _maxima(height, omega) if all(abs(w - pole) >= 2.0 * NEAREST * pole for pole in unbounded)]
+    omega = np.unique(np.concatenate([omega, tops]))
+    q = np.array([system.linear_response(w, springs) for w in omega])
+    u = np.array([system.pack(np.zeros(system.n_mean), a) for a in q])
+    n = len(omega)
+    c, s = system.slices(1)
+    force = system.force[c] - 1j * system.force[s]
+    error = [np.abs(system.linear_matrix(w, springs) @ a - force).max() for w, a in zip(omega, q)]
+    return Curve(
+        kind=kind,
+        frequency=omega / (2.0 * np.pi),
+        harmonics=system.response(u),
+        unknowns=u,
+        residual=np.array(error) / max(float(np.abs(force).max()), 1e-300),
+        shares=np.tile([1.0, 0.0, 0.0] if springs is not None else [0.0, 0.0, 1.0], (n, 1)),
+        backward=np.zeros(n, bool),
+        rank_deficiency=np.zeros(n, int),
+        branch=np.zeros(n, int),
+        point_kind=tuple("maximum" if w in tops else "regular" for w in omega.tolist()),
+        preload=preload,
+        status="complete",
+        reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
+        cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
+        settings=settings,
+        model_hash=model_hash,
+    )
+
+
+FLAT = 1e-9
+"""Dips between two maxima below this share of the lower one are rounding."""
+
+
+def _maxima(height: Callable[[float], float], omega: NDArray) -> list[float]:
+    """Places (rad/s) of the maxima within the ends of an ascending sample of frequencies."""
+    a = np.array([height(w) for w in omega])
+    rises, falls = a[1:-1] > a[:-2], a[1:-1] >= a[2:]
+    found: list[int] = []
+    for i in (np.flatnonzero(rises & falls) + 1).tolist():
+        if found and a[found[-1] : i + 1].min() >= (1.0 - FLAT) * min(a[found[-1]], a[i]):
+            found[-1] = max(found[-1], i, key=a.item)
+        else:
+            found.append(i)
+    out = []
+    for i in found:
+        ends = (float(omega[i - 1]), float(omega[i + 1]))
+        best = minimize_scalar(lambda w: -height(w), bounds=ends, method="bounded", options={"xatol": 1e-9 * ends[1]})
+        out.append(float(best.x) if -best.fun > a[i] else float(omega[i]))
+    return out
