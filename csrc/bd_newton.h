@@ -21,9 +21,10 @@ typedef struct {
     int iterations;
     double residual;              /* largest scaled residual at the returned point */
     double first_step, last_step; /* lengths of the first and last Newton step, in scaled unknowns */
-    double condition;             /* estimated reciprocal condition of the last factorisation (1-norm, equilibrated) */
-    int rank;                     /* rank that the least-norm solution found, n + 1 where LU served */
-    int orientation;              /* sign of the determinant of the last bordered matrix, 0 where it is rank-deficient */
+    double condition; /* reciprocal condition of the last factorisation (equilibrated), as far as it was asked */
+                      /* for: bd_newton.c, factorise */
+    int rank;         /* rank that the least-norm solution found, n + 1 where LU served */
+    int orientation;  /* sign of the determinant of the last bordered matrix, 0 where it is rank-deficient */
 } bd_newton_report;
 
 typedef struct {
