@@ -34,12 +34,11 @@ from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import percent
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from bdamper.study import Study
 
 Answer = tuple[float, float]
@@ -136,8 +135,10 @@ class Reference:
 
 @brief
 @dataclass(frozen=True)
-class AccuracyCost:
+class AccuracyCost(Plottable):
     """Errors and times of ladders of settings.
+
+    ``plot`` draws error over time with the Pareto fronts (:func:`bdamper.plot.plot_accuracy`).
 
     Parameters
     ----------
@@ -228,12 +229,6 @@ class AccuracyCost:
                 f"{r.ratio:.2f} | {'yes' if r.pareto else ''} |"
             )
         return "\n".join(lines)
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw error over time with the Pareto fronts; see :func:`bdamper.plot.plotting.plot_accuracy`."""
-        from bdamper.plot.plotting import plot_accuracy
-
-        return plot_accuracy(self, ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""
@@ -638,4 +633,3 @@ def _timed(
         times[k, i] = time.process_time() - begin
         answers[i] = float(amplitude), float(at)
     return answers, [float(t) for t in np.median(times, axis=0)]
-

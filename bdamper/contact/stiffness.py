@@ -25,7 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,10 +36,8 @@ from bdamper.model.coupling import Coupling
 from bdamper.model.model import ContactStiffness
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 METHODS = ("residual_modes", "unit_traction", "eq4")
 CERTIFIED = 1e-10
@@ -179,8 +177,10 @@ def paper_equations(
 
 @brief
 @dataclass(frozen=True)
-class StiffnessComparison:
+class StiffnessComparison(Plottable):
     """All methods side by side.
+
+    ``plot`` draws the stiffness of one method over the faces (:func:`bdamper.plot.plot_stiffness`).
 
     Parameters
     ----------
@@ -217,12 +217,6 @@ class StiffnessComparison:
         for method, found in self.frequencies.items():
             lines.append(f"    {method:<16}" + " ".join(f"{f:10.3f}" for f in found))
         return "\n".join(lines)
-
-    def plot(self, method: str = "eq4") -> Figure:
-        """Draw the stiffness of one method over the faces; see :func:`bdamper.plot.plotting.plot_stiffness`."""
-        from bdamper.plot.plotting import plot_stiffness
-
-        return plot_stiffness(self, method)
 
 
 def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray]:

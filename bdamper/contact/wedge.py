@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -24,10 +24,8 @@ from bdamper.contact.static import OPEN, PreloadState
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @brief
@@ -142,8 +140,10 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
 
 @brief
 @dataclass(frozen=True)
-class ContactMap:
+class ContactMap(Plottable):
     """The static state of the contact points, in terms of the surfaces.
+
+    ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_contact_map`).
 
     Parameters
     ----------
@@ -231,12 +231,6 @@ class ContactMap:
                 f"gap up to {1e6 * self.distance[here].max():.3g} um"
             )
         return "\n".join(lines)
-
-    def plot(self, quantity: str = "pressure") -> Figure:
-        """Draw "pressure", "gap" or "friction" over the faces; see :func:`bdamper.plot.plotting.plot_contact_map`."""
-        from bdamper.plot.plotting import plot_contact_map
-
-        return plot_contact_map(self, quantity)
 
     def save(self, path: str | Path) -> None:
         """Write the map to an HDF5 file."""

@@ -22,11 +22,10 @@ from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.estimates import ErrorEstimates, estimates_from_json
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from bdamper.study import Study
 
 
@@ -49,8 +48,10 @@ class Fold:
 
 @brief
 @dataclass(frozen=True)
-class Curve:
+class Curve(Plottable):
     """A response curve; every point of it is a converged solution.
+
+    ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
 
     Parameters
     ----------
@@ -193,13 +194,6 @@ class Curve:
         Options are those of :func:`bdamper.accuracy.estimate.estimate_errors`.
         """
         return study.estimate_errors(self, **options)
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw amplitude over frequency, branches that run backward dashed; see
-        :func:`bdamper.plot.plotting.plot_curves`."""
-        from bdamper.plot.plotting import plot_curves
-
-        return plot_curves([self], ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the curve to an HDF5 file."""

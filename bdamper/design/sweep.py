@@ -32,11 +32,10 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from bdamper.study import Study
 
 Values = Mapping[str, Any]
@@ -128,8 +127,10 @@ class OptimalTask:
 
 @brief
 @dataclass(frozen=True)
-class SweepResult:
+class SweepResult(Plottable):
     """Answers at all points of a sweep.
+
+    ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
 
     Parameters
     ----------
@@ -213,12 +214,6 @@ class SweepResult:
         if warned:
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
-
-    def plot(self, quantity: str = "amplitude", ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw one answer over the last setting; see :func:`bdamper.plot.plotting.plot_sweep`."""
-        from bdamper.plot.plotting import plot_sweep
-
-        return plot_sweep(self, quantity, ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""

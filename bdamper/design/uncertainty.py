@@ -23,11 +23,10 @@ from bdamper.peaks.optimal import preload_values
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from bdamper.study import Study
 
 METHODS = ("sobol", "latin", "random")
@@ -104,8 +103,10 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve:
+class UncertainCurve(Plottable):
     """Optimal curves of a sample.
+
+    ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
 
     Parameters
     ----------
@@ -156,12 +157,6 @@ class UncertainCurve:
             f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, median "
             f"{mid[k]:.6g} m)"
         )
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw percentile bands; see :func:`bdamper.plot.plotting.plot_uncertain`."""
-        from bdamper.plot.plotting import plot_uncertain
-
-        return plot_uncertain(self, ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""

@@ -27,11 +27,10 @@ from bdamper.peaks.newton import Peak, coarse_options
 from bdamper.problem.effects import Effects
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
     from bdamper.continuation.curve import Curve
     from bdamper.study import Study
 
@@ -69,8 +68,10 @@ class EffectAdvice:
 
 @brief
 @dataclass(frozen=True)
-class Advice:
+class Advice(Plottable):
     """Estimated changes of a peak by all effects that are off.
+
+    ``plot`` draws bars of the estimated changes (:func:`bdamper.plot.plot_advice`).
 
     Parameters
     ----------
@@ -123,12 +124,6 @@ class Advice:
                 + (f"  {e.reason}" if e.reason else "")
             )
         return "\n".join([*lines, *self.notes])
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Bars of the estimated changes; see :func:`bdamper.plot.plotting.plot_advice`."""
-        from bdamper.plot.plotting import plot_advice
-
-        return plot_advice(self, ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the advice to an HDF5 file."""

@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bdamper.continuation.curve import Curve
 from bdamper.util import validate
 from bdamper.util.hdf5 import writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 CHOICES = {
     "separable": {"friction_law": "separable", "friction_axes": "contact"},
@@ -29,8 +27,10 @@ CHOICES = {
 
 @brief
 @dataclass(frozen=True)
-class LawComparison:
+class LawComparison(Plottable):
     """Curves of one study under several friction laws.
+
+    ``plot`` draws all curves in one picture (:func:`bdamper.plot.plot_laws`).
 
     Parameters
     ----------
@@ -60,13 +60,6 @@ class LawComparison:
                 f"  {law:<{width}}  {peak.amplitude:.6g} m at {peak.frequency:.6g} Hz  {change:>9}  {curve.status}"
             )
         return "\n".join(lines)
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Axes:
-        """Draw all curves into one figure."""
-        from bdamper.plot.plotting import plot_curves
-
-        ax = plot_curves(list(self.curves), ax=ax, labels=list(self.laws), **style)
-        return ax
 
     def save(self, path: Any) -> None:
         """Write peaks and amplitudes to an HDF5 file, one group for each law."""

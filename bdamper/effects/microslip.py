@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +25,16 @@ from bdamper.study import Study
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.hdf5 import writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @brief
 @dataclass(frozen=True)
-class Microslip:
+class Microslip(Plottable):
     """A curve of first loading.
+
+    ``plot`` draws force over displacement (:func:`bdamper.plot.plot_microslip`).
 
     Parameters
     ----------
@@ -72,16 +71,6 @@ class Microslip:
         for row in zip(self.force, 1e6 * self.displacement, 1e-6 * slope, self.slipping, self.open):
             lines.append("{:>12.5g}{:>12.5g}{:>10.4g}{:>10.2f}{:>8.2f}".format(*row))
         return "\n".join(lines)
-
-    def plot(self) -> Figure:
-        """Draw force over displacement."""
-        from bdamper.plot.plotting import new_axes
-
-        ax = new_axes()
-        ax.plot(1e6 * self.displacement, self.force, "o-")
-        ax.set_xlabel("Displacement (µm)")
-        ax.set_ylabel("Force (N)")
-        return ax.figure  # type: ignore[return-value]
 
     def save(self, path: str | Path) -> None:
         """Write the curve to an HDF5 file."""

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.model import Model
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 @brief
@@ -45,8 +42,11 @@ class FaceSummary:
 
 @brief
 @dataclass(frozen=True)
-class ImportReport:
+class ImportReport(Plottable):
     """The report of :func:`bdamper.io.build_model`.
+
+    ``plot`` draws frequencies over nodal diameter, and the bodies with faces and points
+    (:func:`bdamper.plot.plot_import_report`).
 
     Parameters
     ----------
@@ -105,9 +105,3 @@ class ImportReport:
         if self.missing:
             lines += ["", "Not in this model", *(f"  {text}" for text in self.missing)]
         return "\n".join(lines)
-
-    def plot(self) -> Figure:
-        """Frequencies over nodal diameter, and the bodies with faces and points; see :mod:`bdamper.plot.plotting`."""
-        from bdamper.plot.plotting import plot_import_report
-
-        return plot_import_report(self)

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 LENGTHS = {
     "": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
@@ -26,8 +24,10 @@ LENGTHS = {
 
 @brief
 @dataclass(frozen=True)
-class Measurement:
+class Measurement(Plottable):
     """Amplitude over frequency, as measured.
+
+    ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
 
     Parameters
     ----------
@@ -87,12 +87,6 @@ class Measurement:
             f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, "
             f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
         )
-
-    def plot(self, ax: Axes | None = None, scale: float | None = None, **style: Any) -> Axes:
-        """Draw the amplitude in metres as small open circles; see :func:`bdamper.plot.plotting.plot_measurement`."""
-        from bdamper.plot.plotting import plot_measurement
-
-        return plot_measurement(self, ax=ax, scale=scale, **style)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it to an HDF5 file."""

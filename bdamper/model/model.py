@@ -29,6 +29,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 
 Port = tuple[str, str]
@@ -226,8 +227,10 @@ class SurfaceMesh:
 
 @brief
 @dataclass(frozen=True)
-class Model:
+class Model(Plottable):
     """Everything that is known of a structure before a study: see the module's docstring for conventions.
+
+    ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
 
     Parameters
     ----------
@@ -276,17 +279,9 @@ class Model:
             start += n
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
-    def plot(self, path: Any = None, *, backend: str | None = None) -> Any:
-        """Bodies and contact points in 3-D, shown or written to a picture; see :func:`bdamper.plot.plotting.plot_model`."""
-        from bdamper.plot.plotting import plot_model
-
-        return plot_model(self, path, backend=backend)
-
     def plot_mode(self, mode: int = 1, path: Any = None, **options: Any) -> Any:
-        """A mode of a blade in 3-D, counted from 1; see :func:`bdamper.plot.plotting.plot_mode`."""
-        from bdamper.plot.plotting import plot_mode
-
-        return plot_mode(self, mode, path, **options)
+        """Draw a mode of a blade in 3-D, counted from 1 (:func:`bdamper.plot.plot_mode`)."""
+        return draw(self, "plot_mode", mode, path, **options)
 
     def folded_nodal_diameter(self, harmonic_order: int) -> tuple[int, bool]:
         """Nodal diameter excited by an engine-order multiple, and whether its basis must be conjugated.

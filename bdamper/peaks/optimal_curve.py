@@ -5,17 +5,15 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.cost import Cost
 from bdamper.util.hdf5 import reading, writing
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True)
@@ -72,8 +70,11 @@ class OptimumPoint:
 
 @brief
 @dataclass(frozen=True)
-class OptimalCurve:
+class OptimalCurve(Plottable):
     """Resonance over preload.
+
+    ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
+    (:func:`bdamper.plot.plot_optimal`).
 
     Parameters
     ----------
@@ -180,12 +181,6 @@ class OptimalCurve:
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
         return "\n".join(lines)
-
-    def plot(self, ax: Axes | None = None, **style: Any) -> Any:
-        """Draw both curves as in Figs 8 and 9 of the paper; see :func:`bdamper.plot.plotting.plot_optimal`."""
-        from bdamper.plot.plotting import plot_optimal
-
-        return plot_optimal(self, ax=ax, **style)
 
     def save(self, path: str | FilePath) -> None:
         """Write the result to an HDF5 file."""

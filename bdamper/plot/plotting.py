@@ -26,14 +26,18 @@ from bdamper.continuation.curve import Curve
 from bdamper.design.sweep import SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
+from bdamper.effects.compare_laws import LawComparison
+from bdamper.effects.microslip import Microslip
 from bdamper.io.import_report import ImportReport
 from bdamper.io.measured import Fit, Measured, goodness_of_fit
 from bdamper.io.measurement import Measurement
+from bdamper.model.model import Model
 from bdamper.peaks.optimal import OptimalCurve
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.plotting import draws
 
 MARKERS = "osD^v<>pP*hX"
 PAPER: dict[Any, Any] = {
@@ -166,6 +170,29 @@ def plot_curves(
     return ax
 
 
+@draws(Curve)
+def plot_curve(curve: Curve, ax: Axes | None = None, **style: Any) -> Axes:
+    """Amplitude over frequency for one curve; ``style`` as for :func:`plot_curves`."""
+    return plot_curves([curve], ax, **style)
+
+
+@draws(LawComparison)
+def plot_laws(comparison: LawComparison, ax: Axes | None = None, **style: Any) -> Axes:
+    """Curves under several friction laws in one picture; ``style`` as for :func:`plot_curves`."""
+    return plot_curves(comparison.curves, ax, labels=comparison.laws, **style)
+
+
+@draws(Microslip)
+def plot_microslip(microslip: Microslip) -> Figure:
+    """Force over displacement of first loading."""
+    ax = new_axes()
+    ax.plot(1e6 * microslip.displacement, microslip.force, "o-")
+    ax.set_xlabel("Displacement (µm)")
+    ax.set_ylabel("Force (N)")
+    return ax.figure  # type: ignore[return-value]
+
+
+@draws(Measurement)
 def plot_measurement(
     measurement: Measurement, ax: Axes | None = None, scale: float | None = None, **style: Any
 ) -> Axes:
@@ -198,6 +225,7 @@ def plot_measurement(
     return axes
 
 
+@draws(ImportReport)
 def plot_import_report(report: ImportReport) -> Figure:
     """Frequencies over nodal diameter beside the bodies with their contact points.
 
@@ -238,6 +266,7 @@ def plot_import_report(report: ImportReport) -> Figure:
     return figure
 
 
+@draws(OptimalCurve)
 def plot_optimal(
     result: OptimalCurve, ax: Axes | None = None, *, title: str = "", coexisting: bool = True
 ) -> tuple[Axes, Axes]:
@@ -324,7 +353,8 @@ def _named_value(name: str, value: Any) -> str:
     return f"{words} {number}" + (f" {_UNITS[name]}" if name in _UNITS else "")
 
 
-def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Axes:
+@draws(SweepResult)
+def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None = None) -> Axes:
     """One answer of a sweep over its last setting, a line for each combination of the others.
 
     Parameters
@@ -363,6 +393,7 @@ def plot_sweep(result: SweepResult, quantity: str, ax: Axes | None = None) -> Ax
     return ax
 
 
+@draws(UncertainCurve)
 def plot_uncertain(
     result: UncertainCurve,
     ax: Axes | None = None,
@@ -570,6 +601,7 @@ def _plot_faces(
     return figure
 
 
+@draws(ContactMap)
 def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
     """Pressure, gap or use of the friction limit over the friction faces; open points stay white.
 
@@ -599,6 +631,7 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
     return _plot_faces(places, values, [""], label, unit)
 
 
+@draws(StiffnessComparison)
 def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> Figure:
     """Contact stiffness per area over the faces, for t1, t2 and n; points of the fallback rule stay white."""
     if method not in comparison.stiffness:
@@ -953,6 +986,7 @@ def _overlap(boxes: list[Any]) -> bool:
     return any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
+@draws(Model)
 def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> Any:
     """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
     tint = {
@@ -970,6 +1004,7 @@ def plot_model(model: Any, path: Any = None, *, backend: str | None = None) -> A
     return plot_surfaces(surfaces, points, path, backend=backend)
 
 
+@draws(Model, "plot_mode")
 def plot_mode(
     model: Any,
     mode: int = 1,
@@ -1117,6 +1152,7 @@ def plot_points_3d(model: Any, path: Any, values: NDArray, *, label: str = "") -
     save_figure(figure, path)
 
 
+@draws(Verification)
 def plot_verification(verification: Verification, ax: Axes | None = None) -> Axes:
     """One settled period in time beside the harmonic-balance solution."""
     ax = ax or new_axes()
@@ -1130,6 +1166,7 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     return ax
 
 
+@draws(SettledResponse)
 def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
     """Amplitude of each period of a marched response, with mean and range of the half that counts."""
     with plt.rc_context(PAPER):
@@ -1145,6 +1182,7 @@ def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
     return ax
 
 
+@draws(SettledResponse, "mark")
 def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
     """Mean and range of a marched response as a point with a bar over response curves; one entry for all in the legend."""
     label = "time integration, mean and range"
@@ -1158,6 +1196,7 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
     return ax
 
 
+@draws(Advice)
 def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
     """Bars of the changes that effects would make to a peak, if they were switched on.
 
@@ -1274,6 +1313,7 @@ def plot_over_measurement(
     return ax, fit
 
 
+@draws(AccuracyCost)
 def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequence[str] | None = None) -> Axes:
     """Error over time of ladders of settings, with the Pareto front of each.
 

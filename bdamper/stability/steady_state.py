@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,11 +25,9 @@ from bdamper.balance.system import HarmonicSystem
 from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
+from bdamper.util.plotting import Plottable, draw
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 ACCURACY = 0.5
 """Step times the highest frequency of the closed contacts: five times the step of a comparison with harmonic balance."""
@@ -61,8 +59,11 @@ class Motion(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class SettledResponse:
+class SettledResponse(Plottable):
     """The response of the marched structure, period by period.
+
+    ``plot`` draws the amplitude of each period, with mean and range of those that count
+    (:func:`bdamper.plot.plot_settled`).
 
     Parameters
     ----------
@@ -133,17 +134,9 @@ class SettledResponse:
             f"  {self.status}: {self.reason}\n  {self.cost}"
         )
 
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the amplitude of each period, with mean and range of those that count."""
-        from bdamper.plot.plotting import plot_settled
-
-        return plot_settled(self, ax)
-
-    def mark(self, ax: Axes) -> Axes:
-        """Draw mean and range as one point with a bar over a response curve."""
-        from bdamper.plot.plotting import mark_settled
-
-        return mark_settled(self, ax)
+    def mark(self, ax: Any) -> Any:
+        """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_settled`)."""
+        return draw(self, "mark", ax)
 
 
 KINDS = {None: "irregular", 1: "periodic"} | {n: f"{n}-periodic" for n in range(2, MOST_REPEATED + 1)}

@@ -21,7 +21,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from math import gcd
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,11 +29,9 @@ from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
+from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 TWO_PI = 2.0 * np.pi
 MOST_PERIODS = 100
@@ -43,8 +40,10 @@ MOST_PERIODS = 100
 
 @brief
 @dataclass(frozen=True)
-class Verification:
+class Verification(Plottable):
     """Settled time response beside a harmonic-balance solution.
+
+    ``plot`` draws the last period in time and the harmonic-balance solution (:func:`bdamper.plot.plot_verification`).
 
     Parameters
     ----------
@@ -88,12 +87,6 @@ class Verification:
             f"(|X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m); {self.periods} periods of "
             f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period\n  {self.cost}"
         )
-
-    def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the last period in time and the harmonic-balance solution."""
-        from bdamper.plot.plotting import plot_verification
-
-        return plot_verification(self, ax)
 
 
 class Ring:

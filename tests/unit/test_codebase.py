@@ -106,15 +106,20 @@ def test_python_imports_run_downward(path):
         assert levels.get(name, -1) <= levels[own], f"{own} imports {name}, which is above it"
 
 
-def test_only_plotting_imports_matplotlib():
-    users = [p.name for p in python_files() if re.search(r"^\s*(import|from) matplotlib", p.read_text(), re.M)]
-    outside = []
-    for name in set(users) - {"plotting.py"}:
-        text = next(p for p in python_files() if p.name == name).read_text()
-        # types may be named, the library may not be loaded
-        if re.search(r"^(import|from) matplotlib", text, re.M):
-            outside.append(name)
-    assert not outside
+def test_only_the_room_of_pictures_imports_matplotlib_and_pyvista():
+    """Types included: results say nothing of axes and figures."""
+    pattern = re.compile(r"^\s*(import|from) (matplotlib|mpl_toolkits|pyvista)\b", re.M)
+    assert {module_name(p) for p in python_files() if pattern.search(p.read_text())} == {"plot"}
+
+
+def test_the_only_upward_reach_is_the_registry_of_pictures():
+    """No other module of the package is imported by its name."""
+    named = {
+        str(path.relative_to(PACKAGE)): argument
+        for path in python_files()
+        for argument in re.findall(r"(?:import_module|__import__)\((.*?)\)", path.read_text())
+    }
+    assert named == {"util/plotting.py": '"bdamper.plot"', "io/nastran.py": "module"}  # the latter are pyNastran's
 
 
 def test_only_system_imports_the_core():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.plot import plotting
+from bdamper import plot as plotting
 from bdamper.plot.motion import contact_status, rigid_motion
 from bdamper.util import validate
 

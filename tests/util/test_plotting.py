@@ -1,0 +1,52 @@
+"""The registry of pictures: every object with a picture finds the function that draws it."""
+
+import importlib
+import pkgutil
+import subprocess
+import sys
+
+import pytest
+
+import bdamper
+from bdamper import plot
+from bdamper.model.model import Model
+from bdamper.util.plotting import _DRAWINGS, Plottable, draw
+
+
+def plottable_types():
+    for module in pkgutil.walk_packages(bdamper.__path__, "bdamper."):
+        importlib.import_module(module.name)
+    return sorted(Plottable.__subclasses__(), key=lambda cls: cls.__name__)
+
+
+@pytest.mark.parametrize("cls", plottable_types(), ids=lambda cls: cls.__name__)
+def test_the_docstring_names_the_function_that_draws(cls):
+    name = cls.__doc__.split(":func:`bdamper.plot.")[1].split("`")[0]
+    assert _DRAWINGS[cls, "plot"] is getattr(plot, name)
+
+
+def test_arguments_are_passed_on(monkeypatch):
+    monkeypatch.setitem(_DRAWINGS, (Model, "film"), lambda *arguments, **options: (arguments, options))
+    model = Model(1, {}, {})
+    assert draw(model, "film", 1, size=2) == ((model, 1), {"size": 2})
+
+
+def test_a_derived_type_is_drawn_as_what_it_derives_from():
+    class Special(Model):
+        pass
+
+    with pytest.raises(bdamper.SettingError, match="expected at least one body with a mesh"):
+        Special(1, {}, {}).plot()
+
+
+def test_what_has_no_picture_is_refused():
+    with pytest.raises(TypeError, match="there is no picture 'film' of Model"):
+        draw(Model(1, {}, {}), "film")
+
+
+def test_the_first_picture_loads_the_room(tmp_path):
+    code = (
+        "import sys, bdamper as bd; model = bd.reference_model(); assert 'matplotlib' not in sys.modules;"
+        "import matplotlib; matplotlib.use('Agg'); model.plot(backend='matplotlib'); assert 'bdamper.plot' in sys.modules"
+    )
+    assert subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=False).returncode == 0
