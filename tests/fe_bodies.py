@@ -6,8 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from bdamper.fe.calculix import local_order
-from bdamper.fe.sector import SectorFE
-from bdamper.fe.sets import blade_sets, damper_sets
+from bdamper.fe.sector import SectorFE, blade_sets, damper_sets
 from bdamper.io import ContactFaces, FEBody
 
 FIRST_NUMBER = 101

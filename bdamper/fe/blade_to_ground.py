@@ -16,13 +16,12 @@ free body and no load: normal loads and gaps are prescribed (:func:`bdamper.pres
 from __future__ import annotations
 
 import numpy as np
-import scipy.sparse as sp
 
 from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, sector_mesh
-from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
+from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
 from bdamper.model.model import Body, Model
 from bdamper.reduction.bodies import constrained_body
 from bdamper.reduction.cyclic import CyclicSector
@@ -61,23 +60,15 @@ def blade_to_ground(
     # the underside as the blade has it: t1 up the slope like the damper's, the normal toward the ground
     face = wedge_patches(g, "left", points)
     patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
-    contact = sp.csr_matrix(averaging_matrix(body, patches))
-    top = g.ridge_radius + g.platform_edge_thickness
-    places = {
-        "tip": body.nearest_node(np.array([g.camber / 3.0, top + g.airfoil_height, 0.0])),
-        "platform": body.nearest_node(np.array([g.camber / 3.0, top, 0.0])),
-    }
+    nodes, contact = blade_nodes(body, g), averaging_matrix(body, patches)
     blade = constrained_body(
-        "blade", (("platform", "a"),), lambda _: structure, contact, places, (0,), n_modes, damping_ratio, (0,)
+        "blade", (("platform", "a"),), lambda _: structure, contact, nodes, (0,), n_modes, damping_ratio, (0,)
     )
     return Model(
         n_blades=1,
-        bodies={
-            "blade": blade,
-            "ground": Body("ground", "ground", (("platform", "b"),)),
-        },
-        interfaces={"platform": friction_face("platform", patches, "blade", "ground")},
-        locations=locations("blade", body, places),
+        bodies={"blade": blade, "ground": Body("ground", "ground", (("platform", "b"),))},
+        interfaces={"platform": interface("platform", patches, "blade", "ground")},
+        locations=locations("blade", body, nodes),
         meshes={"blade": surface_mesh(body, {0: structure.modes(n_modes)[1]})},
         provenance=provenance("bdamper.fe.blade_to_ground.blade_to_ground", body),
     )

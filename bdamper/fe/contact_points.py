@@ -21,7 +21,6 @@ from bdamper.fe.geometry import Geometry, turn
 from bdamper.reduction.facets import Facets
 from bdamper.reduction.patches import Patches, patch_grid, patches_on_rectangles
 
-__all__ = ["Patches", "averaging_matrix", "end_patches", "face_frame", "patch_grid", "surface_facets", "wedge_patches"]
 
 def face_frame(name: str, face_angle: float) -> NDArray:
     """Rows t1, t2, n (3, 3) of a face of the damper ("left", "right", "front", "back") in its own axes."""

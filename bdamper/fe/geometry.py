@@ -31,7 +31,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.reduction.rotation import turn
+from bdamper.model.model import turn
 
 __all__ = ["Geometry", "Material", "turn"]
 

@@ -1,4 +1,4 @@
-"""Parts that the finite element models have in common: faces, locations, surfaces, provenance."""
+"""Parts that the finite element models have in common: interfaces, locations, surfaces, provenance."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
 
 PICTURE_MODES = 10
-"""Modes whose shapes on the surface are kept for pictures."""
+"""Number of modes whose shapes on the surface are kept for pictures."""
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
-    """A disk segment of so many pitches, held at the bore and at its two cut faces: an acyclic structure."""
+    """Disk segment of ``n_pitches`` pitches, clamped at the bore and at its two cut faces: an acyclic structure."""
     angle, radius = np.arctan2(body.nodes[:, 0], body.nodes[:, 1]), np.hypot(body.nodes[:, 0], body.nodes[:, 1])
     cut = (radius < g.rim_radius + 1e-8) & (np.abs(angle) > 0.5 * n_pitches * g.pitch - 1e-9)
     clamped = np.flatnonzero((radius < g.bore_radius + 1e-8) | cut)
@@ -37,7 +37,7 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     ----------
     body : Discretisation
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
-        Modes to keep at the nodes of the surface.
+        Mode shapes that are kept at the nodes of the surface.
     """
     quads = surface_facets(body).groups[0][:, :4]
     points = body.mesh.p.T
@@ -48,29 +48,38 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
 
 
-def friction_face(name: str, patches: Patches, body_a: str, body_b: str) -> Interface:
-    """Friction interface without gap between two bodies of the same sector."""
+def interface(
+    name: str, patches: Patches, body_a: str, body_b: str, *, sector_b: int = 0, clearance: float | None = None
+) -> Interface:
+    """Interface with a contact point in each patch: friction without gap, or an axial stop with a clearance (m)."""
     return Interface(
         name=name,
-        kind="friction",
+        kind="friction" if clearance is None else "constraint",
         body_a=body_a,
         sector_a=0,
         body_b=body_b,
-        sector_b=0,
+        sector_b=sector_b,
         points=patches.centre.copy(),
         area=patches.area,
         frame=np.array(patches.frame),
-        gap=np.zeros(len(patches.size)),
+        gap=np.full(len(patches.size), clearance or 0.0),
     )
 
 
-def locations(name: str, body: Discretisation, places: Mapping[str, int]) -> dict[str, Location]:
+def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
+    """Nodes of the blade at which it is excited and observed: "tip" and "platform", on the mean line of the airfoil."""
+    top = g.ridge_radius + g.platform_edge_thickness
+    heights = {"tip": top + g.airfoil_height, "platform": top}
+    return {name: body.nearest_node(np.array([g.camber / 3.0, y, 0.0])) for name, y in heights.items()}
+
+
+def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:
     """Named nodes of a body as locations."""
-    return {place: Location(place, name, body.nodes[node].copy()) for place, node in places.items()}
+    return {place: Location(place, name, body.nodes[node].copy()) for place, node in nodes.items()}
 
 
 def provenance(source: str, *bodies: Discretisation) -> dict[str, str]:
-    """What made a model."""
+    """Origin of a model: function, programs, date and mesh."""
     elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
     return {
         "source": source,

@@ -24,35 +24,15 @@ import numpy as np
 import scipy.sparse as sp
 
 from bdamper.fe.assemble import Discretisation
-from bdamper.fe.contact_points import Patches, averaging_matrix, end_patches, wedge_patches
-from bdamper.fe.geometry import turn
+from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.mesh import MeshDensity
-from bdamper.fe.parts import provenance, surface_mesh
+from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
-from bdamper.model.model import Body, Interface, Location, Model
+from bdamper.model.model import Body, Interface, Model, turn
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
-
-__all__ = ["BLADE_PORTS", "DAMPER_PORTS", "bladed_disk", "needed_nodal_diameters", "surface_mesh"]
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
-
-
-def _interface(name: str, patches: Patches, end_gap: float) -> Interface:
-    friction = name in ("left", "right")
-    n = len(patches.size)
-    return Interface(
-        name=name,
-        kind="friction" if friction else "constraint",
-        body_a="damper",
-        sector_a=0,
-        body_b="blade" if friction else "ground",
-        sector_b=1 if name == "right" else 0,
-        points=patches.centre.copy(),
-        area=patches.area,
-        frame=np.array(patches.frame),
-        gap=np.full(n, 0.0 if friction else end_gap),
-    )
 
 
 def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterable[Interface]) -> None:
@@ -121,50 +101,33 @@ def bladed_disk(
     diameters = tuple(sorted({0, *nodal_diameters}))
     wanted = set(diameters if flexibility_at is None else flexibility_at)
 
-    patches = {side: wedge_patches(g, side, points) for side in ("left", "right")}
-    patches |= {side: end_patches(g, side) for side in ("front", "back")}
-    interfaces = {name: _interface(name, p, g.end_gap) for name, p in patches.items()}
-    contact_blade = fe.blade_contact(patches["left"], patches["right"])
-    contact_damper = sp.vstack(
-        [averaging_matrix(fe.damper.body, patches[name]) for name, _ in DAMPER_PORTS], format="csr"
-    )
-    _assert_same_place(fe.blade, contact_blade, [interfaces[name] for name, _ in BLADE_PORTS])
-    _assert_same_place(fe.damper.body, contact_damper, [interfaces[name] for name, _ in DAMPER_PORTS])
-
-    top = g.ridge_radius + g.platform_edge_thickness
-    blade_nodes = {
-        "tip": fe.blade.nearest_node(np.array([g.camber / 3.0, top + g.airfoil_height, 0.0])),
-        "platform": fe.blade.nearest_node(np.array([g.camber / 3.0, top, 0.0])),
+    left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
+    front, back = (end_patches(g, side) for side in ("front", "back"))
+    interfaces = {
+        "left": interface("left", left, "damper", "blade"),
+        "right": interface("right", right, "damper", "blade", sector_b=1),
+        "front": interface("front", front, "damper", "ground", clearance=g.end_gap),
+        "back": interface("back", back, "damper", "ground", clearance=g.end_gap),
     }
-    damper_nodes = {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+    contact_blade = fe.blade_contact(left, right)
+    contact_damper = fe.damper_contact(left, right, front, back)
+    _assert_same_place(fe.blade, contact_blade, [interfaces[name] for name, _ in BLADE_PORTS])
+    _assert_same_place(fe.damper.body, contact_damper, interfaces.values())
 
+    nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact_blade, blade_nodes, diameters, n_modes, damping_ratio, wanted
+        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, wanted
     )
+    radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
     damper = free_body(
-        "damper",
-        DAMPER_PORTS,
-        fe.damper,
-        contact_damper,
-        damper_nodes,
-        n_damper_modes,
-        damping_ratio,
-        turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0],
+        "damper", DAMPER_PORTS, fe.damper, contact_damper, damper_nodes, n_damper_modes, damping_ratio, radial
     )
     ground = Body("ground", "ground", (("front", "b"), ("back", "b")))
-
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": blade, "damper": damper, "ground": ground},
         interfaces=interfaces,
-        locations={
-            name: Location(name, body, disc.nodes[node].copy())
-            for body, disc, nodes in (
-                ("blade", fe.blade, blade_nodes),
-                ("damper", fe.damper.body, damper_nodes),
-            )
-            for name, node in nodes.items()
-        },
+        locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes={
             "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
             "damper": surface_mesh(fe.damper.body),

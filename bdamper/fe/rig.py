@@ -24,17 +24,24 @@ from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
-from bdamper.fe.geometry import Geometry, Material, turn
+from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh, rig_mesh
-from bdamper.fe.parts import clamped_segment, friction_face, locations, provenance, surface_mesh
-from bdamper.model.model import Body, Interface, Model
+from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
+from bdamper.model.model import Body, Model, turn
 from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches
+
+FACES = {
+    "left": ("left_outer", "left_inner", "left_front", "left_back"),
+    "right": ("right_inner", "right_outer", "right_front", "right_back"),
+}
+"""Interfaces at the left, right, front and back face of each damper."""
 
 
 def rig_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
@@ -71,72 +78,62 @@ def rig(
     blades, structure = rig_structure(g, density, steel)
     # The damper at the right stands between sector 0 and 1; the one at the left is the same, a pitch back.
     damper = FreeBody(discretise(damper_mesh(g, density), steel), turn(0.5 * g.pitch).T)
-    faces = {side: wedge_patches(g, side, points) for side in ("left", "right")}
-    ends = {side: end_patches(g, side) for side in ("front", "back")}
-    back = turn(-g.pitch)
+    places = {"left": turn(-g.pitch), "right": np.eye(3)}
+    patches = [wedge_patches(g, "left", points), wedge_patches(g, "right", points)]
+    patches += [end_patches(g, "front"), end_patches(g, "back")]
 
-    interfaces: dict[str, Interface] = {}
-    ports: dict[str, tuple[tuple[str, str], ...]] = {}
-    touching: list[Patches] = []
-    for side, rotation, names in (
-        ("left", back, ("left_outer", "left_inner")),
-        ("right", np.eye(3), ("right_inner", "right_outer")),
-    ):
-        for name, patches in zip(names, (faces["left"], faces["right"])):
-            there = patches.turned(rotation)
-            touching.append(there)
-            interfaces[name] = friction_face(name, there, f"damper_{side}", "blades")
-        for end, patches in ends.items():
-            face = friction_face(f"{side}_{end}", patches.turned(rotation), f"damper_{side}", "ground")
-            interfaces[face.name] = replace(face, kind="constraint", gap=np.full(len(face.gap), g.end_gap))
-        ports[side] = tuple((name, "a") for name in (*names, f"{side}_front", f"{side}_back"))
-    friction = [name for name, face in interfaces.items() if face.kind == "friction"]
+    interfaces, touching = {}, []
+    for side, rotation in places.items():
+        there = [p.turned(rotation) for p in patches]
+        touching += there[:2]
+        for name, p in zip(FACES[side][:2], there[:2]):
+            interfaces[name] = interface(name, p, f"damper_{side}", "blades")
+        for name, p in zip(FACES[side][2:], there[2:]):
+            interfaces[name] = interface(name, p, f"damper_{side}", "ground", clearance=g.end_gap)
+    ports = {
+        kind: tuple((name, "b") for name, face in interfaces.items() if face.kind == kind)
+        for kind in ("friction", "constraint")
+    }
 
-    top = g.ridge_radius + g.platform_edge_thickness
-    places = {
-        "tip": blades.nearest_node(np.array([g.camber / 3.0, top + g.airfoil_height, 0.0])),
-        "platform": blades.nearest_node(np.array([g.camber / 3.0, top, 0.0])),
-    }
-    contact = sp.vstack([averaging_matrix(blades, patches) for patches in touching], format="csr")
-    bodies = {
-        "blades": constrained_body(
-            "blades",
-            tuple((name, "b") for name in friction),
-            lambda _: structure,
-            contact,
-            places,
-            (0,),
-            n_modes,
-            damping_ratio,
-            (0,),
-        )
-    }
+    nodes = blade_nodes(blades, g)
+    contact = sp.vstack([averaging_matrix(blades, p) for p in touching], format="csr")
+    held = constrained_body(
+        "blades", ports["friction"], lambda _: structure, contact, nodes, (0,), n_modes, damping_ratio, (0,)
+    )
+    bodies = {"blades": held}
     meshes = {"blades": surface_mesh(blades, {0: structure.modes(n_modes)[1]})}
-
-    # In its own contact axes a damper is the same at both places: only positions and directions turn.
-    own = sp.vstack([averaging_matrix(damper.body, p) for p in (*faces.values(), *ends.values())], format="csr")
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
-    one = free_body("damper", ports["right"], damper, own, {}, n_damper_modes, damping_ratio, radial)
-    assert one.centre is not None and one.inertia is not None and one.load is not None
+    one = _damper(damper, patches, n_damper_modes, damping_ratio, radial)
     surface = surface_mesh(damper.body)
-    for side, rotation in (("left", back), ("right", np.eye(3))):
-        name = f"damper_{side}"
-        bodies[name] = replace(
-            one,
-            name=name,
-            ports=ports[side],
-            centre=rotation @ one.centre,
-            inertia=rotation @ one.inertia @ rotation.T,
-            load=replace(one.load, direction=rotation @ radial),
-        )
-        meshes[name] = replace(surface, points=surface.points @ rotation.T)
-    constraints = [name for name, face in interfaces.items() if face.kind == "constraint"]
-    bodies["ground"] = Body("ground", "ground", tuple((name, "b") for name in constraints))
+    for side, rotation in places.items():
+        body = _placed(one, side, rotation)
+        bodies[body.name] = body
+        meshes[body.name] = replace(surface, points=surface.points @ rotation.T)
+    bodies["ground"] = Body("ground", "ground", ports["constraint"])
     return Model(
         n_blades=1,
         bodies=bodies,
         interfaces=interfaces,
-        locations=locations("blades", blades, places),
+        locations=locations("blades", blades, nodes),
         meshes=meshes,
         provenance=provenance("bdamper.fe.rig.rig", blades, damper.body),
+    )
+
+
+def _damper(damper: FreeBody, patches: list[Patches], n_modes: int, damping_ratio: float, radial: NDArray) -> Body:
+    """One damper in its own contact axes, in which it is the same at both places."""
+    contact = sp.vstack([averaging_matrix(damper.body, p) for p in patches], format="csr")
+    return free_body("damper", (), damper, contact, {}, n_modes, damping_ratio, radial)
+
+
+def _placed(damper: Body, side: str, rotation: NDArray) -> Body:
+    """The damper of one side: only positions and directions turn."""
+    assert damper.centre is not None and damper.inertia is not None and damper.load is not None
+    return replace(
+        damper,
+        name=f"damper_{side}",
+        ports=tuple((name, "a") for name in FACES[side]),
+        centre=rotation @ damper.centre,
+        inertia=rotation @ damper.inertia @ rotation.T,
+        load=replace(damper.load, direction=rotation @ damper.load.direction),
     )

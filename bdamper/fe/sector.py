@@ -1,7 +1,7 @@
-"""The finite element objects behind a model of a bladed disk with wedge dampers.
+"""One sector of the reference disk and its wedge damper as finite element bodies, and their node sets.
 
-`SectorFE` holds the meshes, matrices, factorisations and modes, which do not depend on the contact points:
-several contact grids, and the full finite element reference for them, are made from one of it.
+`SectorFE` holds the meshes, matrices, factorisations and modes, none of which depends on the contact points: one
+object serves several grids of contact points and the full finite element solution that they are compared with.
 """
 
 from __future__ import annotations
@@ -13,11 +13,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation, discretise
-from bdamper.fe.contact_points import Patches, averaging_matrix, wedge_patches
+from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, sector_mesh
-from bdamper.reduction.cyclic import CyclicSector, match_faces
+from bdamper.reduction.bonded import bonded_frequencies
+from bdamper.reduction.cyclic import CyclicSector, match_faces, sector_phase
 from bdamper.reduction.free_body import FreeBody
+from bdamper.reduction.patches import Patches
 
 
 @dataclass
@@ -76,11 +78,51 @@ class SectorFE:
             [averaging_matrix(self.blade, left), averaging_matrix(self.blade, back)], format="csr"
         )
 
+    def damper_contact(self, *patches: Patches) -> sp.csr_matrix:
+        """Averaging matrix of the damper over patches of its faces, one below the other."""
+        return sp.vstack([averaging_matrix(self.damper.body, p) for p in patches], format="csr")
+
     def bonded_frequencies(
         self, nodal_diameter: int, points: int | tuple[int, int] = 48, n_modes: int = 5
     ) -> NDArray:
-        """Frequencies (n_modes,), Hz, with the damper bonded at patches; see `bdamper.fe.bonded`."""
-        from bdamper.fe.bonded import bonded_frequencies
-
+        """Frequencies (n_modes,), Hz, with the damper bonded at patches; see :mod:`bdamper.reduction.bonded`."""
         left, right = (wedge_patches(self.geometry, side, points) for side in ("left", "right"))
-        return bonded_frequencies(self, nodal_diameter, left, right, n_modes)
+        phase = sector_phase(self.geometry.n_blades, nodal_diameter)
+        phases = np.concatenate([np.ones(3 * len(left.size)), np.full(3 * len(right.size), phase)])
+        blade_rows = sp.diags(phases) @ self.blade_contact(left, right)
+        damper_rows = self.damper_contact(left, right)
+        return bonded_frequencies(self.cyclic(nodal_diameter), self.damper, blade_rows, damper_rows, n_modes)
+
+
+def _on_face_plane(nodes: NDArray, g: Geometry, side: str) -> NDArray:
+    """Nodes (n,), given in the axes of blade 0, in the plane of the damper's left or right face."""
+    own = nodes @ turn(-0.5 * g.pitch).T
+    sign = 1.0 if side == "right" else -1.0
+    normal = np.array([sign * np.cos(g.face_angle), np.sin(g.face_angle)])
+    ridge = np.array([sign * 0.5 * g.ridge_width, g.ridge_radius])
+    return np.flatnonzero(np.abs((own[:, :2] - ridge) @ normal) < 1e-9)
+
+
+def blade_sets(fe: SectorFE) -> dict[str, NDArray]:
+    """Node sets of the sector: BORE (clamped), LOW and HIGH (sector faces toward -X and +X), and the two undersides
+    of the platform, of which RIGHT_UNDERSIDE touches the damper of this sector and LEFT_UNDERSIDE that of the one before.
+    """
+    ahead = fe.blade.nodes @ turn(fe.geometry.pitch).T
+    return {
+        "BORE": fe.clamped,
+        "LOW": fe.left,
+        "HIGH": fe.right,
+        "RIGHT_UNDERSIDE": _on_face_plane(fe.blade.nodes, fe.geometry, "left"),
+        "LEFT_UNDERSIDE": _on_face_plane(ahead, fe.geometry, "right"),
+    }
+
+
+def damper_sets(fe: SectorFE) -> dict[str, NDArray]:
+    """Node sets of the damper: its contact faces LEFT and RIGHT, its end faces FRONT (+Z) and BACK."""
+    nodes, half = fe.damper.body.nodes, 0.5 * fe.geometry.face_width
+    return {
+        "LEFT": _on_face_plane(nodes, fe.geometry, "left"),
+        "RIGHT": _on_face_plane(nodes, fe.geometry, "right"),
+        "FRONT": np.flatnonzero(nodes[:, 2] > half - 1e-9),
+        "BACK": np.flatnonzero(nodes[:, 2] < -half + 1e-9),
+    }

@@ -31,14 +31,13 @@ from bdamper.io.plausible import (
     check_sizes,
 )
 from bdamper.io.prepare import FaceSet, NodeSet, PreparedBody, placement
-from bdamper.model.model import Body, ContactStiffness, Interface, Location, Model, Port, SurfaceMesh
+from bdamper.model.model import Body, ContactStiffness, Interface, Location, Model, Port, SurfaceMesh, turn
 from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.cyclic import CyclicSector, match_faces
 from bdamper.reduction.facets import Facets, area_vectors, corner_count
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
-from bdamper.reduction.rotation import turn
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
 from bdamper.util.repr import brief

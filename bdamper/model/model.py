@@ -36,6 +36,12 @@ Port = tuple[str, str]
 """A place where a body meets an interface: ``(interface name, "a" | "b")``."""
 
 
+def turn(angle: float) -> NDArray:
+    """Rotation matrix (3, 3) about Z that turns +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
 @brief
 @dataclass(frozen=True)
 class ModalBasis:

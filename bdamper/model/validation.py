@@ -35,6 +35,7 @@ from bdamper.model.model import (
     Model,
     StaticContact,
     SurfaceMesh,
+    turn,
 )
 from bdamper.util.errors import mismatch
 
@@ -465,11 +466,9 @@ def _contact_points(body: Body, model: Model) -> tuple[list[NDArray], list[NDArr
     for name, side in body.ports:
         interface = model.interfaces[name]
         sector = interface.sector_a if side == "a" else interface.sector_b
-        angle = -2 * np.pi * sector / model.n_blades
-        cos, sin = np.cos(angle), np.sin(angle)
-        turn = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-        points.append(interface.points @ turn)  # rows R^T x
-        frames.append(interface.frame @ turn)
+        rotation = turn(2 * np.pi * sector / model.n_blades)
+        points.append(interface.points @ rotation)  # rows R^T x
+        frames.append(interface.frame @ rotation)
     return points, frames
 
 

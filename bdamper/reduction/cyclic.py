@@ -1,7 +1,7 @@
 r"""One sector of a cyclic structure at one nodal diameter.
 
 A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}`, :math:`\varphi = 2\pi
-d/N`, with R the rotation that carries sector k onto sector k+1 (see :mod:`bdamper.reduction.rotation`).  The right
+d/N`, with R the rotation that carries sector k onto sector k+1 (see :func:`bdamper.model.model.turn`).  The right
 face of sector 0 is the left face of sector 1, so with :math:`x_R = R x_L`
 
 .. math:: u(x_R) = e^{i\varphi} R\, u(x_L).
@@ -24,7 +24,7 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import LinearOperator, SuperLU, eigsh, splu
 from scipy.spatial import cKDTree
 
-from bdamper.reduction.rotation import turn
+from bdamper.model.model import turn
 from bdamper.reduction.structure import Structure
 
 _RIGID = 1e-12  # of the largest squared frequency: below this a motion of a small free body counts as rigid
@@ -68,6 +68,13 @@ def match_faces(
     return right[index]
 
 
+def sector_phase(n_sectors: int, nodal_diameter: int) -> complex:
+    """Factor ``exp(2 pi i d/N)`` from one sector to the next; +1 or -1, hence real, for d = 0 and d = N/2."""
+    if 2 * nodal_diameter % n_sectors == 0:
+        return -1.0 if nodal_diameter % n_sectors else 1.0
+    return np.exp(2j * np.pi * nodal_diameter / n_sectors)
+
+
 def cyclic_transformation(
     n_nodes: int, left: NDArray, right: NDArray, clamped: NDArray, n_sectors: int, nodal_diameter: int
 ) -> sp.csr_matrix:
@@ -97,11 +104,7 @@ def cyclic_transformation(
     column = np.full(n_nodes, -1)
     column[free] = np.arange(len(free))
 
-    # For d = 0 and d = N/2 the phase is +-1 and everything stays real.
-    if 2 * nodal_diameter % n_sectors == 0:
-        phase: complex = -1.0 if nodal_diameter % n_sectors else 1.0
-    else:
-        phase = np.exp(2j * np.pi * nodal_diameter / n_sectors)
+    phase = sector_phase(n_sectors, nodal_diameter)
     keep = column[left] >= 0
     rows, columns = np.concatenate([free, right[keep]]), np.concatenate([column[free], column[left[keep]]])
     blocks = np.concatenate(

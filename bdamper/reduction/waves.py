@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.reduction.rotation import turn
+from bdamper.model.model import turn
 
 PAIR_TOLERANCE = 1e-4
 """Relative difference of frequencies up to which two real shapes can be one wave."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from bdamper import Curve, Excitation, Study
 from bdamper.fe import MeshDensity, SectorFE, calculix
 from bdamper.fe.contact_points import end_patches
-from bdamper.fe.sets import blade_sets, damper_sets
+from bdamper.fe.sector import blade_sets, damper_sets
 from bdamper.io import BuiltModel, ContactFaces, build_model
 from bdamper.io.calculix import read_calculix
 

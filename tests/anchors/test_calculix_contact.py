@@ -19,9 +19,9 @@ from bdamper.contact.contact_solver import OPEN, StaticContactProblem, solve_sta
 from bdamper.fe.assemble import discretise
 from bdamper.fe.calculix import _model
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
-from bdamper.fe.damper import FreeBody
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
+from bdamper.reduction.free_body import FreeBody
 
 OVERLAP = 1e-8  # m, holds the damper before the load
 LOAD, MU = 1000.0, 0.3

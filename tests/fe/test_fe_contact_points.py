@@ -5,10 +5,11 @@ import pytest
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.contact_points import averaging_matrix, end_patches, face_frame, patch_grid, wedge_patches
+from bdamper.fe.contact_points import averaging_matrix, end_patches, face_frame, wedge_patches
 from bdamper.fe.geometry import turn
 from bdamper.fe.sector import SectorFE
 from bdamper.reduction.free_body import rigid_motions
+from bdamper.reduction.patches import patch_grid
 
 GRIDS = [9, 24, 48, 96, (2, 7)]
 

@@ -16,7 +16,7 @@ from bdamper.fe.mesh import join_blocks
 from bdamper.io import read_ansys, read_cdb, read_full, read_rst
 from bdamper.io.ansys import _Binary, _node_axes
 from bdamper.io.prepare import PreparedBody, placement
-from bdamper.reduction.rotation import turn
+from bdamper.model.model import turn
 from bdamper.reduction.waves import travelling_waves
 from bdamper.util.errors import ModelError
 from tests.ansys_files import Writer, write_cdb, write_full, write_rst

@@ -19,8 +19,7 @@ from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh
 from bdamper.fe.reference import bladed_disk
-from bdamper.fe.sector import SectorFE
-from bdamper.fe.sets import damper_sets
+from bdamper.fe.sector import SectorFE, damper_sets
 from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
 from bdamper.io.plausible import wave_speed
 from bdamper.io.prepare import PreparedBody, placement

@@ -11,7 +11,7 @@ from bdamper import Excitation, Study
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
 from bdamper.io import MassProperties, Modes, Receptance, build_model
-from bdamper.reduction.rotation import turn
+from bdamper.model.model import turn
 from bdamper.reduction.waves import travelling_waves
 from bdamper.util.errors import ModelError
 from tests.fe_bodies import contacts, sector_and_damper

@@ -1,8 +1,8 @@
-r"""Full finite element frequencies of the sector with its damper bonded at the contact patches.
+r"""Frequencies of a cyclic sector with a free body bonded to it, of the full finite element model.
 
-All patch means of damper and blades are made equal by multipliers :math:`\lambda`.  With the averaging
-matrices :math:`G_b` (reduced to one sector, the phase :math:`e^{i\varphi}` of the neighbour in its rows) and
-:math:`-G_d`, the shift-and-invert step about zero solves, for given :math:`f_b, f_d`,
+The mean displacements of sector and free body over each patch are made equal by multipliers :math:`\lambda`.  With
+their averaging matrices :math:`G_b` (on the independent degrees of freedom of the sector) and :math:`-G_d`, the
+shift-and-invert step about zero solves, for given :math:`f_b, f_d`,
 
 .. math:: u_b = K_b^{-1}(f_b - G_b^H\lambda),\quad u_d = \Psi\eta + R_e(f_d + G_d^T\lambda),\quad
           G_b u_b = G_d u_d,\quad \Psi^T(f_d + G_d^T\lambda) = 0,
@@ -13,41 +13,36 @@ that is, one small dense system in :math:`(\lambda, \eta)` with the receptances 
           \begin{bmatrix}\lambda\\ \eta\end{bmatrix} =
           \begin{bmatrix} G_b K_b^{-1} f_b - G_d R_e f_d\\ -\Psi^T f_d\end{bmatrix}.
 
-No stiffness is added and no mode is left out: these are the frequencies that a reduced model must approach.
+No stiffness is added and no mode is left out: a reduced model with bonded contact must approach these frequencies.
 """
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.fe.contact_points import Patches, averaging_matrix
-from bdamper.reduction.cyclic import lowest_modes
-
-if TYPE_CHECKING:
-    from bdamper.fe.sector import SectorFE
+from bdamper.reduction.cyclic import CyclicSector, lowest_modes
+from bdamper.reduction.free_body import FreeBody
 
 
 def bonded_frequencies(
-    fe: SectorFE, nodal_diameter: int, left: Patches, right: Patches, n_modes: int = 5
+    sector: CyclicSector, damper: FreeBody, sector_rows: sp.spmatrix, damper_rows: sp.spmatrix, n_modes: int = 5
 ) -> NDArray:
-    """Frequencies (n_modes,), Hz, of the travelling wave of one nodal diameter."""
-    sector, damper = fe.cyclic(nodal_diameter), fe.damper
-    dtype = sector.stiffness.dtype
-    n_left, n_right = 3 * len(left.size), 3 * len(right.size)
-    phase = np.exp(2j * np.pi * nodal_diameter / fe.geometry.n_blades)
-    if dtype.kind == "f":
-        phase = phase.real
-    scale = sp.diags(np.concatenate([np.ones(n_left), np.full(n_right, phase)]))
-    g_blade = (scale @ fe.blade_contact(left, right) @ sector.transformation).tocsr()
-    g_damper = sp.vstack(
-        [averaging_matrix(damper.body, left), averaging_matrix(damper.body, right)], format="csr"
-    )
+    """Frequencies (n_modes,), Hz, of the travelling wave of the sector's nodal diameter.
 
+    Parameters
+    ----------
+    sector : CyclicSector
+    damper : FreeBody
+    sector_rows, damper_rows : (n, 3 n_nodes) sparse
+        From nodal displacements to the means that are made equal; those of a neighbouring sector carry its phase.
+    n_modes : int
+    """
+    dtype = sector.stiffness.dtype
+    g_blade = (sector_rows @ sector.transformation).tocsr()
+    g_damper = damper_rows.tocsr()
     blade_columns = sector.solver.solve(g_blade.conj().T.toarray())
     damper_columns = damper.elastic_response(g_damper.T.toarray())
     rigid = g_damper @ damper.rigid
@@ -56,11 +51,8 @@ def bonded_frequencies(
     system[:n_lambda, :n_lambda] = g_blade @ blade_columns + g_damper @ damper_columns
     system[:n_lambda, n_lambda:] = rigid
     system[n_lambda:, :n_lambda] = rigid.T
-    # The two blocks of unknowns differ by many orders of magnitude; equal units keep the factorisation
-    # accurate.
-    unit = np.concatenate(
-        [np.full(n_lambda, 1.0 / np.sqrt(np.abs(np.diag(system)[:n_lambda]).mean())), np.ones(6)]
-    )
+    # The two blocks of unknowns differ by many orders of magnitude; equal units keep the factorisation accurate.
+    unit = np.full(n_lambda + 6, 1.0 / np.sqrt(np.abs(np.diag(system)[:n_lambda]).mean()))
     unit[n_lambda:] = 1.0 / (unit[0] * np.abs(rigid).max())
     factor = scipy.linalg.lu_factor(system * unit[:, None] * unit)
 
