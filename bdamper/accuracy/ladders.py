@@ -15,11 +15,9 @@ A rung is on the Pareto front of its ladder if none is at once cheaper and at le
 from __future__ import annotations
 
 import itertools
-import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
-from pathlib import Path as FilePath
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +31,7 @@ from bdamper.peaks.optimal import peak_interval
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import percent
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
@@ -135,7 +133,7 @@ class Reference:
 
 @brief
 @dataclass(frozen=True)
-class AccuracyCost(Plottable):
+class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy"):
     """Errors and times of ladders of settings.
 
     ``plot`` draws error over time with the Pareto fronts (:func:`bdamper.plot.plot_accuracy`).
@@ -229,32 +227,6 @@ class AccuracyCost(Plottable):
                 f"{r.ratio:.2f} | {'yes' if r.pareto else ''} |"
             )
         return "\n".join(lines)
-
-    def save(self, path: str | FilePath) -> None:
-        """Write the result to an HDF5 file."""
-        with writing(path, "bdamper-accuracy") as file:
-            for f in fields(self):
-                if f.name in ("rungs", "references"):
-                    value = json.dumps([asdict(item) for item in getattr(self, f.name)])
-                else:
-                    value = json.dumps(getattr(self, f.name))
-                file.attrs[f.name] = value
-
-
-def load_accuracy(path: str | FilePath) -> AccuracyCost:
-    """Read what :meth:`AccuracyCost.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-accuracy", "a table written by AccuracyCost.save") as file:
-        data = {f.name: json.loads(file.attrs[f.name]) for f in fields(AccuracyCost)}
-        data["rungs"] = tuple(Rung(**item) for item in data["rungs"])
-        data["references"] = tuple(Reference(**item) for item in data["references"])
-        data["interval"] = tuple(data["interval"])
-    return AccuracyCost(**data)
 
 
 def _error(value: float, sign: bool = True) -> str:

@@ -12,8 +12,6 @@ self-locking, for plane symmetric faces at the angle :math:`\alpha` from the loa
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import scipy.optimize
@@ -23,7 +21,7 @@ from scipy.spatial import ConvexHull, QhullError
 from bdamper.contact.static import OPEN, PreloadState
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -140,7 +138,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
 
 @brief
 @dataclass(frozen=True)
-class ContactMap(Plottable):
+class ContactMap(Plottable, Storable, kind="bdamper-contact-map"):
     """The static state of the contact points, in terms of the surfaces.
 
     ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_contact_map`).
@@ -231,27 +229,3 @@ class ContactMap(Plottable):
                 f"gap up to {1e6 * self.distance[here].max():.3g} um"
             )
         return "\n".join(lines)
-
-    def save(self, path: str | Path) -> None:
-        """Write the map to an HDF5 file."""
-        with writing(path, "bdamper-contact-map") as file:
-            file.attrs["load"] = self.load
-            file.attrs["history"] = self.history
-            file.attrs["interfaces"] = list(self.interfaces)
-            for name in _ARRAYS:
-                file.create_dataset(name, data=getattr(self, name))
-
-
-_ARRAYS = ("owner", "points", "frame", "area", "force", "distance", "status", "friction")
-
-
-def load_contact_map(path: str | Path) -> ContactMap:
-    """Read a map that :meth:`ContactMap.save` wrote."""
-    with reading(path, "bdamper-contact-map", "a map written by ContactMap.save") as file:
-        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-        return ContactMap(
-            load=float(file.attrs["load"]),
-            history=tuple(float(h) for h in file.attrs["history"]),
-            interfaces=tuple(str(n) for n in file.attrs["interfaces"]),
-            **arrays,
-        )

@@ -9,9 +9,7 @@ is the plain rule of one fold after another; ``stable``, where it was computed, 
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
-from pathlib import Path as FilePath
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,8 +18,8 @@ from numpy.typing import NDArray
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
-from bdamper.util.estimates import ErrorEstimates, estimates_from_json
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.estimates import ErrorEstimates
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -48,7 +46,7 @@ class Fold:
 
 @brief
 @dataclass(frozen=True)
-class Curve(Plottable):
+class Curve(Plottable, Storable, kind="bdamper-curve"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -195,28 +193,7 @@ class Curve(Plottable):
         """
         return study.estimate_errors(self, **options)
 
-    def save(self, path: str | FilePath) -> None:
-        """Write the curve to an HDF5 file."""
-        with writing(path, "bdamper-curve") as file:
-            for name in _ARRAYS:
-                file.create_dataset(name, data=getattr(self, name))
-            for name in ("kind", "status", "reason", "model_hash"):
-                file.attrs[name] = getattr(self, name)
-            file.attrs["preload"] = self.preload
-            file.attrs["settings"] = json.dumps(self.settings)
-            file.attrs["cost"] = json.dumps(asdict(self.cost))
-            file.attrs["point_kind"] = json.dumps(self.point_kind)
-            file.attrs["start_log"] = json.dumps(self.start_log)
-            file.attrs["notes"] = json.dumps(self.notes)
-            file.attrs["left_out"] = json.dumps(self.left_out)
-            file.attrs["stability_note"] = self.stability_note
-            if self.error_estimates is not None:
-                file.attrs["error_estimates"] = self.error_estimates.to_json()
-            if self.stable is not None:
-                file.create_dataset("stable", data=self.stable)
 
-
-_ARRAYS = ("frequency", "harmonics", "unknowns", "residual", "shares", "backward", "rank_deficiency", "branch")
 
 
 class InterruptedCurve(KeyboardInterrupt):
@@ -253,32 +230,3 @@ def uninterrupted(curve: Curve) -> Curve:
     if curve.status == "interrupted":
         raise InterruptedCurve(curve)
     return curve
-
-
-def load_curve(path: str | FilePath) -> Curve:
-    """Read a curve that :meth:`Curve.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-curve", "a curve written by Curve.save") as file:
-        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-        text: dict[str, Any] = {name: str(file.attrs[name]) for name in ("kind", "status", "reason", "model_hash")}
-        return Curve(
-            **arrays,
-            **text,
-            preload=float(file.attrs["preload"]),
-            settings=json.loads(file.attrs["settings"]),
-            cost=Cost(**json.loads(file.attrs["cost"])),
-            point_kind=tuple(json.loads(file.attrs["point_kind"])),
-            start_log=tuple(json.loads(file.attrs["start_log"])),
-            notes=tuple(json.loads(file.attrs.get("notes", "[]"))),
-            left_out=tuple(LeftOut(*part) for part in json.loads(file.attrs.get("left_out", "[]"))),
-            stable=file["stable"][()] if "stable" in file else None,
-            stability_note=str(file.attrs.get("stability_note", "")),
-            error_estimates=(
-                estimates_from_json(str(file.attrs["error_estimates"])) if "error_estimates" in file.attrs else None
-            ),
-        )

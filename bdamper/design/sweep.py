@@ -31,9 +31,10 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable, plain
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.versions import HERE, Versions
 
 if TYPE_CHECKING:
     from bdamper.study import Study
@@ -127,7 +128,7 @@ class OptimalTask:
 
 @brief
 @dataclass(frozen=True)
-class SweepResult(Plottable):
+class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
     """Answers at all points of a sweep.
 
     ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
@@ -215,37 +216,6 @@ class SweepResult(Plottable):
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
 
-    def save(self, path: str | FilePath) -> None:
-        """Write the result to an HDF5 file."""
-        with writing(path, "bdamper-sweep") as file:
-            for name in ("names", "points", "values", "status", "shape", "settings", "model_hash"):
-                file.create_dataset(name, data=json.dumps(getattr(self, name), default=_plain))
-            file.create_dataset("seconds", data=self.seconds)
-            file.create_dataset("cost", data=json.dumps([asdict(c) for c in self.cost]))
-
-
-def load_sweep(path: str | FilePath) -> SweepResult:
-    """Read what :meth:`SweepResult.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-sweep", "a sweep written by SweepResult.save") as file:
-        text = {name: json.loads(file[name][()]) for name in ("names", "points", "values", "status", "shape")}
-        return SweepResult(
-            names=tuple(text["names"]),
-            points=tuple(text["points"]),
-            values=tuple(text["values"]),
-            status=tuple(text["status"]),
-            seconds=file["seconds"][()],
-            shape=tuple(text["shape"]),
-            settings=json.loads(file["settings"][()]) if "settings" in file else {},
-            model_hash=json.loads(file["model_hash"][()]) if "model_hash" in file else "",
-            cost=tuple(Cost(**c) for c in json.loads(file["cost"][()])) if "cost" in file else (),
-        )
-
 
 # ---- what identifies a sweep ----
 
@@ -264,19 +234,6 @@ def _named(task: Any) -> str:
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
     return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
-
-
-def _plain(value: Any) -> Any:
-    """JSON form of numbers and arrays of NumPy and of small frozen objects."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, np.generic):
-        return value.item()
-    if isinstance(value, Mapping):
-        return dict(value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return repr(value)
-    raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")
 
 
 # ---- the results file ----
@@ -348,8 +305,14 @@ class ResultsFile:
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
             raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
+        own, other = (Versions.stored(header).bdamper for header in (self.header, found))
+        if own != other:
+            raise BdamperError(
+                f"{self.path}: expected results of bdamper {own}, found those of bdamper {other}, "
+                "which this version cannot continue"
+            )
         for name, expected in json.loads(_dump(self.header)).items():
-            if found.get(name) != expected:
+            if name not in HERE.attributes() and found.get(name) != expected:
                 raise BdamperError(
                     f"{self.path}: expected results of this sweep, found those of another one: {name} is "
                     f"{_short(found.get(name))}, here {_short(expected)}"
@@ -371,7 +334,7 @@ class ResultsFile:
 
 
 def _dump(record: Mapping[str, Any]) -> bytes:
-    return json.dumps(record, default=_plain).encode() + b"\n"
+    return json.dumps(record, default=plain).encode() + b"\n"
 
 
 def _short(value: Any) -> str:
@@ -536,7 +499,7 @@ def sweep(
     records: dict[int, dict[str, Any]] = {}
     if results is not None:
         header = {
-            "format": "bdamper-sweep-results", "version": 2, "study": study_fingerprint(study),
+            "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(study),
             "evaluate": _named(evaluate), "model": _named(model) if model is not None else None, "combine": combine,
             "over": {name: list(over[name]) for name in names},
         }  # fmt: skip

@@ -7,7 +7,6 @@ sequence, whose averages converge faster than those of independent draws; the op
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
@@ -22,7 +21,7 @@ from bdamper.design.sweep import OptimalTask, sweep
 from bdamper.peaks.optimal import preload_values
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -103,7 +102,7 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve(Plottable):
+class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
     """Optimal curves of a sample.
 
     ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
@@ -156,41 +155,6 @@ class UncertainCurve(Plottable):
             f"{f', {warned} draws with a warning' if warned else ''}\n"
             f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, median "
             f"{mid[k]:.6g} m)"
-        )
-
-    def save(self, path: str | FilePath) -> None:
-        """Write the result to an HDF5 file."""
-        with writing(path, "bdamper-uncertain") as file:
-            for name in ("preload", "amplitude", "frequency"):
-                file.create_dataset(name, data=getattr(self, name))
-            group = file.create_group("samples")
-            for name, values in self.samples.items():
-                group.create_dataset(name, data=values)
-            file.attrs["names"] = json.dumps(list(self.samples))
-            file.attrs["status"] = json.dumps(self.status)
-            file.attrs["warnings"] = json.dumps(self.warnings)
-            file.attrs["settings"] = json.dumps(self.settings)
-            file.attrs["model_hash"] = self.model_hash
-
-
-def load_uncertain_curve(path: str | FilePath) -> UncertainCurve:
-    """Read what :meth:`UncertainCurve.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-uncertain", "a result written by UncertainCurve.save") as file:
-        return UncertainCurve(
-            preload=file["preload"][()],
-            amplitude=file["amplitude"][()],
-            frequency=file["frequency"][()],
-            samples={name: file["samples"][name][()] for name in json.loads(file.attrs["names"])},
-            status=tuple(json.loads(file.attrs["status"])),
-            settings=json.loads(file.attrs.get("settings", "{}")),
-            model_hash=str(file.attrs.get("model_hash", "")),
-            warnings=tuple(json.loads(file.attrs.get("warnings", "[]"))),
         )
 
 

@@ -8,13 +8,10 @@ large as the way to there.
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass, field, replace
-from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
@@ -26,7 +23,7 @@ from bdamper.effects.rivals import Rival, place_at, place_of_peak, rivals, summi
 from bdamper.peaks.newton import Peak, coarse_options
 from bdamper.problem.effects import Effects
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -68,7 +65,7 @@ class EffectAdvice:
 
 @brief
 @dataclass(frozen=True)
-class Advice(Plottable):
+class Advice(Plottable, Storable, kind="bdamper-advice", version=3, oldest=3):
     """Estimated changes of a peak by all effects that are off.
 
     ``plot`` draws bars of the estimated changes (:func:`bdamper.plot.plot_advice`).
@@ -124,48 +121,6 @@ class Advice(Plottable):
                 + (f"  {e.reason}" if e.reason else "")
             )
         return "\n".join([*lines, *self.notes])
-
-    def save(self, path: str | FilePath) -> None:
-        """Write the advice to an HDF5 file."""
-        with writing(path, "bdamper-advice", version=2) as file:
-            file.attrs["notes"] = json.dumps(self.notes)
-            for name in _SCALARS:
-                file.attrs[name] = getattr(self, name)
-            for name in _COLUMNS:
-                values = [getattr(e, name) for e in self.effects]
-                text = name in _TEXTS
-                file.create_dataset(name, data=values, dtype=h5py.string_dtype() if text else None)
-
-
-_SCALARS = ("preload", "frequency", "amplitude", "tolerance", "unknowns", "points", "seconds")
-_COLUMNS = (
-    "name", "amplitude_change", "frequency_change", "defect", "reliability", "unknowns", "points", "cost",
-    "reason",
-)  # fmt: skip
-_TEXTS = ("name", "reliability", "reason")
-
-
-def load_advice(path: str | FilePath) -> Advice:
-    """Read what :meth:`Advice.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-advice", "advice written by Advice.save") as file:
-        columns = {
-            name: file[name].asstr()[()] if name in _TEXTS else file[name][()] for name in _COLUMNS
-        }
-        n = len(columns["name"])
-        rows = [{name: _plain(columns[name][i]) for name in _COLUMNS} for i in range(n)]
-        scalars = {name: _plain(file.attrs[name]) for name in _SCALARS}
-        notes = tuple(json.loads(file.attrs["notes"]))
-        return Advice(effects=tuple(EffectAdvice(**row) for row in rows), notes=notes, **scalars)
-
-
-def _plain(value: Any) -> Any:
-    return value.item() if isinstance(value, np.generic) else value
 
 
 def _times(value: float) -> str:

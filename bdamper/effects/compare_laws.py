@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from bdamper.continuation.curve import Curve
 from bdamper.util import validate
-from bdamper.util.hdf5 import writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -27,7 +23,7 @@ CHOICES = {
 
 @brief
 @dataclass(frozen=True)
-class LawComparison(Plottable):
+class LawComparison(Plottable, Storable, kind="bdamper-law-comparison", oldest=2):
     """Curves of one study under several friction laws.
 
     ``plot`` draws all curves in one picture (:func:`bdamper.plot.plot_laws`).
@@ -61,19 +57,6 @@ class LawComparison(Plottable):
             )
         return "\n".join(lines)
 
-    def save(self, path: Any) -> None:
-        """Write peaks and amplitudes to an HDF5 file, one group for each law."""
-        with writing(path, "bdamper-law-comparison") as file:
-            file.attrs["laws"] = list(self.laws)
-            for law, curve in zip(self.laws, self.curves):
-                group = file.create_group(law)
-                group["frequency"] = curve.frequency
-                group["amplitude"] = curve.amplitude if len(curve) else np.zeros(0)
-                group.attrs["status"] = curve.status
-                group.attrs["reason"] = curve.reason
-                group.attrs["preload"] = curve.preload
-                group.attrs["settings"] = json.dumps(curve.settings)
-                group.attrs["model_hash"] = curve.model_hash
 
 
 def known_laws(laws: Sequence[str]) -> tuple[str, ...]:

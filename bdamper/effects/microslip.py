@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,14 +23,14 @@ from bdamper.model.loads import direction_vector
 from bdamper.study import Study
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
-from bdamper.util.hdf5 import writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
 
 @brief
 @dataclass(frozen=True)
-class Microslip(Plottable):
+class Microslip(Plottable, Storable, kind="bdamper-microslip"):
     """A curve of first loading.
 
     ``plot`` draws force over displacement (:func:`bdamper.plot.plot_microslip`).
@@ -72,13 +71,6 @@ class Microslip(Plottable):
             lines.append("{:>12.5g}{:>12.5g}{:>10.4g}{:>10.2f}{:>8.2f}".format(*row))
         return "\n".join(lines)
 
-    def save(self, path: str | Path) -> None:
-        """Write the curve to an HDF5 file."""
-        with writing(path, "bdamper-microslip") as file:
-            file.attrs["preload"] = self.preload
-            file.attrs["complete"] = self.complete
-            for name in ("force", "displacement", "slipping", "open", "residual"):
-                file.create_dataset(name, data=getattr(self, name))
 
 
 def microslip(

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import SettingError, mismatch
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -24,7 +22,7 @@ LENGTHS = {
 
 @brief
 @dataclass(frozen=True)
-class Measurement(Plottable):
+class Measurement(Plottable, Storable, kind="bdamper-measurement"):
     """Amplitude over frequency, as measured.
 
     ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
@@ -87,24 +85,3 @@ class Measurement(Plottable):
             f"{self.name}: {len(self.frequency)} points from {self.frequency.min():.6g} to {self.frequency.max():.6g} Hz, "
             f"largest {self.amplitude[k]:.6g} {self.unit} at {self.frequency[k]:.6g} Hz ({self.source})"
         )
-
-    def save(self, path: str | os.PathLike[str]) -> None:
-        """Write it to an HDF5 file."""
-        with writing(path, "bdamper-measurement") as file:
-            file["frequency"], file["response"] = self.frequency, self.response
-            for key in ("name", "node", "direction", "unit", "source"):
-                file.attrs[key] = getattr(self, key)
-
-
-def load_measurement(path: str | os.PathLike[str]) -> Measurement:
-    """Read a measurement that :meth:`Measurement.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-measurement", "a measurement written by Measurement.save") as file:
-        text: dict[str, Any] = {key: str(file.attrs[key]) for key in ("name", "unit", "source")}
-        where: dict[str, Any] = {key: int(file.attrs[key]) for key in ("node", "direction")}
-        return Measurement(frequency=file["frequency"][()], response=file["response"][()], **text, **where)

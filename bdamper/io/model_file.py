@@ -37,7 +37,7 @@ from bdamper.model.model import (
 )
 from bdamper.model.validation import check_model, shape_text
 from bdamper.util.errors import ModelError, mismatch
-from bdamper.util.hdf5 import check_folder
+from bdamper.util.hdf5 import check_folder, enter_reader
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -278,6 +278,9 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         raise mismatch(str(source), "a readable HDF5 file", str(error) or type(error).__name__) from error
     check_model(model, where=str(source))
     return model
+
+
+enter_reader(FORMAT, load_model)
 
 
 def _item(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.balance.system import HarmonicSystem
 from bdamper.peaks.envelope import LeastEnvelope
 from bdamper.peaks.newton import Family, Peak, PeakOptions
-from bdamper.peaks.optimal_curve import Limit, OptimalCurve, OptimumPoint, load_optimal_curve
+from bdamper.peaks.optimal_curve import Limit, OptimalCurve, OptimumPoint
 from bdamper.peaks.peak_set import PeakSet
 from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan
 from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities
@@ -261,7 +261,6 @@ __all__ = [
     "OptimumPoint",
     "highest_peak",
     "linear_peak",
-    "load_optimal_curve",
     "optimal_curve",
     "peak_interval",
     "peak_sensitivities",

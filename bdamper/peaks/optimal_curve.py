@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
-from pathlib import Path as FilePath
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.cost import Cost
-from bdamper.util.hdf5 import reading, writing
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -70,7 +68,7 @@ class OptimumPoint:
 
 @brief
 @dataclass(frozen=True)
-class OptimalCurve(Plottable):
+class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     """Resonance over preload.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
@@ -181,45 +179,3 @@ class OptimalCurve(Plottable):
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
         return "\n".join(lines)
-
-    def save(self, path: str | FilePath) -> None:
-        """Write the result to an HDF5 file."""
-        with writing(path, "bdamper-optimal") as file:
-            for name in _ARRAYS:
-                file.create_dataset(name, data=getattr(self, name))
-            for name in ("free", "stuck", "optimum", "cost"):
-                file.attrs[name] = json.dumps(asdict(getattr(self, name)))
-            for name in ("status", "branch_end", "events", "settings"):
-                file.attrs[name] = json.dumps(getattr(self, name))
-            file.attrs["model_hash"] = self.model_hash
-
-
-_ARRAYS = (
-    "preload", "amplitude", "frequency", "shares", "residual", "rank_deficiency", "branch", "unknowns", "peak_preload",
-    "peak_amplitude", "peak_frequency", "peak_branch", "peak_detached",
-)  # fmt: skip
-
-
-def load_optimal_curve(path: str | FilePath) -> OptimalCurve:
-    """Read what :meth:`OptimalCurve.save` wrote.
-
-    Raises
-    ------
-    BdamperError
-        If the file is not such a file.
-    """
-    with reading(path, "bdamper-optimal", "a result written by OptimalCurve.save") as file:
-        arrays: dict[str, Any] = {name: file[name][()] for name in _ARRAYS}
-        text = {name: json.loads(file.attrs[name]) for name in ("status", "branch_end", "events", "settings")}
-        return OptimalCurve(
-            **arrays,
-            status=tuple(text["status"]),
-            branch_end=tuple(text["branch_end"]),
-            events=tuple(text["events"]),
-            settings=text["settings"],
-            free=Limit(**json.loads(file.attrs["free"])),
-            stuck=Limit(**json.loads(file.attrs["stuck"])),
-            optimum=OptimumPoint(**json.loads(file.attrs["optimum"])),
-            cost=Cost(**json.loads(file.attrs["cost"])),
-            model_hash=str(file.attrs["model_hash"]),
-        )

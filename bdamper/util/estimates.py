@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -107,17 +105,6 @@ class ErrorEstimates:
             )
             lines.append(f"  {s.source}: {change} ({s.against})")
         return "\n".join(lines)
-
-    def to_json(self) -> str:
-        """Text that :func:`estimates_from_json` reads."""
-        return json.dumps(asdict(self))
-
-
-def estimates_from_json(text: str) -> ErrorEstimates:
-    """What :meth:`ErrorEstimates.to_json` wrote."""
-    data: dict[str, Any] = json.loads(text)
-    data["sources"] = tuple(SourceError(**s) for s in data["sources"])
-    return ErrorEstimates(**data)
 
 
 def percent(value: float, sign: bool = False) -> str:

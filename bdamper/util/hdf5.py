@@ -1,18 +1,112 @@
-"""Files of results: opened for reading with one clear error where a file is something else."""
+"""Files of results: every kind is saved by its fields and read by one function, :func:`load`.
+
+A result is a frozen dataclass that derives from :class:`Storable` with the name of its format.  An array becomes a
+dataset, a mapping of names to arrays a group, results within a result groups of their own, and everything else a text in
+JSON; a field that is None is left out.  Reading goes by the annotated types of the fields.  A file says which versions of
+bdamper, NumPy and SciPy made the result; those of bdamper 0.1 do not, and hold their texts in attributes.
+"""
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import asdict, fields, is_dataclass
+from functools import partial
 from pathlib import Path
+from types import NoneType
+from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 import h5py
+import numpy as np
 
 from bdamper.util.errors import BdamperError
+from bdamper.util.versions import HERE, Versions
+
+FilePath = str | os.PathLike[str]
+
+_READERS: dict[str, Callable[[FilePath], Any]] = {}
+"""What reads the file of each format, by the attribute ``format``."""
 
 
-def check_folder(path: str | os.PathLike[str]) -> None:
+def enter_reader(kind: str, read: Callable[[FilePath], Any]) -> None:
+    """Let :func:`load` read files of a format with a function of their path."""
+    _READERS[kind] = read
+
+
+def load(path: FilePath) -> Any:
+    """Read a result or a model from its file, whatever kind it is.
+
+    Parameters
+    ----------
+    path : path-like
+
+    Returns
+    -------
+    Curve, OptimalCurve, SweepResult, Model, ...
+        What was saved; ``made_with`` of a result tells which versions made it.
+
+    Raises
+    ------
+    FileNotFoundError
+    BdamperError
+        If the file is damaged, not one of bdamper, or of a version that cannot be read.
+    """
+    with _opened(path, "a file written by bdamper") as file:
+        kind = _text(file.attrs.get("format", "none"))
+    if kind not in _READERS:
+        raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'")
+    return _READERS[kind](path)
+
+
+class Storable:
+    """A result that can be saved, and read by :func:`load`; a mixin of frozen dataclasses.
+
+    Parameters of the class
+    -----------------------
+    kind : str
+        Name of the format.
+    version, oldest : int
+        Version of the format that is written, and the oldest one that is read; bdamper 0.1 wrote version 1.
+    """
+
+    _format: ClassVar[tuple[str, int]]
+
+    def __init_subclass__(cls, *, kind: str = "", version: int = 2, oldest: int = 1, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if kind:  # what derives from a result is saved as that
+            cls._format = kind, version
+            enter_reader(kind, partial(_read, cls, oldest, version))
+
+    @property
+    def made_with(self) -> Versions:
+        """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
+        return self.__dict__.get("_made_with", HERE)
+
+    def _of(self, versions: Versions) -> Self:
+        object.__setattr__(self, "_made_with", versions)
+        return self
+
+    def save(self, path: FilePath) -> None:
+        """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
+
+        Raises
+        ------
+        BdamperError
+            If no file can be written there.
+        """
+        check_folder(path)
+        try:
+            with h5py.File(path, "w") as file:
+                file.attrs["format"], file.attrs["version"] = self._format
+                file.attrs.update(self.made_with.attributes())
+                _put(file, self)
+        except OSError as error:
+            raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
+
+
+def check_folder(path: FilePath) -> None:
     """Refuse a path whose folder does not exist."""
     folder = Path(path).resolve().parent
     if not folder.is_dir():
@@ -20,49 +114,122 @@ def check_folder(path: str | os.PathLike[str]) -> None:
 
 
 @contextmanager
-def writing(path: str | os.PathLike[str], kind: str, version: int = 1) -> Iterator[h5py.File]:
-    """A new HDF5 file with the attributes ``format = kind`` and ``version``.
-
-    Raises
-    ------
-    BdamperError
-        If no file can be written there.
-    """
-    check_folder(path)
-    try:
-        with h5py.File(path, "w") as file:
-            file.attrs["format"] = kind
-            file.attrs["version"] = version
-            yield file
-    except OSError as error:
-        raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
-
-
-@contextmanager
-def reading(path: str | os.PathLike[str], kind: str, written_by: str) -> Iterator[h5py.File]:
-    """An HDF5 file with the attribute ``format = kind``, open while its contents are taken out.
-
-    Parameters
-    ----------
-    path : str or Path
-    kind : str
-    written_by : str
-        What such a file is, for the message.
-
-    Raises
-    ------
-    FileNotFoundError
-    BdamperError
-        If the file, or what is read from it, is not what was expected.
-    """
+def _opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
     if not Path(path).is_file():
         raise FileNotFoundError(f"there is no file '{path}'")
     try:
         with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != kind:
-                raise BdamperError(f"{path}: expected the format '{kind}', found '{file.attrs.get('format', 'none')}'")
             yield file
-    except (FileNotFoundError, BdamperError):
+    except BdamperError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise BdamperError(f"{path}: expected {written_by}, found something else ({error})") from error
+        raise BdamperError(f"{path}: expected {expected}, found something else ({error})") from error
+
+
+def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Storable:
+    with _opened(path, f"a file written by {cls.__name__}.save") as file:
+        made_with = Versions.stored(file.attrs)
+        version = int(file.attrs.get("version", 0))
+        if not oldest <= version <= newest:
+            known = f"{oldest} to {newest}" if oldest < newest else f"{newest}"
+            raise BdamperError(
+                f"{path}: expected version {known} of the format '{_text(file.attrs['format'])}', found version {version}, "
+                f"written by {made_with}"
+            )
+        return _take(cls, file)._of(made_with)
+
+
+def _text(value: Any) -> str:
+    return value.decode(errors="replace") if isinstance(value, bytes) else str(value)
+
+
+# ---- fields ----
+
+
+def _leaf(hint: Any) -> Any:
+    """The type that a field holds one or several of: ``Cost`` of ``tuple[Cost, ...]``, ``Fold`` of ``Fold | None``."""
+    inner = [kind for kind in get_args(hint) if kind not in (NoneType, Ellipsis)]
+    return inner[0] if len(inner) == 1 and get_origin(hint) is not dict else hint
+
+
+def _is_stored(kind: Any) -> bool:
+    return isinstance(kind, type) and issubclass(kind, Storable)
+
+
+def _put(group: h5py.Group, result: Any) -> None:
+    """Write the fields of a result."""
+    hints = get_type_hints(type(result))
+    for name in (f.name for f in fields(result)):
+        value, leaf = getattr(result, name), _leaf(hints[name])
+        if value is None:
+            continue
+        if isinstance(value, np.ndarray):
+            group[name] = value
+        elif _is_stored(leaf):
+            for i, item in enumerate(value):
+                _put(group.create_group(f"{name}/{i}"), item)
+        elif isinstance(value, dict) and any(isinstance(item, np.ndarray) for item in value.values()):
+            part = group.create_group(name, track_order=True)
+            for key, item in value.items():
+                part[key] = item
+        else:
+            if is_dataclass(leaf):
+                value = [asdict(item) for item in value] if isinstance(value, tuple) else asdict(value)
+            group[name] = json.dumps(value, default=plain)
+
+
+def _take(cls: type[Any], group: h5py.Group) -> Any:
+    """A result from the fields in a file."""
+    hints = get_type_hints(cls)
+    found: dict[str, Any] = {}
+    for name in (f.name for f in fields(cls)):
+        leaf, item = _leaf(hints[name]), group.get(name)
+        if isinstance(item, h5py.Group):
+            if _is_stored(leaf):
+                found[name] = tuple(_take(leaf, item[key]) for key in sorted(item, key=int))
+            else:
+                found[name] = {key: part[()] for key, part in item.items()}
+        elif item is not None:
+            text = h5py.check_string_dtype(item.dtype) is not None
+            found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
+        elif name in group.attrs:
+            found[name] = _typed(hints[name], _from_attribute(hints[name], group.attrs[name]))
+    return cls(**found)
+
+
+def _from_attribute(hint: Any, value: Any) -> Any:
+    """What bdamper 0.1 stored in an attribute: a text as it is or in JSON, a number, or a list of texts or numbers."""
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return value if hint is str and not value.startswith('"') else json.loads(value)
+
+
+def _typed(hint: Any, value: Any) -> Any:
+    """What was read from JSON, in the annotated type."""
+    origin, inner = get_origin(hint), get_args(hint)
+    if value is None or hint is Any or origin is dict:
+        return value
+    if origin is tuple:
+        kinds = inner[:1] * len(value) if inner[-1] is ... else inner
+        return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
+    if NoneType in inner:
+        return _typed(_leaf(hint), value)
+    if is_dataclass(hint):
+        hints = get_type_hints(hint)
+        return hint(**{name: _typed(hints[name], item) for name, item in value.items() if name in hints})  # type: ignore[operator]
+    if isinstance(hint, type) and issubclass(hint, tuple):  # a named one
+        return hint(*value)
+    return hint(value)
+
+
+def plain(value: Any) -> Any:
+    """JSON form of numbers and arrays of NumPy and of small frozen objects."""
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if is_dataclass(value) and not isinstance(value, type):
+        return repr(value)
+    raise TypeError(f"expected a number, a text, a list or a mapping, found {type(value).__name__}")

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import h5py
 import numpy as np
 import pytest
 
@@ -14,7 +13,6 @@ from bdamper.balance.system import OK
 from bdamper.peaks.newton import PeakOptions, find_peak
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
-from bdamper.util.estimates import estimates_from_json
 from tests import accuracy_cases, models
 
 
@@ -44,7 +42,6 @@ def test_all_sources_of_a_peak(study, place, peak):
     assert errors.total >= errors.largest.size
     text = str(errors)
     assert all(source in text for source in SOURCES) and len(text.splitlines()) == 1 + len(SOURCES)
-    assert estimates_from_json(errors.to_json()) == errors
     with pytest.raises(KeyError, match="friction"):
         errors["friction"]
 
@@ -93,7 +90,7 @@ def test_curve_carries_its_errors(study, place, tmp_path):
     assert with_errors.error_estimates == curve.errors(study, sources=["harmonics", "solver"])
     assert "harmonics: amplitude" in str(with_errors) and "contact 0." in str(with_errors)
     with_errors.save(tmp_path / "curve.h5")
-    assert bd.load_curve(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
+    assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
 
 
 def test_peak_carries_its_cost(peak):
@@ -222,11 +219,7 @@ def test_result_prints_plots_and_saves(result, tmp_path):
     assert ax.get_xscale() == ax.get_yscale() == "log"
     assert len(result.plot(ladders=["harmonics"]).texts) == 3
     result.save(tmp_path / "ladders.h5")
-    assert bd.load_accuracy(tmp_path / "ladders.h5") == result
-    with h5py.File(tmp_path / "ladders.h5", "a") as file:
-        file.attrs["format"] = "another"
-    with pytest.raises(bd.BdamperError, match="bdamper-accuracy"):
-        bd.load_accuracy(tmp_path / "ladders.h5")
+    assert bd.load(tmp_path / "ladders.h5") == result
 
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)

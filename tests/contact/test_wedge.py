@@ -107,7 +107,7 @@ def test_map_of_the_contact(tmp_path):
     assert (contact.distance[contact.status[:, 0] != 3] == 0.0).all()
     assert "MPa" in str(contact)
     contact.save(tmp_path / "map.h5")
-    again = bd.load_contact_map(tmp_path / "map.h5")
+    again = bd.load(tmp_path / "map.h5")
     np.testing.assert_array_equal(again.force, contact.force)
     assert again.interfaces == contact.interfaces
     for quantity in ("pressure", "gap", "friction"):

@@ -133,7 +133,7 @@ class TestAnswers:
 
         mpl.use("Agg")
         serial.save(tmp_path / "sweep.h5")
-        again = bd.load_sweep(tmp_path / "sweep.h5")
+        again = bd.load(tmp_path / "sweep.h5")
         assert answers(again) == answers(serial)
         assert again.points == serial.points
         assert again.settings == serial.settings and again.settings["engine_order"] == 5
@@ -320,7 +320,7 @@ class TestWarnings:
         assert curve.warnings == (expected,)
         assert "1 draws with a warning" in str(curve)
         curve.save(tmp_path / "curve.h5")
-        assert bd.load_uncertain_curve(tmp_path / "curve.h5").warnings == (expected,)
+        assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
         robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
         assert robust.warnings == 1
 
@@ -363,7 +363,7 @@ class TestUncertainty:
 
         mpl.use("Agg")
         curve.save(tmp_path / "u.h5")
-        again = bd.load_uncertain_curve(tmp_path / "u.h5")
+        again = bd.load(tmp_path / "u.h5")
         assert np.array_equal(again.amplitude, curve.amplitude)
         assert list(again.samples) == list(curve.samples)
         assert again.settings == curve.settings and again.settings["engine_order"] == 5

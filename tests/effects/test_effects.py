@@ -345,7 +345,7 @@ def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):
         gap={"left": np.linspace(0.0, 1e-6, 6)},
     ).free(interval)
     numbers.save(tmp_path / "curve.h5")
-    assert bd.load_curve(tmp_path / "curve.h5").settings == numbers.settings
+    assert bd.load(tmp_path / "curve.h5").settings == numbers.settings
     assert numbers.settings["harmonics"] == [1, 2]
     assert numbers.settings["gap"]["left"][-1] == 1e-6
 

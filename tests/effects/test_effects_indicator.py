@@ -265,12 +265,9 @@ def test_advice_prints_plots_and_saves(full, tmp_path):
     with pytest.raises(KeyError, match="no advice on 'separation'"):
         advice["separation"]
     advice.save(tmp_path / "advice.h5")
-    assert bd.load_advice(tmp_path / "advice.h5") == advice
+    assert bd.load(tmp_path / "advice.h5") == advice
     ax = advice.plot()
     assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
-    full.track(1e3, INTERVAL).save(tmp_path / "curve.h5")
-    with pytest.raises(bd.BdamperError, match="bdamper-advice"):
-        bd.load_advice(tmp_path / "curve.h5")
 
 
 def test_fullest_asks_for_what_the_model_has(full):

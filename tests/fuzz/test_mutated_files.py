@@ -32,7 +32,6 @@ from bdamper.io import (
     FEBody,
     Measurement,
     build_model,
-    load_measurement,
     load_model,
     read_ansys,
     read_arrays,
@@ -48,6 +47,7 @@ from bdamper.io import (
 )
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import load
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 
@@ -237,7 +237,7 @@ def matrix(name: str) -> Callable[[Path], None]:
 
 READERS: list[tuple[str, Callable[[Path], object]]] = [
     ("model.h5", lambda p: check_model(load_model(p / "model.h5"))),
-    ("measured.h5", lambda p: load_measurement(p / "measured.h5")),
+    ("measured.h5", lambda p: load(p / "measured.h5")),
     *((name, matrix(name)) for name in ("k.npz", "k.npy", "k.mat", "z.mat", "k.mtx")),
     *((name, arrays) for name in ("ka.mtx", "ma.mtx", "nodes.csv", "top.csv")),
     *((f"job.{e}", lambda p: build(read_calculix(p / "job"))) for e in ("inp", "sti", "mas", "dof")),

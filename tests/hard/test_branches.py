@@ -53,7 +53,7 @@ def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
     assert after <= len(curve) < len(whole)
     np.testing.assert_array_equal(curve.unknowns, whole.unknowns[: len(curve)])
     curve.save(tmp_path / "curve.h5")
-    assert bd.load_curve(tmp_path / "curve.h5").status == "interrupted"
+    assert bd.load(tmp_path / "curve.h5").status == "interrupted"
 
 
 class Clock:
@@ -288,7 +288,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     assert str(curve).count("left out: ") == 4
     assert f"left out: {2.9 * hertz:.6g} Hz: walked off: told" in str(curve)
     curve.save(tmp_path / "curve.h5")
-    assert bd.load_curve(tmp_path / "curve.h5").left_out == left
+    assert bd.load(tmp_path / "curve.h5").left_out == left
     labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
     assert "not followed" in labels
     assert "not followed" not in [text.get_text() for text in whole.plot().get_legend().get_texts()]

@@ -238,7 +238,7 @@ def test_curves_carry_stability(tmp_path):
     assert "all disturbances" in curve.stability_note
     assert "unstable" in str(curve)
     curve.save(tmp_path / "curve.h5")
-    again = bd.load_curve(tmp_path / "curve.h5")
+    again = bd.load(tmp_path / "curve.h5")
     np.testing.assert_array_equal(again.stable, curve.stable)
     assert again.notes == curve.notes
     assert again.stability_note == curve.stability_note

@@ -16,7 +16,6 @@ from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
 from bdamper.io import (
     Measurement,
-    load_measurement,
     read_abaqus_matrix,
     read_arrays,
     read_calculix,
@@ -32,6 +31,7 @@ from bdamper.io import (
 from bdamper.reduction.facets import area_vectors
 from bdamper.reduction.patches import Facets
 from bdamper.util.errors import BdamperError, ModelError
+from bdamper.util.hdf5 import load
 
 NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
 
@@ -423,12 +423,12 @@ def test_measured_response(universal, tmp_path):
     axes = found.plot(scale=1e3)
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e3 * found.amplitude)
     found.save(tmp_path / "m.h5")
-    again = load_measurement(tmp_path / "m.h5")
+    again = load(tmp_path / "m.h5")
     np.testing.assert_array_equal(again.response, found.response)
     assert str(again) == str(found)
     (tmp_path / "x.h5").write_bytes(b"no file")
-    with pytest.raises(BdamperError, match="a measurement written by"):
-        load_measurement(tmp_path / "x.h5")
+    with pytest.raises(BdamperError, match="a file written by bdamper"):
+        load(tmp_path / "x.h5")
     with pytest.raises(ModelError, match="as many responses as frequencies"):
         Measurement("x", np.ones(3), np.ones(2))
     with pytest.raises(ModelError, match=r"nodes \(data set 15 or 2411\), found none"):

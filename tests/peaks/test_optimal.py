@@ -3,7 +3,6 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-import h5py
 import numpy as np
 import pytest
 
@@ -14,7 +13,6 @@ from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scal
 from bdamper.peaks.optimal import (
     PARAMETERS,
     linear_peak,
-    load_optimal_curve,
     peaks_at,
     resonance_interval,
     setting_family,
@@ -98,16 +96,12 @@ class TestOptimalCurve:
 
     def test_save_and_load(self, result, tmp_path):
         result.save(tmp_path / "curve.h5")
-        again = load_optimal_curve(tmp_path / "curve.h5")
+        again = bd.load(tmp_path / "curve.h5")
         for name, value in result.__dict__.items():
             if isinstance(value, np.ndarray):
                 assert np.array_equal(getattr(again, name), value)
             else:
                 assert getattr(again, name) == value, name
-        with h5py.File(tmp_path / "other.h5", "w") as file:
-            file.attrs["format"] = "bdamper-curve"
-        with pytest.raises(bd.BdamperError, match="bdamper-optimal"):
-            load_optimal_curve(tmp_path / "other.h5")
 
     def test_print_and_plot(self, result):
         import matplotlib as mpl

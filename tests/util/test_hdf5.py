@@ -1,37 +1,185 @@
-"""Every result refuses what is not a file of it, with one error that says so."""
+"""Result files: one function reads every kind, files of version 0.1 as well, and refuses what is none with one error."""
+
+import importlib
+import json
+import pkgutil
+import shutil
+import subprocess
+import sys
+from dataclasses import fields, replace
+from pathlib import Path
 
 import h5py
+import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.curve import load_curve
-from bdamper.design.sweep import load_sweep
-from bdamper.design.uncertainty import load_uncertain_curve
-from bdamper.effects.advice import load_advice
-from bdamper.peaks.optimal import load_optimal_curve
+from bdamper.continuation.curve import Curve
+from bdamper.effects.compare_laws import LawComparison
+from bdamper.util.hdf5 import Storable
+from bdamper.util.versions import HERE, Versions
 
-READERS = [
-    (load_curve, "bdamper-curve", "Curve.save"),
-    (load_optimal_curve, "bdamper-optimal", "OptimalCurve.save"),
-    (load_sweep, "bdamper-sweep", "SweepResult.save"),
-    (load_uncertain_curve, "bdamper-uncertain", "UncertainCurve.save"),
-    (load_advice, "bdamper-advice", "Advice.save"),
-]
+OLD = Path(__file__).parents[1] / "data" / "version_0_1"
+EXPECTED = json.loads((OLD / "expected.json").read_text())
 
 
-@pytest.mark.parametrize(("load", "kind", "writer"), READERS, ids=lambda v: getattr(v, "__name__", ""))
-def test_what_is_no_such_file_is_refused(tmp_path, load, kind, writer):
-    path = tmp_path / "result.h5"
-    with pytest.raises(FileNotFoundError):
-        load(path)
-    path.write_bytes(b"not HDF5")
-    with pytest.raises(bd.BdamperError, match=rf"{path}: expected .* written by {writer}, found something else"):
-        load(path)
-    with h5py.File(path, "w") as file:
-        file.attrs["format"] = "other"
-    with pytest.raises(bd.BdamperError, match=rf"{path}: expected the format '{kind}', found 'other'"):
-        load(path)
-    with h5py.File(path, "w") as file:
-        file.attrs["format"] = kind
-    with pytest.raises(bd.BdamperError, match="found something else"):
-        load(path)
+def same(a, b):
+    """Whether two results hold the same, arrays bit by bit."""
+    if isinstance(a, np.ndarray):
+        return isinstance(b, np.ndarray) and a.dtype == b.dtype and np.array_equal(a, b, equal_nan=a.dtype.kind in "fc")
+    if isinstance(a, Storable):
+        return type(a) is type(b) and all(same(getattr(a, f.name), getattr(b, f.name)) for f in fields(a))
+    if isinstance(a, tuple):
+        return isinstance(b, tuple) and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, dict):
+        return isinstance(b, dict) and list(a) == list(b) and all(same(a[key], b[key]) for key in a)
+    return type(a) is type(b) and (a == b or a != a)
+
+
+@pytest.fixture
+def curve():
+    return bd.load(OLD / "curve.h5")
+
+
+class TestReading:
+    def test_every_kind_is_known_once_the_package_is_imported(self):
+        for module in pkgutil.walk_packages(bd.__path__, "bdamper."):
+            importlib.import_module(module.name)
+        kinds = {cls._format[0] for cls in Storable.__subclasses__()}
+        code = "import bdamper; from bdamper.util.hdf5 import _READERS; print(*_READERS)"
+        known = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True).stdout.split()
+        assert set(known) == kinds | {"bdamper-model"}
+        assert len(kinds) == len(Storable.__subclasses__()) >= 10
+
+    def test_models(self, tmp_path):
+        model = bd.reference_model()
+        bd.save_model(model, tmp_path / "model.h5")
+        assert bd.load(tmp_path / "model.h5").hash == model.hash
+
+    def test_what_is_no_such_file_is_refused(self, tmp_path):
+        path = tmp_path / "result.h5"
+        with pytest.raises(FileNotFoundError, match=r"there is no file '.*result\.h5'"):
+            bd.load(path)
+        path.write_bytes(b"not HDF5")
+        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found something else"):
+            bd.load(path)
+        h5py.File(path, "w").close()
+        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found the format 'none'"):
+            bd.load(path)
+        with h5py.File(path, "w") as file:
+            file.attrs["format"] = "other"
+        with pytest.raises(bd.BdamperError, match=rf"{path}: expected a file written by bdamper, found the format 'other'"):
+            bd.load(path)
+
+    @pytest.mark.parametrize("cls", Storable.__subclasses__(), ids=lambda cls: cls.__name__)
+    def test_an_incomplete_file_is_refused(self, tmp_path, cls):
+        path = tmp_path / "result.h5"
+        with h5py.File(path, "w") as file:
+            file.attrs["format"], file.attrs["version"] = cls._format
+        with pytest.raises(bd.BdamperError, match=rf"a file written by {cls.__name__}\.save, found something else"):
+            bd.load(path)
+
+
+class TestWriting:
+    @pytest.mark.parametrize("name", EXPECTED)
+    def test_what_is_written_is_read(self, tmp_path, name):
+        result = bd.load(OLD / f"{name}.h5")
+        result.save(tmp_path / "again.h5")
+        assert same(bd.load(tmp_path / "again.h5"), result)
+
+    def test_results_within_a_result(self, tmp_path, curve):
+        laws = tuple(f"law {i}" for i in range(11))  # in the order of numbers, not of their digits
+        comparison = LawComparison(laws, tuple(replace(curve, preload=float(i)) for i in range(11)))
+        comparison.save(tmp_path / "laws.h5")
+        assert same(bd.load(tmp_path / "laws.h5"), comparison)
+
+    def test_optional_parts(self, tmp_path, curve):
+        assert curve.stable is not None
+        replace(curve, stable=None).save(tmp_path / "curve.h5")
+        assert bd.load(tmp_path / "curve.h5").stable is None
+
+    def test_long_texts(self, tmp_path, curve):
+        """An attribute of HDF5 has room for 64 KiB only."""
+        kinds = ("regular",) * 20_000
+        replace(curve, point_kind=kinds).save(tmp_path / "curve.h5")
+        assert bd.load(tmp_path / "curve.h5").point_kind == kinds
+
+    def test_what_derives_from_a_result_is_saved_as_that(self, tmp_path, curve):
+        class Special(Curve):
+            pass
+
+        Special(**{f.name: getattr(curve, f.name) for f in fields(curve)}).save(tmp_path / "curve.h5")
+        assert same(bd.load(tmp_path / "curve.h5"), curve)
+
+
+class TestVersions:
+    def test_a_file_tells_what_made_it(self, tmp_path, curve):
+        made_now = replace(curve)
+        assert made_now.made_with == HERE
+        assert str(HERE) == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {HERE.scipy}"
+        made_now.save(tmp_path / "curve.h5")
+        with h5py.File(tmp_path / "curve.h5", "a") as file:
+            assert file.attrs["bdamper_version"] == bd.__version__
+            assert file.attrs["numpy_version"] == np.__version__
+            file.attrs["scipy_version"] = "1.99"
+        assert bd.load(tmp_path / "curve.h5").made_with == replace(HERE, scipy="1.99")
+
+    @pytest.mark.parametrize("name", EXPECTED)
+    def test_files_of_version_0_1_are_read(self, name, tmp_path):
+        expected = dict(EXPECTED[name])
+        result = bd.load(OLD / f"{name}.h5")
+        assert str(result) == expected.pop("text")
+        assert result.made_with == Versions("0.1", "unknown", "unknown")
+        result.save(tmp_path / "again.h5")  # does not become one of this version by that
+        assert bd.load(tmp_path / "again.h5").made_with.bdamper == "0.1"
+        values = {
+            "peak": lambda: result.peak.amplitude,
+            "points": lambda: len(result),
+            "optimum": lambda: result.optimum.preload,
+            "amplitude": lambda: (result.array("amplitude") if name == "sweep" else result.amplitude).tolist(),
+            "load": lambda: result.load,
+            "stiffness": lambda: result.stiffness.tolist(),
+        }
+        for key, value in expected.items():
+            assert values[key]() == value
+
+    @pytest.mark.parametrize("name", ["laws", "advice"])
+    def test_files_of_version_0_1_that_hold_too_little_are_refused(self, name):
+        with pytest.raises(bd.BdamperError, match=r"expected version \d of .* written by bdamper 0\.1, .*") as error:
+            bd.load(OLD / f"{name}.h5")
+        assert "\n" not in str(error.value)
+
+    def test_files_of_a_later_version_are_refused(self, tmp_path, curve):
+        curve.save(tmp_path / "curve.h5")
+        with h5py.File(tmp_path / "curve.h5", "a") as file:
+            file.attrs["version"], file.attrs["bdamper_version"] = 9, "7.0"
+        with pytest.raises(bd.BdamperError, match=r"expected version 1 to 2 .* found version 9, written by bdamper 7\.0"):
+            bd.load(tmp_path / "curve.h5")
+
+
+class TestResumeFiles:
+    @pytest.fixture
+    def study(self):
+        model = bd.reference_model("bladed_disk", contact_points=9)
+        return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+    def test_those_of_version_0_1_are_refused(self, study, tmp_path):
+        shutil.copy(OLD / "sweep.jsonl", tmp_path)
+        with pytest.raises(bd.BdamperError, match=r"expected results of .*, found those of bdamper 0\.1,"):
+            bd.sweep(study, {"preload": [2000.0, 4000.0]}, frequency=(270.0, 380.0), results=tmp_path / "sweep.jsonl")
+
+    def test_those_of_another_numpy_are_continued(self, study, tmp_path):
+        path = tmp_path / "sweep.jsonl"
+        asked = {"over": {"preload": [2000.0, 4000.0]}, "evaluate": halved}
+        bd.sweep(study, **asked, results=path)
+        lines = path.read_text().splitlines()
+        header = json.loads(lines[0])
+        assert header["numpy_version"] == np.__version__ and header["bdamper_version"] == bd.__version__
+        path.write_text("\n".join([json.dumps({**header, "numpy_version": "1.0"}), lines[1], ""]))
+        result = bd.sweep(study, **asked, results=path)
+        assert result.array("half").tolist() == [1000.0, 2000.0]
+        assert len(path.read_text().splitlines()) == 3
+
+
+def halved(study, preload):
+    return {"half": 0.5 * preload}

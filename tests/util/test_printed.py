@@ -74,7 +74,7 @@ class TestOptimum:
 
     def test_flat_is_kept_in_a_file(self, bonded, tmp_path):
         bonded.save(tmp_path / "flat.h5")
-        assert str(bd.load_optimal_curve(tmp_path / "flat.h5")) == str(bonded)
+        assert str(bd.load(tmp_path / "flat.h5")) == str(bonded)
 
     @pytest.mark.parametrize("ask", ["optimal_curve", "optimum"])
     def test_an_interval_in_the_place_of_n_is_named(self, study, ask):
