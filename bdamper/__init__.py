@@ -16,7 +16,6 @@ from bdamper.design.uncertainty import (
     robust_optimum,
     uncertain_curve,
 )
-from bdamper.effects.adaptive import AdaptivePeak
 from bdamper.effects.advice import Advice
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip, microslip
@@ -27,7 +26,7 @@ from bdamper.model.loads import Excitation, Response
 from bdamper.model.misfit import misfit
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak, PeakOptions
-from bdamper.peaks.optimal import OptimalCurve
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import Effects
 from bdamper.problem.prescribed import prescribe_preload
 from bdamper.stability.steady_state import SettledResponse
@@ -43,7 +42,6 @@ __version__ = "0.1.0"
 __all__ = [
     "RIGID_NAMES",
     "AccuracyCost",
-    "AdaptivePeak",
     "Advice",
     "BdamperError",
     "ContactMap",

@@ -30,7 +30,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,17 +37,18 @@ from numpy.typing import NDArray
 from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import embed_between, estimate_change
+from bdamper.model.model import Model
 from bdamper.peaks.carryover import carried_over, higher_nearby
 from bdamper.peaks.newton import Peak, find_peak, peak_scale
+from bdamper.peaks.optimal import highest_peak
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError
-
-if TYPE_CHECKING:
-    from bdamper.model.model import Model
-    from bdamper.study import Study
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
 TRUSTED = 0.01
@@ -67,19 +67,20 @@ class Richer:
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     factor : float
         What the change is to be multiplied by: 1 for a richer study, negative for a poorer one.
     text : str
     """
 
-    study: Study
+    problem: Problem
     factor: float
     text: str
 
 
+@one_thread
 def estimate_errors(
-    study: Study,
+    problem: Problem,
     result: Curve | Peak,
     preload: float | None = None,
     *,
@@ -89,7 +90,7 @@ def estimate_errors(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
         That the result was computed with.
     result : Curve or Peak
         Of a tracking curve the highest peak is taken.
@@ -112,39 +113,40 @@ def estimate_errors(
     begin = time.perf_counter()
     end_of: tuple[float, float] | None = None
     if isinstance(result, Curve):
-        study._check_curve(result)
+        problem = problem.matching(result.settings)
+        check_curve(problem, result)
         top = result.peak
         if result.point_kind[top.index] == "end":
             end_of = float(result.frequency.min()), float(result.frequency.max())
         preload = result.preload
         y = np.append(result.unknowns[top.index], 2.0 * np.pi * top.frequency)
-        peak = find_peak(study.system(preload), y)
+        peak = find_peak(problem.system(preload), y)
         amplitude, frequency = top.amplitude, top.frequency
         near = abs(peak.amplitude / amplitude - 1.0) < 0.05 and abs(peak.frequency / frequency - 1.0) < 0.02
-        many = isinstance(study.evaluation, Sampled)  # samples make many small peaks
+        many = isinstance(problem.evaluation, Sampled)  # samples make many small peaks
         if not (peak.converged and near) or end_of or many:
             peak = replace(peak, y=y, frequency=frequency, amplitude=amplitude, residual=float(result.residual[top.index]),
                            status="converged")  # fmt: skip
     else:
         if not result.converged:
             raise SettingError(f"peak: expected a converged one, found status '{result.status}'")
-        preload = result.parameter if preload is None else study._check_preload(preload)
+        preload = result.parameter if preload is None else problem.check_preload(preload)
         if not np.isfinite(preload):
             raise SettingError("preload: expected a number, since the peak carries none, found nothing")
-        if len(result.y) != study.system(preload).n_unknowns + 1:
+        if len(result.y) != problem.system(preload).n_unknowns + 1:
             raise SettingError(
-                f"peak: expected one of this study with {study.system(preload).n_unknowns} unknowns, found "
+                f"peak: expected one of this study with {problem.system(preload).n_unknowns} unknowns, found "
                 f"{len(result.y) - 1}"
             )
         peak, amplitude, frequency = result, result.amplitude, result.frequency
     location = peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0
-    items = [_of_source(study, source, preload, peak, end_of, location) for source in sources]
+    items = [_of_source(problem, source, preload, peak, end_of, location) for source in sources]
     found = tuple(item for item in items if item is not None)
     return ErrorEstimates(preload, frequency, amplitude, found, time.perf_counter() - begin)
 
 
 def _of_source(
-    study: Study,
+    problem: Problem,
     source: str,
     preload: float,
     peak: Peak,
@@ -157,20 +159,20 @@ def _of_source(
         return SourceError(source, float(amplitude), float(frequency), uncertainty, text, time.perf_counter() - begin)
 
     if source == "solver":
-        e = estimate_change(study.system(preload), peak.y)
+        e = estimate_change(problem.system(preload), peak.y)
         text = f"residual {peak.residual:.1e}" + (", place of the peak on the curve" if any(location) else "")
         return result(e.amplitude + location[0], e.frequency + location[1], 0.0, text)
-    if source == "evaluation" and not isinstance(study.evaluation, Sampled):
-        amplitude, frequency, n = _missed_events(study, preload, peak.y)
+    if source == "evaluation" and not isinstance(problem.evaluation, Sampled):
+        amplitude, frequency, n = _missed_events(problem, preload, peak.y)
         return result(amplitude, frequency, 0.0, f"exact events against {n} samples, whose own error this may be")
     try:
-        richer = richer_study(study, source)
+        richer = richer_study(problem, source)
         if richer is None:
             return None
         if end_of:
-            amplitude, frequency, uncertainty, how = change_at_end(study, richer.study, preload, peak, end_of)
+            amplitude, frequency, uncertainty, how = change_at_end(problem, richer.problem, preload, peak, end_of)
         else:
-            amplitude, frequency, uncertainty, how = change_of_peak(study, richer.study, preload, peak)
+            amplitude, frequency, uncertainty, how = change_of_peak(problem, richer.problem, preload, peak)
     except BdamperError as error:
         return result(np.nan, np.nan, np.inf, str(error))
     f = richer.factor
@@ -178,7 +180,7 @@ def _of_source(
 
 
 def change_of_peak(
-    study: Study, richer: Study, preload: float, peak: Peak, *, solve: bool = True
+    problem: Problem, richer: Problem, preload: float, peak: Peak, *, solve: bool = True
 ) -> tuple[float, float, float, str]:
     """Relative change of amplitude and frequency from one study to another, how much it may miss, and how it was found.
 
@@ -193,14 +195,14 @@ def change_of_peak(
     """
     if not richer.static(preload).converged:
         return np.nan, np.nan, np.inf, f"no static state: {richer.static(preload).note}"
-    a, b = study.system(preload), richer.system(preload)
-    y = embed_between(study, richer, a, b, preload, peak.y)
+    a, b = problem.system(preload), richer.system(preload)
+    y = embed_between(problem, richer, a, b, preload, peak.y)
     try:
         e = estimate_change(b, y)
     except FloatingPointError:
         return np.nan, np.nan, np.inf, "not finite"
     change = max(abs(e.amplitude), abs(e.frequency))
-    stationary = not isinstance(study.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
+    stationary = not isinstance(problem.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
     trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.1 * change and stationary
     if trusted or not solve or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
@@ -209,14 +211,14 @@ def change_of_peak(
     if found is not None:
         found = higher_nearby(b, found)
         return found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0, 0.0, "solved"
-    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(study, preload, peak.frequency)
+    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
     around = (0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency)
     try:
-        if richer.harmonic_numbers != study.harmonic_numbers or study.harmonic_numbers == (1,):
+        if richer.harmonic_numbers != problem.harmonic_numbers or problem.harmonic_numbers == (1,):
             before, how = (peak.amplitude, peak.frequency), "found anew"
             after = _highest(richer, preload, around)
         else:
-            before, after = (_highest(s, preload, around) for s in _with_one_harmonic(study, richer))
+            before, after = (_highest(s, preload, around) for s in _with_one_harmonic(problem, richer))
             how = "peaks with one harmonic compared"
     except BdamperError as error:
         return np.nan, np.nan, np.inf, f"no peak found: {error}"
@@ -224,16 +226,16 @@ def change_of_peak(
 
 
 def change_at_end(
-    study: Study, richer: Study, preload: float, peak: Peak, interval: tuple[float, float]
+    problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]
 ) -> tuple[float, float, float, str]:
     """The same where a curve is highest at an end of its interval (Hz)."""
-    same = richer.harmonic_numbers == study.harmonic_numbers
+    same = richer.harmonic_numbers == problem.harmonic_numbers
     way = [richer]
     if not same:
-        top, own = richer.harmonic_numbers[-1], study.harmonic_numbers[-1]
-        way = [with_stand_ins(study, n) for n in range(own + 2, top, 2)] + way
+        top, own = richer.harmonic_numbers[-1], problem.harmonic_numbers[-1]
+        way = [with_stand_ins(problem, n) for n in range(own + 2, top, 2)] + way
     y: NDArray | None = peak.y
-    before, a = study, study.system(preload)
+    before, a = problem, problem.system(preload)
     for after in way:
         if y is None or not after.static(preload).converged:
             continue
@@ -247,8 +249,8 @@ def change_at_end(
     if not same:
         return np.nan, np.nan, np.inf, "no solution found at the end of the interval"
     tops = []
-    for s in _with_one_harmonic(study, richer):
-        curve = s.track(preload, interval)
+    for s in _with_one_harmonic(problem, richer):
+        curve = track(s, preload, interval)
         if not curve.complete:
             return np.nan, np.nan, np.inf, f"no whole curve with one harmonic: {curve.reason}"
         tops.append((curve.peak.amplitude, curve.peak.frequency))
@@ -265,39 +267,39 @@ def _at_frequency(system: HarmonicSystem, y: NDArray) -> NDArray | None:
     return None
 
 
-def _with_one_harmonic(*studies: Study) -> list[Study]:
+def _with_one_harmonic(*studies: Problem) -> list[Problem]:
     return [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in studies]
 
 
-def _highest(study: Study, preload: float, around: tuple[float, float]) -> tuple[float, float]:
+def _highest(problem: Problem, preload: float, around: tuple[float, float]) -> tuple[float, float]:
     """Amplitude and frequency of the highest peak, or of the highest point of the curve where that is no maximum."""
     try:
-        peak = study.peak(preload, around)
+        peak = highest_peak(problem, preload, around)
         return peak.amplitude, peak.frequency
     except BdamperError:
-        curve = study.track(preload, around)
+        curve = track(problem, preload, around)
         if not curve.complete or curve.point_kind[curve.peak.index] == "end":
             raise
         return curve.peak.amplitude, curve.peak.frequency
 
 
-def _stuck_resonance(study: Study, preload: float, frequency: float) -> float:
+def _stuck_resonance(problem: Problem, preload: float, frequency: float) -> float:
     """Frequency in Hz of the largest stuck resonance within a third of a frequency, or this itself."""
-    system, springs = study.system(preload), study._stuck_springs(study.static(preload))
-    row = study._response_rows[1]
+    system, springs = problem.system(preload), problem.stuck_springs(problem.static(preload))
+    row = problem.response_rows[1]
     poles = [w for w in system.linear_modes(springs)[0] if 0.67 < w / (2.0 * np.pi * frequency) < 1.5]
     best = max(poles, key=lambda w: abs(system.linear_response(w, springs) @ row), default=2.0 * np.pi * frequency)
     return float(best) / (2.0 * np.pi)
 
 
-def _missed_events(study: Study, preload: float, y: NDArray) -> tuple[float, float, int]:
+def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float, float, int]:
     """Change towards the limit of many samples, extrapolated from two numbers of them."""
-    exact = study.system(preload)
+    exact = problem.system(preload)
     n = 512 * max(2, exact.n_harmonics)
     r = [np.empty(exact.n_unknowns), np.empty(exact.n_unknowns)]
     for samples, out in zip((n, 2 * n), r):
-        dense = replace(study, evaluation=Sampled(samples))
-        dense._states.update(study._states)
+        dense = replace(problem, evaluation=Sampled(samples))
+        dense._states.update(problem._states)
         dense.system(preload).core.evaluate(np.ascontiguousarray(y[:-1]), float(y[-1]), out)
     e = estimate_change(exact, y, (4.0 * r[1] - r[0]) / 3.0)
     return e.amplitude, e.frequency, 2 * n
@@ -306,7 +308,7 @@ def _missed_events(study: Study, preload: float, y: NDArray) -> tuple[float, flo
 # ---- richer studies ----
 
 
-def richer_study(study: Study, source: str) -> Richer | None:
+def richer_study(problem: Problem, source: str) -> Richer | None:
     """A study that is richer in one respect, or poorer where there is nothing richer; None if there is neither."""
     return {
         "harmonics": _more_harmonics,
@@ -314,107 +316,114 @@ def richer_study(study: Study, source: str) -> Richer | None:
         "contact points": _more_points,
         "modes": _more_modes,
         "residual flexibility": _residual_modes,
-    }[source](study)
+    }[source](problem)
 
 
-def missing_harmonics(study: Study, top: int) -> list[int]:
+def missing_harmonics(problem: Problem, top: int) -> list[int]:
     """Harmonics up to the top one for which the model has no modes."""
     out = []
     for l in range(2, top + 1):
-        d, _ = study.model.folded_nodal_diameter(study.engine_order * (1 if study.single_basis else l))
-        if any(body.kind == "constrained" and d not in body.bases for body in study.model.bodies.values()):
+        d, _ = problem.model.folded_nodal_diameter(problem.engine_order * (1 if problem.single_basis else l))
+        if any(body.kind == "constrained" and d not in body.bases for body in problem.model.bodies.values()):
             out.append(l)
     return out
 
 
-def with_stand_ins(study: Study, harmonics: int | tuple[int, ...]) -> Study:
+def with_stand_ins(problem: Problem, harmonics: int | tuple[int, ...]) -> Problem:
     """The study with harmonics for which modes of the fundamental's nodal diameter stand in where the model has none."""
-    lacking = missing_harmonics(study, harmonic_numbers(harmonics)[-1])
+    lacking = missing_harmonics(problem, harmonic_numbers(harmonics)[-1])
     if not lacking:
-        return study.with_effects(replace(Effects.of(study), harmonics=harmonics))
-    return replace(study, model=_model_with_stand_ins(study, lacking), harmonics=harmonics)
+        return problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
+    return replace(problem, model=_model_with_stand_ins(problem, lacking), harmonics=harmonics)
 
 
-def _model_with_stand_ins(study: Study, harmonics: list[int]) -> Model:
-    model = study.model
-    own, _ = model.folded_nodal_diameter(study.engine_order)
+def _model_with_stand_ins(problem: Problem, harmonics: list[int]) -> Model:
+    model = problem.model
+    own, _ = model.folded_nodal_diameter(problem.engine_order)
     bodies = {}
     for name, body in model.bodies.items():
         bases = dict(body.bases)
         if body.kind == "constrained":
             for l in harmonics:
-                bases.setdefault(model.folded_nodal_diameter(study.engine_order * l)[0], bases[own])
+                bases.setdefault(model.folded_nodal_diameter(problem.engine_order * l)[0], bases[own])
         bodies[name] = replace(body, bases=bases)
     out = replace(model, bodies=bodies)
     object.__setattr__(out, "_checked", True)
     return out
 
 
-def _more_harmonics(study: Study) -> Richer:
-    own = study.harmonic_numbers
+def _more_harmonics(problem: Problem) -> Richer:
+    own = problem.harmonic_numbers
     top = min(own[-1] + max(8, own[-1]), MAX_HARMONIC)
-    lacking = missing_harmonics(study, top)
+    lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}"
     if lacking:
         text += f", with the modes of the first for {lacking[0]} and more"
-    return Richer(with_stand_ins(study, top), 1.0, text)
+    return Richer(with_stand_ins(problem, top), 1.0, text)
 
 
-def _exact_events(study: Study) -> Richer | None:
-    if not isinstance(study.evaluation, Sampled):
+def _exact_events(problem: Problem) -> Richer | None:
+    if not isinstance(problem.evaluation, Sampled):
         return None
-    finer = finer_evaluation(study, study.harmonic_numbers[-1])
+    finer = finer_evaluation(problem, problem.harmonic_numbers[-1])
     if finer.evaluation == "exact":
         return Richer(finer, 1.0, "exact events")
-    dense = Sampled(4 * study.evaluation.n_time)
-    return Richer(replace(study, evaluation=dense), 1.0, f"{dense.n_time} samples")
+    dense = Sampled(4 * problem.evaluation.n_time)
+    return Richer(replace(problem, evaluation=dense), 1.0, f"{dense.n_time} samples")
 
 
-def finer_evaluation(study: Study, harmonics: int) -> Study:
+def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
     """The study with exact events; with coupled friction, which has none, with 32 samples for each harmonic at least."""
-    if not isinstance(study.evaluation, Sampled):
-        return study
+    if not isinstance(problem.evaluation, Sampled):
+        return problem
     try:
-        return replace(study, evaluation="exact")
+        return replace(problem, evaluation="exact")
     except SettingError:
-        return replace(study, evaluation=Sampled(max(study.evaluation.n_time, 128, 32 * harmonics)))
+        return replace(problem, evaluation=Sampled(max(problem.evaluation.n_time, 128, 32 * harmonics)))
 
 
-def points_on_a_face(study: Study) -> int:
+def points_on_a_face(problem: Problem) -> int:
     """Largest number of contact points on a friction face of the model."""
-    return max((f.n_points for f in study.model.interfaces.values() if f.kind == "friction"), default=0)
+    return max((f.n_points for f in problem.model.interfaces.values() if f.kind == "friction"), default=0)
 
 
-def _more_points(study: Study) -> Richer | None:
-    full = points_on_a_face(study)
-    if study.contact_points is not None and study.contact_points < full:
-        return Richer(replace(study, contact_points=None), 1.0, f"{full} contact points on a face")
+def _more_points(problem: Problem) -> Richer | None:
+    full = points_on_a_face(problem)
+    if problem.contact_points is not None and problem.contact_points < full:
+        return Richer(replace(problem, contact_points=None), 1.0, f"{full} contact points on a face")
     if full < 2:
         return None
     half = full // 2
     return Richer(
-        replace(study, contact_points=half), -POINTS_FACTOR, f"from {half} contact points on a face to those of the model"
+        replace(problem, contact_points=half), -POINTS_FACTOR, f"from {half} contact points on a face to those of the model"
     )
 
 
-def _more_modes(study: Study) -> Richer | None:
-    bodies = study.model.bodies.values()
+def _more_modes(problem: Problem) -> Richer | None:
+    bodies = problem.model.bodies.values()
     blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
     most = max(blade, default=0)
-    elastic = max(min(damper, default=0), study.damper_modes)
-    if most > study.blade_modes:
+    elastic = max(min(damper, default=0), problem.damper_modes)
+    if most > problem.blade_modes:
         text = f"{most} modes" + (f", {elastic} elastic modes of the damper" if damper else "")
-        return Richer(replace(study, blade_modes=most, damper_modes=elastic), 1.0, text)
-    own = min(study.blade_modes, most)
+        return Richer(replace(problem, blade_modes=most, damper_modes=elastic), 1.0, text)
+    own = min(problem.blade_modes, most)
     if own < 2:
         return None
     return Richer(
-        replace(study, blade_modes=own // 2), -MODES_FACTOR, f"from {own // 2} to {own} modes, all that the model has"
+        replace(problem, blade_modes=own // 2), -MODES_FACTOR, f"from {own // 2} to {own} modes, all that the model has"
     )
 
 
-def _residual_modes(study: Study) -> Richer | None:
-    if study.contact_stiffness not in ("unit_traction", "eq4"):
+def _residual_modes(problem: Problem) -> Richer | None:
+    if problem.contact_stiffness not in ("unit_traction", "eq4"):
         return None
-    return Richer(replace(study, contact_stiffness="residual_modes"), 1.0, "residual modes")
+    return Richer(replace(problem, contact_stiffness="residual_modes"), 1.0, "residual modes")
+
+
+@one_thread
+def with_errors(problem: Problem, curve: Curve, *, sources: Sequence[str] = SOURCES) -> Curve:
+    """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
+    validate.instance("curve", curve, Curve)
+    return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))

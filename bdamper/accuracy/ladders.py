@@ -18,7 +18,7 @@ import itertools
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +27,10 @@ from bdamper.balance.system import OK
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions
-from bdamper.peaks.optimal import peak_interval
+from bdamper.continuation.linear_curve import stuck
+from bdamper.continuation.track import track
+from bdamper.peaks.optimal import highest_peak, peak_interval
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import percent
@@ -36,12 +39,9 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
 
-if TYPE_CHECKING:
-    from bdamper.study import Study
-
 Answer = tuple[float, float]
 """Amplitude (m) and frequency (Hz) of the highest peak; not finite if none was found."""
-Solver = Callable[["Study", float, tuple[float, float]], Answer]
+Solver = Callable[[Problem, float, tuple[float, float]], Answer]
 """Finds the answer for a study, a preload and an interval of frequencies."""
 
 SOURCE_OF = {
@@ -236,53 +236,53 @@ def _error(value: float, sign: bool = True) -> str:
 # ---- ways to find the peak ----
 
 
-def by_peak(study: Study, preload: float, interval: tuple[float, float]) -> Answer:
+def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
     """A coarse scan and the peak condition (:meth:`bdamper.Study.peak`)."""
     try:
-        peak = study.peak(preload, interval)
+        peak = highest_peak(problem, preload, interval)
     except BdamperError:
         return np.nan, np.nan
     return (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
 
 
-def by_tracking(study: Study, preload: float, interval: tuple[float, float]) -> Answer:
+def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
     """The highest point of a tracking curve."""
-    return _top_of_curve(study, preload, interval, None)
+    return _top_of_curve(problem, preload, interval, None)
 
 
 def by_tracking_with(options: ContinuationOptions) -> Solver:
     """The highest point of a tracking curve with given options."""
 
-    def solve(study: Study, preload: float, interval: tuple[float, float]) -> Answer:
-        return _top_of_curve(study, preload, interval, options)
+    def solve(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+        return _top_of_curve(problem, preload, interval, options)
 
     return solve
 
 
 def _top_of_curve(
-    study: Study, preload: float, interval: tuple[float, float], options: ContinuationOptions | None
+    problem: Problem, preload: float, interval: tuple[float, float], options: ContinuationOptions | None
 ) -> Answer:
-    curve = uninterrupted(study.track(preload, interval, options=options))
+    curve = uninterrupted(track(problem, preload, interval, options=options))
     return (curve.peak.amplitude, curve.peak.frequency) if curve.complete else (np.nan, np.nan)
 
 
 def by_sweep(n: int) -> Solver:
     """The largest of n responses at fixed frequencies, equally spaced, each started from the one before, up and down."""
 
-    def solve(study: Study, preload: float, interval: tuple[float, float]) -> Answer:
-        return sweep_peak(study, preload, interval, n)
+    def solve(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+        return sweep_peak(problem, preload, interval, n)
 
     return solve
 
 
-def sweep_peak(study: Study, preload: float, interval: tuple[float, float], n: int) -> Answer:
+def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], n: int) -> Answer:
     """Largest response on a grid of frequencies, swept upward and downward by Newton at fixed frequency.
 
     Points at which Newton fails from the point before and from the stuck response are left out.
     """
-    system = study.system(preload)
-    state = study._at_rest(preload)
-    springs = study._stuck_springs(state)
+    system = problem.system(preload)
+    state = problem.equilibrium(preload)
+    springs = problem.stuck_springs(state)
     omegas = 2.0 * np.pi * np.linspace(*interval, n)
     best = (np.nan, np.nan)
     for sweep in (omegas, omegas[::-1]):
@@ -314,27 +314,27 @@ QUANTITIES: dict[str, Solver] = {"peak": by_peak, "curve": by_tracking}
 # ---- ladders ----
 
 
-def ladder_values(study: Study, name: str) -> list[Any]:
+def ladder_values(problem: Problem, name: str) -> list[Any]:
     """Values that a ladder of a setting takes by default, as far as the model allows."""
     if name == "harmonics":
-        return [n for n in (1, 2, 3, 5, 7, 9) if not missing_harmonics(study, n)]
+        return [n for n in (1, 2, 3, 5, 7, 9) if not missing_harmonics(problem, n)]
     if name == "evaluation":
-        least = 4 * study.harmonic_numbers[-1] + 4
+        least = 4 * problem.harmonic_numbers[-1] + 4
         return [*(Sampled(n) for n in (32, 64, 128, 256, 512, 1024) if n >= least), "exact"]
     if name == "contact_points":
-        full = points_on_a_face(study)
+        full = points_on_a_face(problem)
         return [n for n in (1, 4, 9, 16, 24, 48, 96) if n < full] + [full]
     if name == "blade_modes":
-        return [n for n in (2, 3, 5, 10, 15, 20) if n < _most_modes(study, "constrained")]
+        return [n for n in (2, 3, 5, 10, 15, 20) if n < _most_modes(problem, "constrained")]
     if name == "damper_modes":
-        return [n for n in (0, 1, 2, 4, 6) if n <= _most_modes(study, "free") - 6]
+        return [n for n in (0, 1, 2, 4, 6) if n <= _most_modes(problem, "free") - 6]
     raise SettingError(
         f"vary: expected a mapping of settings to values, or some of {(*SOURCE_OF, 'damper_modes')}, found '{name}'"
     )
 
 
-def _most_modes(study: Study, kind: str) -> int:
-    bodies = [body for body in study.model.bodies.values() if body.kind == kind]
+def _most_modes(problem: Problem, kind: str) -> int:
+    bodies = [body for body in problem.model.bodies.values() if body.kind == kind]
     return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
 
 
@@ -348,7 +348,7 @@ def _name(setting: str, value: Any) -> str:
 
 
 def make_ladders(
-    study: Study, vary: str | Sequence[str] | Mapping[str, Sequence[Any]] | None, combine: bool = False
+    problem: Problem, vary: str | Sequence[str] | Mapping[str, Sequence[Any]] | None, combine: bool = False
 ) -> list[Setting]:
     """Rungs of ladders from what is to be varied; see :func:`accuracy_cost`."""
     if vary is None:
@@ -357,10 +357,10 @@ def make_ladders(
         vary = (vary,)
     if not isinstance(vary, Iterable):
         raise validate.unfit("vary", "names of settings, or a mapping of them to values", vary)
-    values = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(study, name) for name in vary}
+    values = dict(vary) if isinstance(vary, Mapping) else {name: ladder_values(problem, name) for name in vary}
     if not values:
         raise validate.unfit("vary", "at least one setting of a study", vary)
-    known = {f.name for f in fields(study) if f.init} - {"model"}
+    known = {f.name for f in fields(problem) if f.init} - {"model"}
     for name in values:
         if name not in known:
             raise SettingError(f"vary: expected settings of a study, out of {sorted(known)}, found '{name}'")
@@ -376,18 +376,18 @@ def make_ladders(
     return out
 
 
-def varied(study: Study, changes: Mapping[str, Any]) -> Study:
+def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     """The study with settings changed; more contact points than the model has are all that it has."""
     changes = dict(changes)
     if "harmonics" in changes:
-        study = with_stand_ins(study, changes.pop("harmonics"))
+        problem = with_stand_ins(problem, changes.pop("harmonics"))
     points = changes.get("contact_points")
-    if points is not None and points >= points_on_a_face(study):
+    if points is not None and points >= points_on_a_face(problem):
         changes["contact_points"] = None
-    return replace(study, **changes) if changes else study
+    return replace(problem, **changes) if changes else problem
 
 
-def richest(study: Study, settings: Sequence[Setting]) -> tuple[dict[str, Any], str]:
+def richest(problem: Problem, settings: Sequence[Setting]) -> tuple[dict[str, Any], str]:
     """Changes that are richer than those of all rungs of a ladder, in every setting that they vary."""
     names = dict.fromkeys(name for s in settings for name in s.changes)
     out: dict[str, Any] = {}
@@ -399,11 +399,11 @@ def richest(study: Study, settings: Sequence[Setting]) -> tuple[dict[str, Any], 
         elif name == "evaluation":
             out[name] = "exact"
         elif name == "contact_points":
-            out[name] = points_on_a_face(study)
+            out[name] = points_on_a_face(problem)
         elif name == "blade_modes":
-            out[name] = _most_modes(study, "constrained")
+            out[name] = _most_modes(problem, "constrained")
         elif name == "damper_modes":
-            out[name] = max(_most_modes(study, "free") - 6, 0)
+            out[name] = max(_most_modes(problem, "free") - 6, 0)
         elif name in ("bias", "variable_normal_load", "separation", "constraints"):
             out[name] = True
         elif name == "single_basis":
@@ -414,7 +414,7 @@ def richest(study: Study, settings: Sequence[Setting]) -> tuple[dict[str, Any], 
 
 
 def accuracy_cost(
-    study: Study,
+    problem: Problem,
     preload: float | None = None,
     frequency: tuple[float, float] | None = None,
     *,
@@ -431,7 +431,7 @@ def accuracy_cost(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
         Any; what is not varied is as it is there.
     preload : float, N, optional
         By default one at which the contact slips in part (:func:`slipping_preload`); 0 where no body carries a load.
@@ -474,19 +474,19 @@ def accuracy_cost(
     if reference is not None:
         validate.instance("reference", reference, Mapping, "a mapping of settings to values")
     solver = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
-    interval = peak_interval(study, frequency)
-    preload = slipping_preload(study, interval) if preload is None else study._check_preload(preload)
+    interval = peak_interval(problem, frequency)
+    preload = slipping_preload(problem, interval) if preload is None else problem.check_preload(preload)
     settings: list[Setting]
     if not isinstance(vary, (str, Mapping)) and vary is not None and any(isinstance(v, Setting) for v in vary):
         settings = list(vary)  # type: ignore[arg-type]
     else:
-        settings = make_ladders(study, vary, combine)  # type: ignore[arg-type]
+        settings = make_ladders(problem, vary, combine)  # type: ignore[arg-type]
     ladders: dict[str, list[Setting]] = {}
     for s in settings:
         ladders.setdefault(s.ladder, []).append(s)
     own = solver if reference_quantity else None
-    references = [_reference(study, name, rungs, preload, interval, reference, own) for name, rungs in ladders.items()]
-    answers, seconds = _timed(study, settings, solver, preload, interval, repeats, progress)
+    references = [_reference(problem, name, rungs, preload, interval, reference, own) for name, rungs in ladders.items()]
+    answers, seconds = _timed(problem, settings, solver, preload, interval, repeats, progress)
     rungs = []
     for ref in references:
         at_hand = [i for i, s in enumerate(settings) if s.ladder == ref.ladder]
@@ -504,18 +504,18 @@ def accuracy_cost(
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"),
         preload, (float(interval[0]), float(interval[1])), tolerance, tuple(rungs), tuple(references), repeats,
-        study._settings(None),
+        problem.record(None),
     )  # fmt: skip
 
 
-def slipping_preload(study: Study, frequency: tuple[float, float], share: float = 0.3) -> float:
+def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:
     """A preload (N) under which part of the contact slips at resonance; 0 where no body carries a load.
 
     Friction can then carry a share of the tangential forces of the stuck response at its largest.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     frequency : (low, high), Hz
         Interval of the peak.
     share : float
@@ -526,17 +526,17 @@ def slipping_preload(study: Study, frequency: tuple[float, float], share: float 
     BdamperError
         If there is no static state, or no friction.
     """
-    if not np.any(study._load[0]):
+    if not np.any(problem.damper_load[0]):
         return 0.0
-    state = study.static(1.0)
-    capacity = float(study.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0
+    state = problem.static(1.0)
+    capacity = float(problem.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0
     if not capacity > 0.0:
         raise BdamperError("preload: expected one to be given, since nothing slips in this study, found none")
-    stuck = study.stuck(frequency)
-    c, s = study.system(1.0).slices(1)
-    u = stuck.unknowns[int(np.argmax(stuck.amplitude))]
-    motion = np.abs(study.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
-    return share * float((study._stuck_springs(state)[:, :2] * motion).sum()) / capacity
+    response = stuck(problem, frequency)
+    c, s = problem.system(1.0).slices(1)
+    u = response.unknowns[int(np.argmax(response.amplitude))]
+    motion = np.abs(problem.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
+    return share * float((problem.stuck_springs(state)[:, :2] * motion).sum()) / capacity
 
 
 def _on_front(rung: Rung, others: Sequence[Rung]) -> bool:
@@ -548,7 +548,7 @@ def _on_front(rung: Rung, others: Sequence[Rung]) -> bool:
 
 
 def _reference(
-    study: Study,
+    problem: Problem,
     ladder: str,
     rungs: Sequence[Setting],
     preload: float,
@@ -560,13 +560,13 @@ def _reference(
     begin = time.perf_counter()
     names = dict.fromkeys(name for s in rungs for name in s.changes)
     if given is None:
-        changes, text = richest(study, rungs)
+        changes, text = richest(problem, rungs)
     else:
         changes = dict(given)
         text = ", ".join(_name(n, v) for n, v in changes.items()) or "the same study"
-    best = varied(study, changes)
+    best = varied(problem, changes)
     try:
-        peak = best.peak(preload, interval)
+        peak = highest_peak(best, preload, interval)
     except BdamperError as why:
         raise BdamperError(f"reference of the ladder '{ladder}' ({text}): {why}") from why
     sources = list(dict.fromkeys(SOURCE_OF[n] for n in names if n in SOURCE_OF)) or ["solver"]
@@ -583,7 +583,7 @@ def _reference(
 
 
 def _timed(
-    study: Study,
+    problem: Problem,
     settings: Sequence[Setting],
     solver: Solver,
     preload: float,
@@ -592,7 +592,7 @@ def _timed(
     progress: bool,
 ) -> tuple[list[Answer], list[float]]:
     """Answers and median times, the settings taking turns."""
-    studies = [varied(study, s.changes) for s in settings]
+    studies = [varied(problem, s.changes) for s in settings]
     for s in studies:
         s.static(preload)
         s.system(preload)

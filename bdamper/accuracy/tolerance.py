@@ -45,7 +45,7 @@ import math
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,16 +54,16 @@ from bdamper.accuracy.estimate import finer_evaluation, missing_harmonics
 from bdamper.balance.system import OK, HarmonicSystem
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint, follow
+from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed_between, estimate_change
 from bdamper.peaks.carryover import phase_plane, solutions_near
 from bdamper.peaks.newton import PeakOptions, find_peak, peak_scale, slope_along
 from bdamper.problem.effects import Effects
+from bdamper.problem.problem import Problem
+from bdamper.stability.floquet import with_stability
+from bdamper.util import validate
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import SettingError
 from bdamper.util.estimates import percent
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 MOST_HARMONICS = 13
 SHARE = 0.5
@@ -107,37 +107,40 @@ WAY = (3, 7, 9)
 """Series of harmonics by way of which a point is carried to more: most of the iterations are cheap ones then."""
 
 
-def richest_study(study: Study) -> Study:
+def richest_study(problem: Problem) -> Problem:
     """The study with exact events, if its law has them, and all harmonics up to the thirteenth with modes in the model."""
-    lacking = missing_harmonics(study, MOST_HARMONICS)
-    top = max(lacking[0] - 1 if lacking else MOST_HARMONICS, study.harmonic_numbers[-1])
-    rich = finer_evaluation(study, top)
+    lacking = missing_harmonics(problem, MOST_HARMONICS)
+    top = max(lacking[0] - 1 if lacking else MOST_HARMONICS, problem.harmonic_numbers[-1])
+    rich = finer_evaluation(problem, top)
     _ = rich.self_locking  # of the bodies at rest: all series of harmonics share it
     return rich.with_effects(replace(Effects.of(rich), harmonics=top))
 
 
 def track_to_tolerance(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     tolerance: float,
     *,
     options: ContinuationOptions | None = None,
-    **track: Any,
+    stability: bool = False,
+    **following: Any,
 ) -> Curve:
     """A tracking curve with settings such that its highest peak is right to a tolerance.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
         Its harmonics and its evaluation do not matter.
     preload : float, N
     frequency : (low, high), Hz
     tolerance : float
         Relative, on amplitude and frequency of the highest peak.
     options : ContinuationOptions
-    **track
-        Further arguments of :meth:`bdamper.Study.track`.
+    stability : bool
+        Judge the stability of every point.
+    **following
+        Further arguments of :func:`bdamper.continuation.track.track`.
 
     Returns
     -------
@@ -145,9 +148,11 @@ def track_to_tolerance(
         ``notes`` say what was chosen and why, ``settings["chosen"]`` holds it with the estimated rest.  ``cost`` is that
         of the choice and of all curves on the way.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
-    choice = _Choice(richest_study(study), float(preload), frequency, tolerance, options, track)
+    preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
+    tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+    if not problem.static(preload).converged:
+        return track(problem, preload, frequency, options=options, **following)
+    choice = _Choice(richest_study(problem), float(preload), frequency, tolerance, options, following)
     harmonics, rest = choice.run()
     curve = choice.curves[harmonics]
     chosen = choice.variant(harmonics)[0]
@@ -160,12 +165,13 @@ def track_to_tolerance(
         "tolerance": tolerance, "harmonics": list(chosen.harmonic_numbers), "evaluation": how, "rest": rest,
         "curves": len(choice.curves), "reasons": choice.reasons,
     }  # fmt: skip
-    return replace(
+    curve = replace(
         curve,
         notes=(*curve.notes, head, *(f"  {line}" for line in choice.reasons)),
         settings={**curve.settings, "chosen": note},
         cost=choice.meter.read(time.perf_counter()),
     )
+    return with_stability(problem, curve) if stability or problem.stability else curve
 
 
 class _Passed(Exception):
@@ -199,7 +205,7 @@ class _Top:
 class _Choice:
     """The choice of a series of harmonics for one curve."""
 
-    study: Study
+    problem: Problem
     preload: float
     frequency: tuple[float, float]
     tolerance: float
@@ -207,7 +213,7 @@ class _Choice:
     track: dict[str, Any]
     reasons: list[str] = field(default_factory=list)
     curves: dict[int, Curve] = field(default_factory=dict)
-    variants: dict[int, tuple[Study, HarmonicSystem]] = field(default_factory=dict)
+    variants: dict[int, tuple[Problem, HarmonicSystem]] = field(default_factory=dict)
     meter: CostMeter = field(default_factory=lambda: CostMeter(time.perf_counter()))
 
     least: int = 1
@@ -220,7 +226,7 @@ class _Choice:
     """Points that have not led to one with all harmonics."""
 
     def __post_init__(self) -> None:
-        self.most = len(self.study.harmonic_numbers)
+        self.most = len(self.problem.harmonic_numbers)
 
     def run(self) -> tuple[int, float]:
         """Number of harmonics of the curve to return, and the estimated rest (NaN if there is no estimate)."""
@@ -304,15 +310,15 @@ class _Choice:
 
     # ---- what there is ----
 
-    def variant(self, harmonics: int) -> tuple[Study, HarmonicSystem]:
+    def variant(self, harmonics: int) -> tuple[Problem, HarmonicSystem]:
         """The study with so many harmonics, and its equations."""
         if harmonics not in self.variants:
-            study = self.study
+            problem = self.problem
             if harmonics != self.most:
-                study = study.with_effects(replace(Effects.of(study), harmonics=harmonics))
-            system = study.system(self.preload)
+                problem = problem.with_effects(replace(Effects.of(problem), harmonics=harmonics))
+            system = problem.system(self.preload)
             self.meter.watch(system)
-            self.variants[harmonics] = study, system
+            self.variants[harmonics] = problem, system
         return self.variants[harmonics]
 
     def limited(self, harmonics: int) -> HarmonicSystem:
@@ -322,8 +328,8 @@ class _Choice:
     def curve(self, harmonics: int) -> Curve:
         """Tracked once."""
         if harmonics not in self.curves:
-            study, _ = self.variant(harmonics)
-            curve = uninterrupted(study.track(self.preload, self.frequency, options=self.options, **self.track))
+            problem, _ = self.variant(harmonics)
+            curve = uninterrupted(track(problem, self.preload, self.frequency, options=self.options, **self.track))
             self.meter.add(curve.cost)
             self.curves[harmonics] = curve
         return self.curves[harmonics]

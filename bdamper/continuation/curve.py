@@ -10,7 +10,7 @@ is the plain rule of one fold after another; ``stable``, where it was computed, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,9 +22,6 @@ from bdamper.util.estimates import ErrorEstimates
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 
 @dataclass(frozen=True)
@@ -186,12 +183,6 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
             lines += [f"  {line}" for line in str(self.error_estimates).split("\n")]
         return "\n".join(lines)
 
-    def errors(self, study: Study, **options: Any) -> ErrorEstimates:
-        """Estimated errors of the highest peak by source, with the study that tracked the curve.
-
-        Options are those of :func:`bdamper.accuracy.estimate.estimate_errors`.
-        """
-        return study.estimate_errors(self, **options)
 
 
 

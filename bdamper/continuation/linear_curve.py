@@ -17,7 +17,42 @@ from scipy.optimize import minimize_scalar
 from bdamper.balance.linear import NEAREST, around, linear_maximum, linear_resonances
 from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.curve import Curve
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
+
+
+@one_thread
+def free(problem: Problem, frequency: tuple[float, float]) -> Curve:
+    """Response without any contact: the limit of no preload.
+
+    Parameters
+    ----------
+    frequency : (low, high), Hz
+    """
+    return _linear(problem, "free", 0.0, frequency, None)
+
+
+@one_thread
+def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0) -> Curve:
+    """Response with every point stuck that the preload closes: the limit of high preload.
+
+    Parameters
+    ----------
+    frequency : (low, high), Hz
+    preload : float, N
+        Decides which points are closed; without gaps its size does not matter.
+    """
+    if not np.any(problem.damper_load[0]):
+        preload = 0.0
+    return _linear(problem, "stuck", preload, frequency, problem.stuck_springs(problem.equilibrium(preload)))
+
+
+def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
+    low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
+    system, settings = problem.system(preload), problem.record(None)
+    return linear_curve(system, kind, (low, high), springs, preload, settings, problem.model.hash)
 
 
 def linear_curve(

@@ -9,7 +9,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +17,15 @@ from bdamper.balance.linear import linear_resonances
 from bdamper.continuation.coverage import TWO_PI, LeftOut, Piece, ending, in_order
 from bdamper.continuation.curve import Curve, passing
 from bdamper.continuation.follower import ContinuationOptions, Path
-from bdamper.continuation.mean_position import notes
+from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.search import EVERY_VISIT, BranchSearch, Visits
-from bdamper.continuation.start import NOT_CLIMBED, NOT_LET_IN, PROMISING, SUPPORTS, WALKS, Aids
+from bdamper.continuation.start import NO_AIDS, NOT_CLIMBED, NOT_LET_IN, PROMISING, SUPPORTS, WALKS, Aids, first_point
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
+from bdamper.util.errors import SettingError
 from bdamper.util.progress import progress_bar
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 CLIMBS = 4
 """Times that harmonics may be let in one by one in vain before that is given up for a curve."""
@@ -37,8 +37,75 @@ that promise most; the highest harmonic let in (where it is not, the next way al
 one harmonic let in after the other.  The ends of the interval and wide gaps, which have one visit, get all at once."""
 
 
+@one_thread
+def track(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    from_high: bool = False,
+    options: ContinuationOptions | None = None,
+    progress: bool = False,
+    search_branches: bool | Sequence[float] = False,
+) -> Curve:
+    """Tracking curve: the response over a frequency interval at one preload, with all branches on the way.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+        Radial load on the damper.
+    frequency : (low, high), Hz
+    from_high : bool
+        Set off from the upper end.
+    options : ContinuationOptions
+    progress : bool
+        Show a progress bar.
+    search_branches : bool or sequence of float
+        Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
+        the preload, 0.9 and 1.2 by default.
+    Returns
+    -------
+    Curve
+        ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
+        found so far are there.  A branch that does not reach the other end is complemented by one from there.
+    """
+    preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
+    for name, value in (("from_high", from_high), ("progress", progress)):
+        validate.flag(name, value)
+    ratios: tuple[float, ...] = (0.9, 1.2) if search_branches is True else ()
+    if not isinstance(search_branches, bool):
+        ratios = tuple(validate.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
+    if options is not None:
+        validate.instance("options", options, ContinuationOptions)
+    return track_curve(
+        problem, preload, frequency, from_high=from_high, options=options or ContinuationOptions(), progress=progress,
+        ratios=ratios,
+    )  # fmt: skip
+
+
+@one_thread
+def find_start(
+    problem: Problem, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, aids: Aids = NO_AIDS
+) -> tuple[NDArray | None, list[str]]:
+    """A solution at one frequency (rad/s); see :func:`bdamper.continuation.start.first_point`.
+
+    Returns
+    -------
+    (n_unknowns + 1,) float or None, and what was tried
+    """
+    state = problem.static(preload)
+    if not state.converged:
+        return None, [f"static state: {state.note}"]
+    system = problem.system(preload)
+    meter.watch(system)
+    found, log, last = first_point(system, state, problem.stuck_springs(state), omega, options, meter, aids)
+    why = why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last) if found is None else ""
+    return found, [*log, why] if why else log
+
+
 def track_curve(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -57,26 +124,27 @@ def track_curve(
     guesses : callable, optional
         Of solutions at a frequency (rad/s), (n_unknowns,) each.
     """
-    state = study.static(preload)
+    state = problem.static(preload)
     if not state.converged:
-        return _without_points(study, preload, f"static state: {state.note}", options, state.cost)
+        return _without_points(problem, preload, f"static state: {state.note}", options, state.cost)
     low, high = limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
-    system = study.system(preload)
-    system.watched = linear_resonances(system, (None, study._stuck_springs(state)), low, high)
+    system = problem.system(preload)
+    system.watched = linear_resonances(system, (None, problem.stuck_springs(state)), low, high)
     search = BranchSearch(system, limits, options, CostMeter(time.perf_counter()))
     search.meter.watch(system)
     try:
         with progress_bar(progress, low, high) as search.on_point:
             for at_high in (from_high, not from_high):
-                _from_end(study, preload, search, high if at_high else low, guesses)
+                _from_end(problem, preload, search, high if at_high else low, guesses)
                 search.leap()
                 search.beyond_ends()
                 if search.finished:
                     break
-            fewer = _Fewer(study, preload, frequency, options, search.meter) if len(study.harmonic_numbers) > 1 else None
-            search.fill(lambda omega, visits: _start(study, preload, search, omega, guesses, fewer, visits))
+            several = len(problem.harmonic_numbers) > 1
+            fewer = _Fewer(problem, preload, frequency, options, search.meter) if several else None
+            search.fill(lambda omega, visits: _start(problem, preload, search, omega, guesses, fewer, visits))
             if ratios:
-                for start in search.new_solutions(_other_starts(study, preload, ratios, search)):
+                for start in search.new_solutions(_other_starts(problem, preload, ratios, search)):
                     search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
                     search.both_ways(start)
     except KeyboardInterrupt:
@@ -86,12 +154,12 @@ def track_curve(
     if status in ("incomplete", "no start"):
         if any(WALKS in line for line in search.log):
             reason += f"; bodies that were held and let go {WALKS}, constraint planes would hold them"
-        if 0.0 < preload < 2.0 * study.excitation.amplitude:
-            ratio = preload / study.excitation.amplitude
+        if 0.0 < preload < 2.0 * problem.excitation.amplitude:
+            ratio = preload / problem.excitation.amplitude
             reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
         if any(piece.path.points for piece in search.pieces):
             reason += "; study.settle(curve) marches in time where no solution was found"
-    return _curve(study, search, (status, reason, left_out), preload)
+    return _curve(problem, search, (status, reason, left_out), preload)
 
 
 class _Fewer:
@@ -102,17 +170,23 @@ class _Fewer:
     """
 
     def __init__(
-        self, study: Study, preload: float, frequency: tuple[float, float], options: ContinuationOptions, meter: CostMeter
+        self,
+        problem: Problem,
+        preload: float,
+        frequency: tuple[float, float],
+        options: ContinuationOptions,
+        meter: CostMeter,
     ) -> None:
-        self._asked = study, preload, frequency, replace(options, locate=False)
+        self._asked = problem, preload, frequency, replace(options, locate=False)
         self._meter = meter
         self._curve: Curve | None = None
 
     def __call__(self, omega: float) -> list[NDArray]:
         if self._curve is None:
-            study, preload, frequency, options = self._asked
+            problem, preload, frequency, options = self._asked
             self._curve = track_curve(
-                study.without_highest_harmonic(), preload, frequency, from_high=False, options=options, progress=False,
+                problem.with_(harmonics=problem.harmonic_numbers[:-1]), preload, frequency, from_high=False,
+                options=options, progress=False,
                 ratios=(),
             )  # fmt: skip
             self._meter.add(self._curve.cost)
@@ -122,7 +196,7 @@ class _Fewer:
 
 
 def _start(
-    study: Study,
+    problem: Problem,
     preload: float,
     search: BranchSearch,
     omega: float,
@@ -141,13 +215,13 @@ def _start(
         longer=[by for by in SUPPORTS if (VISIT_PROMISING if by in PROMISING else visit_rest) in visits],
         completing=search.limits[0] < omega < search.limits[1],
     )
-    start, tried = study.find_start(preload, omega, search.options, search.meter, aids)
+    start, tried = find_start(problem, preload, omega, search.options, search.meter, aids)
     search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
     return start
 
 
 def _from_end(
-    study: Study,
+    problem: Problem,
     preload: float,
     search: BranchSearch,
     omega: float,
@@ -155,35 +229,35 @@ def _from_end(
 ) -> None:
     """The branch through the solution that the chain finds at an end of the interval."""
     up = omega == search.limits[0]
-    start = _start(study, preload, search, omega, guesses)
+    start = _start(problem, preload, search, omega, guesses)
     if start is None:
         search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
     else:
         search.from_end(start, up)
 
 
-def _other_starts(study: Study, preload: float, ratios: Sequence[float], search: BranchSearch) -> list[NDArray]:
+def _other_starts(problem: Problem, preload: float, ratios: Sequence[float], search: BranchSearch) -> list[NDArray]:
     """Solutions at other preloads, spread over the frequency interval."""
     out: list[NDArray] = []
     for other in (ratio * preload for ratio in ratios):
-        if not study.static(other).converged:
+        if not problem.static(other).converged:
             continue
         options = replace(search.options, locate=False)
-        elsewhere = BranchSearch(study.system(other), search.limits, options, search.meter)
+        elsewhere = BranchSearch(problem.system(other), search.limits, options, search.meter)
         search.meter.watch(elsewhere.system)
-        _from_end(study, other, elsewhere, search.limits[0])
+        _from_end(problem, other, elsewhere, search.limits[0])
         points = [p for piece in elsewhere.pieces for p in piece.path.points]
         out += [p.y for p in points[:: max(1, len(points) // 40)]]
     return out
 
 
-def _without_points(study: Study, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
+def _without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
     """Where there is not even a static state."""
     return Curve(
         kind="tracking",
         frequency=np.zeros(0),
-        harmonics=np.zeros((0, len(study.bases)), complex),
-        unknowns=np.zeros((0, study.n_unknowns)),
+        harmonics=np.zeros((0, len(problem.bases)), complex),
+        unknowns=np.zeros((0, problem.n_unknowns)),
         residual=np.zeros(0),
         shares=np.zeros((0, 3)),
         backward=np.zeros(0, bool),
@@ -194,14 +268,14 @@ def _without_points(study: Study, preload: float, reason: str, options: Continua
         status="no start",
         reason=reason,
         cost=cost,
-        settings=study._settings(options),
-        model_hash=study.model.hash,
+        settings=problem.record(options),
+        model_hash=problem.model.hash,
         start_log=(reason,),
     )
 
 
 def _curve(
-    study: Study, search: BranchSearch, end: tuple[str, str, tuple[LeftOut, ...]], preload: float
+    problem: Problem, search: BranchSearch, end: tuple[str, str, tuple[LeftOut, ...]], preload: float
 ) -> Curve:
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
@@ -224,9 +298,28 @@ def _curve(
         reason=end[1],
         left_out=end[2],
         cost=search.meter.read(time.perf_counter()),
-        settings=study._settings(search.options),
-        model_hash=study.model.hash,
+        settings=problem.record(search.options),
+        model_hash=problem.model.hash,
         start_log=tuple(search.log),
-        notes=notes(system, study.coupling.model, study.bases[0].coordinates, points)
-        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in study.self_locking),
+        notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points)
+        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in problem.self_locking),
     )
+
+
+def check_curve(problem: Problem, curve: Curve) -> None:
+    """Refuse a curve that is no tracking curve of this problem."""
+    if curve.kind != "tracking" or curve.model_hash != problem.model.hash:
+        raise SettingError("curve: expected a tracking curve of this model, found another")
+    system = problem.system(curve.preload)
+    n = system.n_unknowns
+    if curve.unknowns.shape[1] != n:
+        raise SettingError(f"curve: expected one of this study with {n} unknowns, found {curve.unknowns.shape[1]}")
+    if not len(curve):
+        return
+    i = curve.peak.index
+    r, _, _ = system.evaluate(curve.unknowns[i], 2.0 * np.pi * float(curve.frequency[i]))
+    error = float(np.abs(r * system.row_scale).max())
+    if error > max(1e-6, 100.0 * float(curve.residual[i])):
+        raise SettingError(
+            f"curve: expected one of this study, found one with other settings (residual {error:.2g} at its peak)"
+        )

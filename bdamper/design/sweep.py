@@ -19,13 +19,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.model import Model, _feed
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
+from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -36,11 +37,8 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.versions import HERE, Versions
 
-if TYPE_CHECKING:
-    from bdamper.study import Study
-
 Values = Mapping[str, Any]
-Task = Callable[["Study", float | None], Values]
+Task = Callable[[Problem, float | None], Values]
 """The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers.
 
 An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts them.  One named ``"cost"``
@@ -77,11 +75,11 @@ class PeakTask:
             validate.fields(self, validate.number, "preload", least=0.0, unit="N")
         _check_place(self)
 
-    def __call__(self, study: Study, preload: float | None) -> Values:
+    def __call__(self, problem: Problem, preload: float | None) -> Values:
         at = self.preload if preload is None else preload
         if at is None:
             raise SettingError('preload: expected "preload" among the settings of the sweep or PeakTask(preload=...)')
-        peak = highest_peak(study, at, self.frequency, mode=self.mode)
+        peak = highest_peak(problem, at, self.frequency, mode=self.mode)
         stick, slip, separation = (float(s) for s in peak.shares)
         return {
             "amplitude": peak.amplitude, "frequency": peak.frequency, "residual": peak.residual, "stick": stick,
@@ -113,8 +111,8 @@ class OptimalTask:
         preload_values(self.preload, self.n)
         _check_place(self)
 
-    def __call__(self, study: Study, preload: float | None) -> Values:
-        curve = optimal_curve(study, self.preload, self.n, frequency=self.frequency, mode=self.mode)
+    def __call__(self, problem: Problem, preload: float | None) -> Values:
+        curve = optimal_curve(problem, self.preload, self.n, frequency=self.frequency, mode=self.mode)
         o = curve.optimum
         return {
             "curve_preload": curve.preload.tolist(), "curve_amplitude": curve.amplitude.tolist(),
@@ -220,12 +218,12 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
 # ---- what identifies a sweep ----
 
 
-def study_fingerprint(study: Study) -> str:
+def study_fingerprint(problem: Problem) -> str:
     """Digest of the model and of all settings of a study."""
-    digest = hashlib.sha256(study.model.hash.encode())
-    for item in fields(study):
+    digest = hashlib.sha256(problem.model.hash.encode())
+    for item in fields(problem):
         if item.name != "model" and not item.name.startswith("_"):
-            _feed(digest, item.name, getattr(study, item.name))
+            _feed(digest, item.name, getattr(problem, item.name))
     return digest.hexdigest()
 
 
@@ -349,7 +347,7 @@ def _short(value: Any) -> str:
 class _Job:
     """What all points have in common."""
 
-    study: Study
+    problem: Problem
     evaluate: Task
     model: Callable[..., Model] | None = None
 
@@ -358,16 +356,16 @@ class _Job:
         status, values = "done", {}
         cost: Cost | None = None
         try:
-            study = self.study
+            problem = self.problem
             arguments = {name[6:]: value for name, value in settings.items() if name.startswith("model.")}
             if arguments:
                 assert self.model is not None
-                study = replace(study, model=self.model(**arguments))
+                problem = replace(problem, model=self.model(**arguments))
             rest = {k: v for k, v in settings.items() if k != "preload" and not k.startswith("model.")}
             if rest:
-                study = vary(study, rest)
+                problem = vary(problem, rest)
             preload = settings.get("preload")
-            values = dict(self.evaluate(study, None if preload is None else float(preload)))
+            values = dict(self.evaluate(problem, None if preload is None else float(preload)))
             if isinstance(values.get("cost"), Cost):
                 cost = values.pop("cost")
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -424,7 +422,7 @@ def _bar(show: bool, total: int, done: int) -> Iterator[Any]:
 
 @one_thread
 def sweep(
-    study: Study,
+    problem: Problem,
     over: Mapping[str, Sequence[Any] | NDArray],
     evaluate: Task | None = None,
     *,
@@ -441,7 +439,7 @@ def sweep(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     over : mapping of name to sequence of values
         "preload", the settings of :mod:`bdamper.problem.variation` ("friction_coefficient", "excitation.amplitude",
         "damper_mass_factor" ...), and "model.<argument>" for arguments of ``model``.
@@ -487,19 +485,19 @@ def sweep(
             if model is None:
                 raise SettingError(f"over '{name}': expected a model factory (model=...), found none")
         elif name != "preload":
-            check_name(study, name)
+            check_name(problem, name)
     if evaluate is None:
         evaluate = PeakTask(preload, frequency, mode)
         if preload is None and "preload" not in names:
             raise SettingError('preload: expected a number, or "preload" among the settings of the sweep')
     elif preload is not None or frequency is not None or mode != 1:
         raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
-    job = _Job(study, evaluate, model)
+    job = _Job(problem, evaluate, model)
     store: ResultsFile | None = None
     records: dict[int, dict[str, Any]] = {}
     if results is not None:
         header = {
-            "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(study),
+            "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(problem),
             "evaluate": _named(evaluate), "model": _named(model) if model is not None else None, "combine": combine,
             "over": {name: list(over[name]) for name in names},
         }  # fmt: skip
@@ -526,8 +524,8 @@ def sweep(
         status=tuple(r["status"] for r in ordered),
         seconds=np.array([r["seconds"] for r in ordered]),
         shape=shape,
-        settings=study._settings(None),
-        model_hash=study.model.hash,
+        settings=problem.record(None),
+        model_hash=problem.model.hash,
         cost=tuple(Cost(**r["cost"]) if "cost" in r else Cost(seconds=r["seconds"]) for r in ordered),
     )
 
@@ -541,7 +539,7 @@ def _outcomes(
             yield i, job.run(points[i])
         return
     # what variants share is made before it is sent out
-    _ = job.study.stiffness
+    _ = job.problem.stiffness
     packed: bytes | _Job
     try:
         packed = pickle.dumps(job)

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,12 @@ from scipy.stats import qmc
 
 from bdamper.design.sweep import OptimalTask, sweep
 from bdamper.peaks.optimal import preload_values
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 METHODS = ("sobol", "latin", "random")
 
@@ -159,7 +157,7 @@ class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
 
 
 def uncertain_curve(
-    study: Study,
+    problem: Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
     n: int = 24,
@@ -174,7 +172,7 @@ def uncertain_curve(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     samples : mapping of setting to (n_draws,) float
         From :func:`draw`, or given otherwise.
     preload, n, frequency, mode
@@ -188,7 +186,7 @@ def uncertain_curve(
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(
-        study, dict(samples), task, combine="zip", executor=executor, results=results, progress=progress
+        problem, dict(samples), task, combine="zip", executor=executor, results=results, progress=progress
     )  # fmt: skip
     m = len(values)
     nothing = [np.nan] * m
@@ -205,7 +203,7 @@ def uncertain_curve(
 
 
 def robust_optimum(
-    study: Study,
+    problem: Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
     preload: tuple[float, float] = (10.0, 25e3),
     *,
@@ -224,7 +222,7 @@ def robust_optimum(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     samples : mapping of setting to (n_draws,) float
     preload : (low, high), N
     percentile : float
@@ -249,7 +247,7 @@ def robust_optimum(
     rounds = 0
     while True:
         curve = uncertain_curve(
-            study, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
+            problem, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():

@@ -10,26 +10,25 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.balance.system import HarmonicSystem
-from bdamper.continuation.curve import uninterrupted
+from bdamper.continuation.curve import Curve, uninterrupted
+from bdamper.continuation.track import track
 from bdamper.effects.indicator import Estimate, change_or_unknown, embed_between, highest_peaks
 from bdamper.effects.rivals import Rival, place_at, place_of_peak, rivals, summits, superharmonic_points
 from bdamper.peaks.newton import Peak, coarse_options
 from bdamper.problem.effects import Effects
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from bdamper.continuation.curve import Curve
-    from bdamper.study import Study
 
 
 @dataclass(frozen=True)
@@ -134,8 +133,9 @@ def _percent(value: float, sign: bool = True) -> str:
     return f"{100 * value:{'+' if sign else ''}{digits}} %"
 
 
+@one_thread
 def advise(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -147,7 +147,7 @@ def advise(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
         As cheap as one likes.
     preload : float, N
     frequency : (low, high), Hz
@@ -169,13 +169,15 @@ def advise(
     BdamperError
         If the study has no peak there.
     """
-    if not 0.0 < tolerance < 1.0:
-        raise SettingError(f"tolerance: expected between 0 and 1, found {tolerance}")
-    own = Effects.of(study)
-    rich = against or fullest(study)
-    system = study.system(preload)
+    preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
+    tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+    if against is not None:
+        validate.instance("against", against, Effects)
+    own = Effects.of(problem)
+    rich = against or fullest(problem)
+    system = problem.system(preload)
     if curve is None:
-        curve = uninterrupted(study.track(preload, frequency, options=coarse_options()))
+        curve = uninterrupted(track(problem, preload, frequency, options=coarse_options()))
     peaks = highest_peaks(system, curve) if len(curve) else []
     if not peaks:
         raise BdamperError(f"no peak between {frequency[0]:g} and {frequency[1]:g} Hz at {preload:g} N: {curve.reason}")
@@ -183,8 +185,8 @@ def advise(
     own_time = _iteration_time(system, peaks[0].y)
     items = []
     for name, effects in own.missing(rich).items():
-        richer = study.with_effects(effects)
-        items.append(_advice_on(name, study, richer, preload, curve, peaks, tolerance, own_time))
+        richer = problem.with_effects(effects)
+        items.append(_advice_on(name, problem, richer, preload, curve, peaks, tolerance, own_time))
     items.sort(key=lambda e: -max(abs(np.nan_to_num(e.amplitude_change, nan=9.0)), abs(e.frequency_change)))
     return Advice(
         float(preload), peaks[0].frequency, peaks[0].amplitude, tolerance, system.n_unknowns, system.n_points,
@@ -207,8 +209,8 @@ def _notes(curve: Curve, peak: Peak) -> tuple[str, ...]:
 
 def _advice_on(
     name: str,
-    study: Study,
-    richer: Study,
+    problem: Problem,
+    richer: Problem,
     preload: float,
     curve: Curve,
     peaks: list[Peak],
@@ -218,11 +220,11 @@ def _advice_on(
     if not richer.static(preload).converged:
         size = richer.n_unknowns, richer.coupling.n_points
         return EffectAdvice(name, np.nan, np.nan, np.inf, "must be on", *size, np.nan, "no static state")
-    system, rich = study.system(preload), richer.system(preload)
+    system, rich = problem.system(preload), richer.system(preload)
     size = rich.n_unknowns, rich.n_points
 
     def moved(y: NDArray) -> NDArray:
-        return embed_between(study, richer, system, rich, preload, y)
+        return embed_between(problem, richer, system, rich, preload, y)
 
     def ask(y: NDArray) -> Estimate:
         return change_or_unknown(rich, moved(y))
@@ -231,7 +233,7 @@ def _advice_on(
     e = top.estimate
     others: list[Rival] = []
     if np.isfinite(e.size):
-        springs = (richer._stuck_springs(richer.static(preload)), None)
+        springs = (richer.stuck_springs(richer.static(preload)), None)
         parts = superharmonic_points(curve, system, rich, springs, moved, top.amplitude)
         between = [place_at(system, y, ask) for part in parts for y in part]
         others = list(rivals(curve, peaks, ask, top, tolerance, between))
@@ -269,17 +271,17 @@ def _iteration_time(system: HarmonicSystem, y: NDArray) -> float:
     return best
 
 
-def fullest(study: Study) -> Effects:
+def fullest(problem: Problem) -> Effects:
     """All effects that a study could simulate: five harmonics where the model has their nodal diameters."""
-    own = Effects.of(study)
+    own = Effects.of(problem)
     most = 1
     for l in range(2, 6):
         try:
-            study.coupling.basis(l)
+            problem.coupling.basis(l)
         except SettingError:
             break
         most = l
-    bodies = study.model.bodies.values()
+    bodies = problem.model.bodies.values()
     blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
     plain = own.friction_law == "separable" and own.residual_traction == "static"

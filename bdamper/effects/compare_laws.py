@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
-from bdamper.continuation.curve import Curve
+from bdamper.contact.laws import Sampled
+from bdamper.continuation.curve import Curve, uninterrupted
+from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.track import track
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -62,3 +68,43 @@ class LawComparison(Plottable, Storable, kind="bdamper-law-comparison", oldest=2
 def known_laws(laws: Sequence[str]) -> tuple[str, ...]:
     """The names, checked."""
     return validate.names("laws", laws, CHOICES, least=2)
+
+
+@one_thread
+def compare_laws(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    laws: Sequence[str] = ("separable", "major", "coupled"),
+    *,
+    options: ContinuationOptions | None = None,
+) -> LawComparison:
+    """Tracking curves under several friction laws, everything else the same.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    laws : sequence of str
+        Out of "separable", "major" (separable along major directions), "coupled", "constant_normal_load", "bonded".
+        The coupled law is sampled, with 128 samples unless ``evaluation`` says otherwise.
+    options : ContinuationOptions
+
+    Returns
+    -------
+    LawComparison
+        Prints the differences of the peaks to the last law.
+    """
+    preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
+    curves = []
+    for law in known_laws(laws):
+        settings: dict[str, Any] = dict(CHOICES[law])
+        if law != "major":
+            settings["major_frequency"] = None
+        if law == "coupled":
+            settings["residual_traction"] = "static"
+            if problem.evaluation == "exact":
+                settings["evaluation"] = Sampled(max(128, 8 * problem.harmonic_numbers[-1] + 8))
+        curves.append(uninterrupted(track(replace(problem, **settings), preload, frequency, options=options)))
+    return LawComparison(tuple(laws), tuple(curves))

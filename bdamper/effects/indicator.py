@@ -21,19 +21,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.continuation.curve import Curve
 from bdamper.peaks.newton import Peak, PeakOptions, find_peak, same_peak
+from bdamper.problem.problem import Problem
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from bdamper.continuation.curve import Curve
-    from bdamper.study import Study
 
 TRUSTED = 0.15
 """Relative change up to which the size of an estimate can be relied on."""
@@ -80,7 +78,7 @@ class Estimate:
         return "must be on" if change > TRUSTED or self.defect > 0.5 * change else "significant"
 
 
-def embed(cheap: Study, rich: Study, preload: float, y: NDArray) -> NDArray:
+def embed(cheap: Problem, rich: Problem, preload: float, y: NDArray) -> NDArray:
     """A point of one study as a point of a study with other effects.
 
     Modes that both have keep their amplitudes, others are at rest; the mean keeps its distance from the static state.
@@ -101,7 +99,7 @@ def embed(cheap: Study, rich: Study, preload: float, y: NDArray) -> NDArray:
 
 
 def embed_between(
-    cheap: Study, rich: Study, a: HarmonicSystem, b: HarmonicSystem, preload: float, y: NDArray
+    cheap: Problem, rich: Problem, a: HarmonicSystem, b: HarmonicSystem, preload: float, y: NDArray
 ) -> NDArray:
     """The same for systems that exist already."""
     out = np.zeros(b.n_unknowns + 1)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.static import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
 from bdamper.model.loads import direction_vector
-from bdamper.study import Study
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.hdf5 import Storable
@@ -74,7 +74,7 @@ class Microslip(Plottable, Storable, kind="bdamper-microslip"):
 
 
 def microslip(
-    study: Study,
+    problem: Problem,
     preload: float,
     forces: Sequence[float] | NDArray,
     *,
@@ -85,7 +85,7 @@ def microslip(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     preload : float, N
     forces : (n,) float, N
         Increasing, above zero.
@@ -100,24 +100,24 @@ def microslip(
     ModelError
         If the damper does not find its seat.
     """
-    validate.instance("study", study, Study)
+    validate.instance("study", problem, Problem)
     wanted = validate.numbers("microslip forces", forces, above=0.0, unit="N")
     if np.any(np.diff(wanted) <= 0.0):
         raise validate.unfit("microslip forces", "increasing forces above 0 N", forces)
-    validate.choice("microslip location", location, sorted(study.model.locations))
-    seat = study.static(preload)
+    validate.choice("microslip location", location, sorted(problem.model.locations))
+    seat = problem.static(preload)
     if not seat.converged:
         raise ModelError(f"microslip: expected a seat under {preload:g} N, found: {seat.note}")
-    basis = study._static_basis
-    along = study.coupling.location_modes(location, 0).real
+    basis = problem.static_basis
+    along = problem.coupling.location_modes(location, 0).real
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))
     if not np.any(d):
         raise SettingError(f"microslip: expected a location that moves along {direction}, '{location}' does not")
-    f, x0 = study._load
-    kn = study._k[:, 2]
+    f, x0 = problem.damper_load
+    kn = problem.point_stiffness[:, 2]
     system = StaticSystem(
-        basis.omega2, basis.G.real, study._kt, kn, study.friction,
-        kn * (preload * x0[:, 2] - study._gap), d.real, np.zeros_like(x0), preload * f, study._bonded,
+        basis.omega2, basis.G.real, problem.tangential_stiffness, kn, problem.friction,
+        kn * (preload * x0[:, 2] - problem.point_gaps), d.real, np.zeros_like(x0), preload * f, problem.bonded_points,
     )  # fmt: skip
     # the constant part of the motion stands in n0 and in the sliders
     state = replace(seat, load=0.0, slider=seat.slider - preload * x0[:, :2])

@@ -23,19 +23,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK
-from bdamper.continuation.curve import crossings
+from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.continuation.curve import Curve, crossings
 from bdamper.effects.indicator import Estimate
 from bdamper.peaks.newton import Peak, peak_scale
-
-if TYPE_CHECKING:
-    from bdamper.balance.system import HarmonicSystem
-    from bdamper.continuation.curve import Curve
 
 NEAR = 0.7
 """Share of the highest amplitude from which on points of a curve are near its top."""

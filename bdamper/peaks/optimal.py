@@ -10,37 +10,30 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.peaks.envelope import LeastEnvelope
-from bdamper.peaks.newton import Family, Peak, PeakOptions
-from bdamper.peaks.optimal_curve import Limit, OptimalCurve, OptimumPoint
+from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.peak_set import PeakSet
-from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan
-from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities
-from bdamper.problem.variation import FACTORS, setting_names, vary
+from bdamper.peaks.scan import linear_peak, resonance_interval, scan
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError, SettingError
 
-if TYPE_CHECKING:
-    from bdamper.study import Study
-
-PARAMETERS = (
-    "preload", "friction_coefficient", "contact_stiffness_factor", "excitation.amplitude", "damper_mass_factor",
-    "damping_factor",
-)  # fmt: skip
 FOLLOWING = PeakOptions(max_halvings=3, position_tolerance=1e-6)
 """Settings with which peaks are followed, unless others are given: a peak's amplitude has an error of second order in its
 place."""
 
 
+@one_thread
 def optimal_curve(
-    study: Study,
+    problem: Problem,
     preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
     n: int = 50,
     *,
@@ -53,7 +46,7 @@ def optimal_curve(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     preload : (low, high) or sequence of more than two values, N
         Two values: ``n`` preloads between them, equal ratios apart.
     n : int
@@ -79,15 +72,15 @@ def optimal_curve(
     start = time.perf_counter()
     values = preload_values(preload, n)
     checks = validate.whole("checks", checks)
-    _check_options(options)
-    if not np.any(study._load[0]):
-        why = study._why_no_load
+    check_options(options)
+    if not np.any(problem.damper_load[0]):
+        why = problem.why_no_load
         raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
     meter = CostMeter(start)
-    frequency = peak_interval(study, frequency, mode)
-    free = linear_peak(study, frequency, float(values[-1]), stuck=False)
-    stuck = linear_peak(study, frequency, float(values[-1]), stuck=True)
-    known = PeakSet(study, values, frequency, options or FOLLOWING, meter)
+    frequency = peak_interval(problem, frequency, mode)
+    free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
+    stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
+    known = PeakSet(problem, values, frequency, options or FOLLOWING, meter)
     known.run(checks)
     optimum = LeastEnvelope(known).point()
     leaders = [known.leader(k) for k in range(len(values))]
@@ -111,7 +104,7 @@ def optimal_curve(
         residual=column(lambda item: item[1].residual, np.nan),
         rank_deficiency=column(lambda item: item[1].rank_deficiency, 0),
         branch=column(lambda item: item[0].number, -1),
-        unknowns=column(lambda item: item[1].y[:-1], np.full(study.n_unknowns, np.nan)),
+        unknowns=column(lambda item: item[1].y[:-1], np.full(problem.n_unknowns, np.nan)),
         status=tuple(status),
         peak_preload=np.array([q.parameter for _, q in every]),
         peak_amplitude=np.array([q.amplitude for _, q in every]),
@@ -124,9 +117,23 @@ def optimal_curve(
         optimum=optimum,
         events=tuple(known.events),
         cost=meter.read(time.perf_counter()),
-        settings=study._settings(None) | {"frequency": [float(f) for f in frequency]},
-        model_hash=study.model.hash,
+        settings=problem.record(None) | {"frequency": [float(f) for f in frequency]},
+        model_hash=problem.model.hash,
     )
+
+
+@one_thread
+def optimum(
+    problem: Problem,
+    preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+    n: int = 24,
+    *,
+    frequency: tuple[float, float] | None = None,
+    mode: int = 1,
+    options: PeakOptions | None = None,
+) -> OptimumPoint:
+    """The preload of least resonance amplitude; see :func:`optimal_curve`."""
+    return optimal_curve(problem, preload, n, frequency=frequency, mode=mode, options=options).optimum
 
 
 def preload_values(preload: Any, n: int) -> NDArray:
@@ -146,22 +153,21 @@ def preload_values(preload: Any, n: int) -> NDArray:
     return values if len(values) > 2 else np.geomspace(values[0], values[1], n)
 
 
-def peak_interval(study: Study, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
+def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
     """The interval (Hz) that is given, or the one around the resonances of a mode."""
     mode = validate.whole("mode", mode, least=1)
-    return resonance_interval(study, mode) if frequency is None else validate.interval("frequency", frequency)
+    return resonance_interval(problem, mode) if frequency is None else validate.interval("frequency", frequency)
 
 
-def _check_options(options: PeakOptions | None) -> None:
+def check_options(options: PeakOptions | None) -> None:
     if options is not None:
         validate.instance("options", options, PeakOptions)
 
 
-# ---- single peaks and their sensitivities ----
 
-
+@one_thread
 def highest_peak(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
@@ -178,11 +184,11 @@ def highest_peak(
     BdamperError
         If no peak was found in the interval.
     """
-    preload = study._check_preload(preload)
-    frequency = peak_interval(study, frequency, mode)
-    _check_options(options)
+    preload = problem.check_preload(preload)
+    frequency = peak_interval(problem, frequency, mode)
+    check_options(options)
     meter = CostMeter(time.perf_counter())
-    found = scan(study, preload, frequency, options=options, meter=meter)
+    found = scan(problem, preload, frequency, options=options, meter=meter)
     peaks, ending, walk = found.peaks, found.ending, found.walk
     if walk is not None and (not peaks or walk[1] > peaks[0].amplitude):
         ending += f"; higher where the damper walks, {walk[1]:.6g} m at {walk[0]:.6g} Hz"
@@ -194,79 +200,3 @@ def highest_peak(
     cost = meter.read(time.perf_counter())
     iterations = cost.iterations + sum(p.iterations for p in peaks)
     return replace(peaks[0], cost=replace(cost, iterations=iterations), scan=ending)
-
-
-def peak_sensitivities(
-    study: Study, peak: Peak, parameters: Sequence[str] = PARAMETERS, *, options: PeakOptions | None = None
-) -> dict[str, PeakSensitivity]:
-    """Derivatives of a peak's amplitude and frequency with respect to the preload and to settings.
-
-    Parameters
-    ----------
-    study : Study
-    peak : Peak
-        Of this study, at ``peak.parameter`` newtons of preload.
-    parameters : sequence of str
-        "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
-    options : PeakOptions
-
-    Raises
-    ------
-    SettingError
-        If the peak is not converged or lies at a corner, and with sampled evaluation: events between samples make the
-        amplitude a rippled function of frequency, with tops that move by ripples.
-    """
-    validate.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
-    _check_options(options)
-    if study.evaluation != "exact":
-        raise SettingError(f'sensitivities: expected evaluation="exact", found {study.evaluation}: the peak has ripples')
-    families: dict[str, tuple[Family, float]] = {}
-    parameters = validate.names("parameters", parameters, ("preload", *setting_names(study)))
-    preload = peak.parameter
-    for name in parameters:
-        if name == "preload":
-            if preload > 0.0:
-                families[name] = (study.system, preload)
-            continue
-        if name == "damper_mass_factor" and not any(b.kind == "free" for b in study.model.bodies.values()):
-            continue
-        families[name] = (setting_family(study, name, preload), setting_value(study, name))
-    return sensitivities(peak, families, options)
-
-
-def setting_value(study: Study, name: str) -> float:
-    """Present value of a numeric setting, 1 for a factor."""
-    if name in FACTORS:
-        return 1.0
-    value: Any = study
-    for part in name.split("."):
-        value = getattr(value, part if part != "response" else "_response")
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise SettingError(f"{name}: expected a setting that is one number, found {value!r}")
-    return float(value)
-
-
-def setting_family(study: Study, name: str, preload: float) -> Family:
-    """The equations at one preload as a function of one numeric setting."""
-
-    def family(value: float) -> HarmonicSystem:
-        return vary(study, {name: value}).system(preload)
-
-    return family
-
-
-__all__ = [
-    "Limit",
-    "OptimalCurve",
-    "OptimumPoint",
-    "highest_peak",
-    "linear_peak",
-    "optimal_curve",
-    "peak_interval",
-    "peak_sensitivities",
-    "peaks_at",
-    "preload_values",
-    "resonance_interval",
-    "setting_family",
-    "setting_value",
-]

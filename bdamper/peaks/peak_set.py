@@ -11,19 +11,17 @@ interval where neither leads through.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import HarmonicSystem
+from bdamper.continuation.track import find_start
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import FROM_ENDS, Scan, scan, scan_from, solution_near
+from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 SIGNIFICANT = 0.5
 """Peaks below this share of the highest one at the same preload are not followed."""
@@ -51,7 +49,7 @@ class PeakSet:
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     preload : (n,) float, N
         Increasing.
     frequency : (low, high), Hz
@@ -61,9 +59,9 @@ class PeakSet:
     """
 
     def __init__(
-        self, study: Study, preload: NDArray, frequency: tuple[float, float], options: PeakOptions, meter: CostMeter
+        self, problem: Problem, preload: NDArray, frequency: tuple[float, float], options: PeakOptions, meter: CostMeter
     ) -> None:
-        self.study = study
+        self.problem = problem
         self.preload = preload
         self.frequency = frequency
         # beyond the interval, so that a peak that leaves it and comes back is not lost
@@ -79,7 +77,7 @@ class PeakSet:
     def family(self, preload: float) -> HarmonicSystem:
         system = self.systems.get(preload)
         if system is None:
-            system = self.study.system(preload)
+            system = self.problem.system(preload)
             self.meter.watch(system)
             if len(self.systems) > KEPT:
                 self.systems.pop(next(iter(self.systems)))
@@ -103,7 +101,7 @@ class PeakSet:
         if k in self.scanned:
             return
         p = float(self.preload[k])
-        state = self.study.static(p)
+        state = self.problem.static(p)
         if not state.converged:
             self.scanned[k] = f"not made: static state: {state.note}"
             self.events.append(f"{p:.6g} N: static state: {state.note}")
@@ -143,16 +141,16 @@ class PeakSet:
             start = solution_near(system, self.points[nearest], self.options, self.meter)
         if start is None:
             low = 2.0 * np.pi * self.frequency[0]
-            start, _ = self.study.find_start(preload, low, FROM_ENDS, self.meter)
+            start, _ = find_start(self.problem, preload, low, FROM_ENDS, self.meter)
         if start is not None:
             found = scan_from(
-                self.study, system, start, self.frequency, preload=preload, options=self.options, meter=self.meter,
+                self.problem, system, start, self.frequency, preload=preload, options=self.options, meter=self.meter,
                 share=0.5 * SIGNIFICANT,
             )  # fmt: skip
             if found.ending == "complete" or "tangle" in found.ending:
                 return found
         return scan(
-            self.study, preload, self.frequency, options=self.options, continuation=FROM_ENDS, meter=self.meter
+            self.problem, preload, self.frequency, options=self.options, continuation=FROM_ENDS, meter=self.meter
         )
 
     def pursue(self, branch: Branch, k: int, step: int) -> None:

@@ -8,7 +8,7 @@ peaks are refined afterwards.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,13 @@ from bdamper.continuation.coverage import Piece
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.continuation.search import BranchSearch
+from bdamper.continuation.track import track
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
 from bdamper.peaks.optimal_curve import Limit
+from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 FROM_WITHIN = ContinuationOptions(
     tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1, to_planes=True,
@@ -82,12 +81,12 @@ class Scan:
         return bool(np.any(near & (distance < PASSED * np.linalg.norm(peak.y[n_mean:-1]))))
 
 
-def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
+def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     mode : int
         1 for the lowest.
 
@@ -96,13 +95,13 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
     SettingError
         If there is no such mode.
     """
-    system = study.system(0.0)
+    system = problem.system(0.0)
     basis = system.bases[1]
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = study._stuck_springs(study._at_rest(1.0 if np.any(study._load[0]) else 0.0))
+    springs = problem.stuck_springs(problem.equilibrium(1.0 if np.any(problem.damper_load[0]) else 0.0))
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free
@@ -110,15 +109,15 @@ def resonance_interval(study: Study, mode: int = 1) -> tuple[float, float]:
     return max(0.1 * free, free - margin), stuck + margin
 
 
-def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
     """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
 
     NaN too for the stuck one at a preload without a static state.
     """
-    if stuck and not study.static(preload).converged:
+    if stuck and not problem.static(preload).converged:
         return Limit(np.nan, np.nan)
-    system = study.system(preload if stuck else 0.0)
-    springs = study._stuck_springs(study.static(preload)) if stuck else None
+    system = problem.system(preload if stuck else 0.0)
+    springs = problem.stuck_springs(problem.static(preload)) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
     poles = linear_resonances(system, (springs,), *around(low, high))
     tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
@@ -128,7 +127,7 @@ def linear_peak(study: Study, frequency: tuple[float, float], preload: float, *,
 
 
 def peaks_at(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -140,19 +139,19 @@ def peaks_at(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     preload : float, N
     frequency : (low, high), Hz
     options : PeakOptions
     continuation : ContinuationOptions
         Of the scan; coarse by default, since peaks are refined afterwards.
     """
-    found = scan(study, preload, frequency, options=options, continuation=continuation, meter=meter)
+    found = scan(problem, preload, frequency, options=options, continuation=continuation, meter=meter)
     return found.peaks, found.ending
 
 
 def scan(
-    study: Study,
+    problem: Problem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -161,12 +160,12 @@ def scan(
     meter: CostMeter | None = None,
 ) -> Scan:
     """The same from the ends of the interval, with points of the curve; arguments as for :func:`peaks_at`."""
-    curve = uninterrupted(study.track(preload, frequency, options=continuation or coarse_options()))
+    curve = uninterrupted(track(problem, preload, frequency, options=continuation or coarse_options()))
     if meter is not None:
         meter.add(curve.cost)
     if not len(curve):
         return Scan((), f"{curve.status} ({curve.reason})", np.zeros((0, curve.unknowns.shape[1] + 1)))
-    system = study.system(preload)
+    system = problem.system(preload)
     if meter is not None:
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
@@ -179,7 +178,7 @@ def scan(
 
 
 def scan_from(
-    study: Study,
+    problem: Problem,
     system: HarmonicSystem,
     start: NDArray,
     frequency: tuple[float, float],
@@ -193,7 +192,7 @@ def scan_from(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     system : HarmonicSystem
         Of the study at the preload.
     start : (n_unknowns + 1,) float
@@ -211,7 +210,7 @@ def scan_from(
         It is not complete where a path ended in a tangle of folds, on itself, or where the other one did.
     """
     low, high = (2.0 * np.pi * f for f in frequency)
-    system.watched = linear_resonances(system, (None, study._stuck_springs(study.static(preload))), low, high)
+    system.watched = linear_resonances(system, (None, problem.stuck_springs(problem.static(preload))), low, high)
     search = BranchSearch(system, (low, high), FROM_WITHIN, meter)
     search.both_ways(start)
     pieces = search.pieces

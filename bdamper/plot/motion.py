@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from bdamper.balance.system import segments
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
-from bdamper.study import Study
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
@@ -93,9 +93,9 @@ class ContactStatus:
         return out
 
 
-def _solutions(study: Study, unknowns: NDArray) -> NDArray:
+def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     """Unknowns (..., n_unknowns) that can be solutions of a study."""
-    own = validate.instance("study", study, Study).bases
+    own = validate.instance("study", problem, Problem).bases
     n = len(own[0].omega2) + 2 * sum(len(basis.omega2) for basis in own[1:])
     try:
         out = np.asarray(unknowns, float)
@@ -106,12 +106,12 @@ def _solutions(study: Study, unknowns: NDArray) -> NDArray:
     return out
 
 
-def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> RigidMotion:
+def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -> RigidMotion:
     """Rigid-body motion of a free body.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     unknowns : (..., n_unknowns) float
         Solutions of this study, for example rows of ``curve.unknowns``.
     body : str, optional
@@ -122,21 +122,21 @@ def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> Ri
     SettingError
         If there is no such free body.
     """
-    bodies = [name for name, part in study.model.bodies.items() if part.kind == "free"]
+    bodies = [name for name, part in problem.model.bodies.items() if part.kind == "free"]
     if body is None and len(bodies) == 1:
         body = bodies[0]
     if body is None or body not in bodies:
         raise SettingError(f"rigid motion: expected one of the free bodies {bodies}, found {body!r}")
-    part = study.model.bodies[body]
+    part = problem.model.bodies[body]
     assert part.mass is not None
     moments, _ = principal_axes(part)
     unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
-    unknowns = _solutions(study, unknowns)
-    n_harmonics = len(study.bases) - 1
+    unknowns = _solutions(problem, unknowns)
+    n_harmonics = len(problem.bases) - 1
     bias = np.zeros((*unknowns.shape[:-1], 6))
     vibratory = np.zeros((*unknowns.shape[:-1], n_harmonics, 6), complex)
     start = 0
-    for l, basis in enumerate(study.bases):
+    for l, basis in enumerate(problem.bases):
         n = len(basis.omega2)
         for k, coordinate in enumerate(basis.coordinates):
             if coordinate.body != body or coordinate.name not in RIGID_NAMES:
@@ -150,12 +150,12 @@ def rigid_motion(study: Study, unknowns: NDArray, body: str | None = None) -> Ri
     return RigidMotion(body, bias * unit, vibratory * unit, bias, vibratory)
 
 
-def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int = 180) -> ContactStatus:
+def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta: int = 180) -> ContactStatus:
     """Which points stick, slip and are open, and when.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     unknowns : (n_unknowns,) float
         One solution of this study, for example ``curve.unknowns[curve.peak.index]``.
     preload : float, N
@@ -163,8 +163,8 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
     n_theta : int
         Instants at which the states are listed.
     """
-    system = study.system(preload)
-    X, _, _ = system.contact(_solutions(study, unknowns))
+    system = problem.system(preload)
+    X, _, _ = system.contact(_solutions(problem, unknowns))
     p = system.arrays
     theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
     n_harmonics = (X.shape[2] - 1) // 2
@@ -172,9 +172,9 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
     wave[0] = 1.0
     for l in range(1, n_harmonics + 1):
         wave[2 * l - 1], wave[2 * l] = np.cos(l * theta), np.sin(l * theta)
-    model = study.coupling.model  # with united contact points, if the study asks for that
-    names = tuple(name for name in study.coupling.interfaces for _ in range(model.interfaces[name].n_points))
-    points = np.concatenate([model.interfaces[name].points for name in study.coupling.interfaces])
+    model = problem.coupling.model  # with united contact points, if the study asks for that
+    names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
+    points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
     plain = {0: STICK, 1: SLIP, 2: SLIP, 3: OPEN}
     # points that the equations leave out are open
     state = np.full((len(points), 2, n_theta), OPEN)
@@ -193,7 +193,7 @@ def contact_status(study: Study, unknowns: NDArray, preload: float, n_theta: int
         known.add(at)
         found = segments(
             x, p["kt"][i], float(p["kn"][i]), float(p["mu"][i]), float(p["n0"][i]), p["w"][i], int(p["law"][i]),
-            study.evaluation, float(p["load"][i]),
+            problem.evaluation, float(p["load"][i]),
         )  # fmt: skip
         both = []
         for d, listed in enumerate(found):
@@ -244,10 +244,10 @@ class SurfaceMotion:
         return self.points + scale * (self.mean + (self.amplitude * np.exp(1j * theta)).real)
 
 
-def rigid_displacement(study: Study, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
+def rigid_displacement(problem: Problem, unknowns: NDArray, body: str, points: NDArray) -> tuple[NDArray, NDArray]:
     """Mean (n, 3) and complex fundamental amplitude (n, 3) in m of points of a free body that moves as a rigid one."""
-    motion = rigid_motion(study, unknowns, body)
-    part = study.model.bodies[body]
+    motion = rigid_motion(problem, unknowns, body)
+    part = problem.model.bodies[body]
     assert part.centre is not None
     _, turn = principal_axes(part)
     rotation = np.cross(turn[None], (points - part.centre)[:, None, :])  # (n_points, 3 axes, 3)
@@ -257,12 +257,12 @@ def rigid_displacement(study: Study, unknowns: NDArray, body: str, points: NDArr
     return mean, first[:3] @ axes + np.einsum("k,pkx->px", first[3:], rotation)
 
 
-def relative_motion(study: Study, unknowns: NDArray, preload: float, theta: NDArray) -> tuple[NDArray, NDArray]:
+def relative_motion(problem: Problem, unknowns: NDArray, preload: float, theta: NDArray) -> tuple[NDArray, NDArray]:
     """How body b moves along the faces of body a, and how far it is off them.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     unknowns : (n_unknowns,) float
         One solution of this study.
     preload : float, N
@@ -277,46 +277,46 @@ def relative_motion(study: Study, unknowns: NDArray, preload: float, theta: NDAr
         Distance of the surfaces, mean and initial gap included; negative where contact springs are pressed together.
     """
     unknowns = np.asarray(unknowns, float)
-    state = study.static(preload)
-    n0 = study.bases[0].n_modes
+    state = problem.static(preload)
+    n0 = problem.bases[0].n_modes
     q0 = unknowns[:n0] if n0 else state.q
-    basis = study.bases[0] if n0 else study._static_basis
-    mean = (basis.G.real @ q0)[:, 2] + state.load * study._load[1][:, 2]
-    vibration = np.zeros((study.coupling.n_points, 3, len(theta)))
+    basis = problem.bases[0] if n0 else problem.static_basis
+    mean = (basis.G.real @ q0)[:, 2] + state.load * problem.damper_load[1][:, 2]
+    vibration = np.zeros((problem.coupling.n_points, 3, len(theta)))
     start = n0
-    for l, basis in enumerate(study.bases[1:], 1):
+    for l, basis in enumerate(problem.bases[1:], 1):
         n = basis.n_modes
         amplitude = basis.G @ (unknowns[start : start + n] - 1j * unknowns[start + n : start + 2 * n])
         vibration += (amplitude[..., None] * np.exp(1j * l * theta)).real
         start += 2 * n
-    return vibration[:, :2], study._gap[:, None] - mean[:, None] - vibration[:, 2]
+    return vibration[:, :2], problem.point_gaps[:, None] - mean[:, None] - vibration[:, 2]
 
 
-def surface_motion(study: Study, unknowns: NDArray) -> dict[str, SurfaceMotion]:
+def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMotion]:
     """Motion of all bodies that carry a surface, for pictures.
 
     Free bodies move with their rigid-body modes, constrained ones with those of their retained modes whose shapes the
     model carries (``model.meshes[...].modes``, at the nodal diameter of the fundamental); the mean motion of constrained
     bodies is left out unless they carry shapes of nodal diameter 0.
     """
-    unknowns = _solutions(study, unknowns)
-    n0, basis = len(study.bases[0].omega2), study.bases[1]
+    unknowns = _solutions(problem, unknowns)
+    n0, basis = len(problem.bases[0].omega2), problem.bases[1]
     n = len(basis.omega2)
     q0, q1 = unknowns[:n0], unknowns[n0 : n0 + n] - 1j * unknowns[n0 + n : n0 + 2 * n]
     out = {}
-    for name, mesh in study.model.meshes.items():
-        body = study.model.bodies[name]
+    for name, mesh in problem.model.meshes.items():
+        body = problem.model.bodies[name]
         mean, amplitude = np.zeros(mesh.points.shape), np.zeros(mesh.points.shape, complex)
         if body.kind == "free":
-            mean, amplitude = rigid_displacement(study, unknowns, name, mesh.points)
+            mean, amplitude = rigid_displacement(problem, unknowns, name, mesh.points)
         elif body.kind == "constrained":
             for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
-                d, conjugate = study.model.folded_nodal_diameter(int(study.engine_order) * harmonic)
+                d, conjugate = problem.model.folded_nodal_diameter(int(problem.engine_order) * harmonic)
                 shapes = mesh.modes.get(d)
                 if shapes is None:
                     continue
                 shapes = shapes.conj() if conjugate else shapes
-                for k, coordinate in enumerate(study.bases[harmonic].coordinates):
+                for k, coordinate in enumerate(problem.bases[harmonic].coordinates):
                     if coordinate.body == name and coordinate.index < shapes.shape[2]:
                         move = shapes[..., coordinate.index] * q[k]
                         target += move.real if harmonic == 0 else move

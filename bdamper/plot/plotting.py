@@ -649,7 +649,7 @@ def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> Figu
 
 
 def animate_damper(
-    study: Any,
+    problem: Any,
     unknowns: NDArray,
     preload: float,
     path: Any,
@@ -667,7 +667,7 @@ def animate_damper(
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     unknowns : (n_unknowns,) float
         Solution, for example ``curve.unknowns[curve.peak.index]``.
     preload : float, N
@@ -687,7 +687,7 @@ def animate_damper(
     """
     from matplotlib.animation import PillowWriter
 
-    figure, draw, scale = damper_picture(study, unknowns, preload, body=body, frames=frames, scale=scale)
+    figure, draw, scale = damper_picture(problem, unknowns, preload, body=body, frames=frames, scale=scale)
     with plt.rc_context({**PAPER, "figure.constrained_layout.use": False}):
         writer = PillowWriter(fps=12)
         with writer.saving(figure, path, dpi=90):
@@ -699,7 +699,7 @@ def animate_damper(
 
 
 def damper_picture(
-    study: Any,
+    problem: Any,
     unknowns: NDArray,
     preload: float,
     *,
@@ -729,14 +729,14 @@ def damper_picture(
     frames = validate.whole("frames", frames, least=1)
     if scale is not None:
         scale = validate.number("scale", scale, above=0.0)
-    model = study.coupling.model  # with united contact points, if the study asks for that
-    name = rigid_motion(study, unknowns, body).body
-    if name not in study.model.meshes:
-        have = list(study.model.meshes)
+    model = problem.coupling.model  # with united contact points, if the study asks for that
+    name = rigid_motion(problem, unknowns, body).body
+    if name not in problem.model.meshes:
+        have = list(problem.model.meshes)
         raise SettingError(f"animation: expected a mesh of '{name}' in the model, found meshes of {have}")
-    part, mesh = study.model.bodies[name], study.model.meshes[name]
-    status = contact_status(study, unknowns, preload, frames)
-    along, distance = relative_motion(study, unknowns, preload, status.theta)
+    part, mesh = problem.model.bodies[name], problem.model.meshes[name]
+    status = contact_status(problem, unknowns, preload, frames)
+    along, distance = relative_motion(problem, unknowns, preload, status.theta)
     y_axis = np.array([0.0, 1.0, 0.0]) if part.load is None else part.load.direction
     x_axis = np.cross(y_axis, [0.0, 0.0, 1.0])
     plane = np.stack([x_axis, y_axis], axis=1)
@@ -747,7 +747,7 @@ def damper_picture(
 
     def moving(points: NDArray) -> NDArray:
         """(n_theta, n, 3) displacement of points of the damper."""
-        return (rigid_displacement(study, unknowns, name, points)[1] * wave[:, None, None]).real
+        return (rigid_displacement(problem, unknowns, name, points)[1] * wave[:, None, None]).real
 
     front = np.flatnonzero(mesh.points[:, 2] > mesh.points[:, 2].max() - 1e-9)
     outline = mesh.points[front[ConvexHull(flat(mesh.points[front])).vertices]]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from bdamper.model.model import Model
 from bdamper.plot.motion import surface_motion
-from bdamper.study import Study
+from bdamper.problem.problem import Problem
 from bdamper.util.errors import SettingError
 
 
@@ -69,12 +69,12 @@ def export_modes(
     return Path(path)
 
 
-def export_response(study: Study, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
+def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
     """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     unknowns : (n_unknowns,) float
         For example ``curve.unknowns[curve.peak.index]``.
     folder : path-like
@@ -87,14 +87,14 @@ def export_response(study: Study, unknowns: NDArray, folder: str | PathLike[str]
     """
     meshio = _meshio()
     out = []
-    for body, motion in surface_motion(study, unknowns).items():
+    for body, motion in surface_motion(problem, unknowns).items():
         path = Path(folder) / f"{name}_{body}.vtu"
         fields = {
             "mean displacement, m": motion.mean,
             "vibration, real, m": np.ascontiguousarray(motion.amplitude.real),
             "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
         }
-        quads = study.model.meshes[body].quads
+        quads = problem.model.meshes[body].quads
         meshio.Mesh(motion.points, [("quad", quads)], point_data=fields).write(path)
         out.append(path)
     return out

@@ -9,14 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
@@ -129,24 +126,24 @@ class Effects:
         return not self.variable_normal_load
 
     @classmethod
-    def of(cls, study: Study) -> Effects:
+    def of(cls, problem: Any) -> Effects:
         """The effects that a study simulates."""
-        rigid = study.rigid_modes
+        rigid = problem.rigid_modes
         return cls(
-            harmonics=study.harmonics,
-            bias=study.bias,
-            variable_normal_load=study.variable_normal_load,
-            separation=study.separation and study.variable_normal_load,
-            friction_law=study.friction_law,
-            residual_traction=study.residual_traction,
+            harmonics=problem.harmonics,
+            bias=problem.bias,
+            variable_normal_load=problem.variable_normal_load,
+            separation=problem.separation and problem.variable_normal_load,
+            friction_law=problem.friction_law,
+            residual_traction=problem.residual_traction,
             rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
             translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
-            damper_modes=study.damper_modes,
-            harmonic_nodal_diameters=not study.single_basis,
-            constraints=study.constraints,
-            contact_points=study.contact_points,
-            stability=study.stability,
-            blade_modes=study.blade_modes,
+            damper_modes=problem.damper_modes,
+            harmonic_nodal_diameters=not problem.single_basis,
+            constraints=problem.constraints,
+            contact_points=problem.contact_points,
+            stability=problem.stability,
+            blade_modes=problem.blade_modes,
         )
 
     def settings(self) -> dict[str, Any]:

@@ -18,17 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.static import StaticSystem, static_state
-from bdamper.study import Study
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 
-def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> Study:
+def prescribe_preload(problem: Problem, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> Problem:
     """The same study with prescribed normal loads and gaps at rest; use it with ``preload=0``.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
         Its model has no free body if ``settled``.
     loads : mapping of interface name to (n_points,) float or float, N
         Normal load of each contact point; a negative one stands for a gap of ``-load/kn``.  Interfaces that are not
@@ -47,13 +47,13 @@ def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, set
         If an interface does not exist, a load is not finite or has the wrong shape, a point has no normal stiffness, or
         the structure at rest cannot be found.
     """
-    if study.contact_points is not None:
-        raise SettingError(f"prescribed loads: expected contact_points=None, found {study.contact_points}")
-    names = study.coupling.interfaces
-    kn = study._k[:, 2]
-    target = -kn * study._gap
+    if problem.contact_points is not None:
+        raise SettingError(f"prescribed loads: expected contact_points=None, found {problem.contact_points}")
+    names = problem.coupling.interfaces
+    kn = problem.point_stiffness[:, 2]
+    target = -kn * problem.point_gaps
     for name, value in validate.mapping("prescribed loads", loads, names, "interfaces").items():
-        rows = study.coupling.rows(name)
+        rows = problem.coupling.rows(name)
         n = rows.stop - rows.start
         try:
             target[rows] = np.broadcast_to(np.asarray(value, float), (n,))
@@ -67,31 +67,31 @@ def prescribe_preload(study: Study, loads: Mapping[str, float | NDArray], *, set
             raise SettingError(f"prescribed loads of '{name}': expected a positive normal stiffness at every point")
     n0 = target.copy()
     if settled:
-        free = [body.name for body in study.model.bodies.values() if body.kind == "free"]
+        free = [body.name for body in problem.model.bodies.values() if body.kind == "free"]
         if free:
             raise SettingError(f"prescribed loads: expected no free body (or settled=False), found {free}")
-        basis = study._static_basis
+        basis = problem.static_basis
         # a normal spring that is all but missing keeps N at its prescribed value while the structure moves
         soft = StaticSystem(
             basis.omega2,
             basis.G.real,
-            study._kt,
+            problem.tangential_stiffness,
             1e-12 * kn,
-            study.friction,
+            problem.friction,
             target,
             np.zeros(len(basis.omega2)),
             np.zeros((len(kn), 3)),
             np.zeros(len(basis.omega2)),
-            study._bonded,
+            problem.bonded_points,
         )
         state = static_state(soft, 0.0)
         if not state.converged:
             raise SettingError(f"prescribed loads: expected a structure that can carry them at rest, found: {state.note}")
         n0 = target - kn * (basis.G.real @ state.q)[:, 2]
-    interfaces = dict(study.model.interfaces)
+    interfaces = dict(problem.model.interfaces)
     for name in names:
-        rows = study.coupling.rows(name)
+        rows = problem.coupling.rows(name)
         stiff = kn[rows] > 0.0
         gap = np.where(stiff, -n0[rows] / np.where(stiff, kn[rows], 1.0), interfaces[name].gap)
         interfaces[name] = replace(interfaces[name], gap=gap)
-    return replace(study, model=replace(study.model, interfaces=interfaces))
+    return replace(problem, model=replace(problem.model, interfaces=interfaces))

@@ -10,55 +10,56 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model
+from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
-
-if TYPE_CHECKING:
-    from bdamper.study import Study
 
 FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
 
 
-_CONTACT = ("_contact", "stiffness")
-_EXCITATION = ("coupling", "bases", "friction", *_CONTACT, "_k", "_gap", "_kt", "_load", "_response_rows")
+_CONTACT = ("contact", "stiffness")
+_EXCITATION = (
+    "coupling", "bases", "friction", *_CONTACT, "point_stiffness", "point_gaps", "tangential_stiffness", "damper_load",
+    "response_rows",
+)  # fmt: skip
 _KEPT = {
     "friction_coefficient": ("coupling",),
     "excitation.amplitude": _EXCITATION,
     "excitation.phase": _EXCITATION,
     "damping_ratio": ("coupling", "friction", *_CONTACT),
-    "contact_stiffness_factor": ("coupling", "friction", "_contact"),
+    "contact_stiffness_factor": ("coupling", "friction", "contact"),
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
 }
 """Parts of a study, made once and kept, that a change of a setting leaves as they are."""
 
 
-def setting_names(study: Study) -> list[str]:
+def setting_names(problem: Problem) -> list[str]:
     """All names that :func:`vary` understands."""
-    names = [f.name for f in fields(study) if f.init and f.name not in ("model", *FACTORS)]
-    names += [f"excitation.{f.name}" for f in fields(study.excitation)]
-    names += [f"response.{f.name}" for f in fields(study.excitation) if f.name in ("location", "direction")]
+    names = [f.name for f in fields(problem) if f.init and f.name not in ("model", *FACTORS)]
+    names += [f"excitation.{f.name}" for f in fields(problem.excitation)]
+    names += [f"response.{f.name}" for f in fields(problem.excitation) if f.name in ("location", "direction")]
     return [*names, *FACTORS]
 
 
-def check_name(study: Study, name: str) -> None:
+def check_name(problem: Problem, name: str) -> None:
     """Raises a SettingError that lists the names there are."""
-    if name not in setting_names(study):
-        raise SettingError(f"setting to vary: expected one of {setting_names(study)}, found '{name}'")
+    if name not in setting_names(problem):
+        raise SettingError(f"setting to vary: expected one of {setting_names(problem)}, found '{name}'")
 
 
-def vary(study: Study, settings: Mapping[str, Any]) -> Study:
+def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     """The study with settings replaced by name.
 
     Parameters
     ----------
-    study : Study
+    problem : Problem
     settings : mapping of name to value
 
     Raises
@@ -67,11 +68,11 @@ def vary(study: Study, settings: Mapping[str, Any]) -> Study:
         If there is no setting of that name, or the study refuses its value.
     """
     for name in settings:
-        check_name(study, name)
-    return _with_kept_parts(study, _varied(study, settings), list(settings))
+        check_name(problem, name)
+    return _with_kept_parts(problem, _varied(problem, settings), list(settings))
 
 
-def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
+def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
     """Hands over what need not be made again."""
     if new is old or not all(name in _KEPT for name in names):
         return new
@@ -87,35 +88,35 @@ def _with_kept_parts(old: Study, new: Study, names: list[str]) -> Study:
         if part in old.__dict__:
             new.__dict__.setdefault(part, old.__dict__[part])
     if all(name in ("excitation.amplitude", "excitation.phase", "damping_ratio") for name in names):
-        new._states.update(old._states)
+        new.share_static_states(old)
     return new
 
 
-def _varied(study: Study, settings: Mapping[str, Any]) -> Study:
+def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
     if plain:
-        study = replace(study, **plain)
+        problem = problem.with_(**plain)
     for part in ("excitation", "response"):
         inner = {name.split(".")[1]: value for name, value in settings.items() if name.startswith(part + ".")}
         if inner:
-            place: Any = study.excitation if part == "excitation" else study._response
-            study = replace(study, **{part: replace(place, **inner)})
+            place: Any = problem.excitation if part == "excitation" else problem.response_location
+            problem = replace(problem, **{part: replace(place, **inner)})
     for name in FACTORS:
         if name in settings:
-            study = _scaled(study, name, settings[name])
-    return study
+            problem = _scaled(problem, name, settings[name])
+    return problem
 
 
-def _scaled(study: Study, name: str, factor: float) -> Study:
+def _scaled(problem: Problem, name: str, factor: float) -> Problem:
     factor = validate.number(name, factor, above=0.0)
     if name == "contact_stiffness_factor":
-        return replace(study, contact_stiffness_factor=factor * study.contact_stiffness_factor)
+        return replace(problem, contact_stiffness_factor=factor * problem.contact_stiffness_factor)
     if name == "damping_factor":
-        if study.damping_ratio is not None:
-            return replace(study, damping_ratio=factor * study.damping_ratio)
-        bodies = {key: _damped(body, factor) for key, body in study.model.bodies.items()}
-        return replace(study, model=_as_checked(replace(study.model, bodies=bodies)))
-    return replace(study, model=_as_checked(denser(study.model, factor)))
+        if problem.damping_ratio is not None:
+            return replace(problem, damping_ratio=factor * problem.damping_ratio)
+        bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
+        return replace(problem, model=_as_checked(replace(problem.model, bodies=bodies)))
+    return replace(problem, model=_as_checked(denser(problem.model, factor)))
 
 
 def _as_checked(model: Model) -> Model:

@@ -41,8 +41,8 @@ first order in the step, while that along the events is exact for the motion giv
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,8 +50,14 @@ from scipy.linalg import expm
 
 from bdamper.balance.system import HarmonicSystem, segments
 from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
 from bdamper.model.coupling import HarmonicBasis
+from bdamper.problem.problem import Problem
 from bdamper.stability.wave import Judge, judged_along, rests
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
 TWO_PI = 2.0 * np.pi
@@ -386,3 +392,73 @@ def _positive_determinant(system: HarmonicSystem, u: NDArray, omega: float) -> b
     size = np.maximum(np.abs(J).max(axis=1, keepdims=True), 1e-300)
     sign, _ = np.linalg.slogdet(J / size)
     return bool(sign >= 0.0)
+
+
+@one_thread
+def with_stability(
+    problem: Problem,
+    curve: Curve,
+    nodal_diameters: Sequence[int] = (),
+    oscillating: bool = False,
+    every_point: bool = False,
+) -> Curve:
+    """The same tracking curve with the stability of every point; see :mod:`bdamper.stability.floquet` for what it
+    covers.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : Curve
+        Tracked with this problem.
+    nodal_diameters : sequence of int
+        Further disturbances of a travelling wave: by how many nodal diameters they differ from it.  The model must have
+        the modes of these nodal diameters; those of their harmonics are used where it has them.
+    oscillating : bool
+        Whether disturbances of a travelling wave that oscillate while they grow are judged as well, which takes some
+        times as long as the curve; implied by ``nodal_diameters``.  Without cyclic symmetry they always are if all
+        harmonics from the mean on are there, up to the highest (neither ``bias=False`` nor ``harmonics=(1, 3)``), with
+        the same modes and without residual modes: all disturbances are judged then.  The note of the curve says which
+        were.
+    every_point : bool
+        Count oscillating growth at every point, instead of only where :mod:`bdamper.stability.wave` asks for it.
+    """
+    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    check_curve(problem, curve)
+    oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
+    others = {int(d): bases_beside(problem, int(d)) for d in validate.wholes("nodal_diameters", nodal_diameters)}
+    omega = 2.0 * np.pi * curve.frequency
+    result = stability_of_points(
+        problem.system(curve.preload),
+        curve.unknowns,
+        omega,
+        others,
+        oscillating or bool(others),
+        None if every_point else curve.branch,
+    )
+    note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
+    return replace(curve, stable=result.stable, stability_note=note)
+
+
+def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:
+    """Modes of the nodal diameters ``d + l EO`` that the model has, by l up to the highest harmonic."""
+    if problem.contact.residual is not None or problem.friction_axes != "contact" or problem.single_basis:
+        raise SettingError(
+            "nodal_diameters: expected no residual modes, friction axes of the contact and bases of each nodal "
+            "diameter, found other settings"
+        )
+    if not (problem.separation and problem.variable_normal_load):
+        raise SettingError("nodal_diameters: expected separation and a variable normal load, found one of them off")
+    waves = replace(problem.coupling, engine_order=1)
+    have = set.intersection(*(set(b.bases) for b in problem.model.bodies.values() if b.kind == "constrained"))
+    out = {}
+    highest = problem.harmonic_numbers[-1] if highest is None else highest
+    for l in range(-highest, highest + 1):
+        order = (d + l * int(problem.engine_order)) % problem.model.n_blades
+        if problem.model.folded_nodal_diameter(order)[0] in have:
+            basis = waves.basis(order)
+            if problem.damping_ratio is not None:
+                basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, problem.damping_ratio, 0.0))
+            out[l] = basis
+    if 0 not in out:
+        raise SettingError(f"nodal_diameters: expected those whose modes the model has, {sorted(have)}, found {d}")
+    return out

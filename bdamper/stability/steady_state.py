@@ -22,7 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import HarmonicSystem
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
+from bdamper.problem.problem import Problem
 from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable, draw
@@ -165,7 +170,7 @@ def repeats_after(harmonics: NDArray) -> int | None:
     return None
 
 
-def settle(
+def march_until_settled(
     system: HarmonicSystem,
     omega: float,
     n_blades: int,
@@ -245,4 +250,82 @@ def settle(
         motion=motion,
         cost=replace(ring.cost, seconds=time.perf_counter() - begin),
         model_hash=model_hash,
+    )
+
+
+@one_thread
+def settle(
+    problem: Problem,
+    start: Curve | SettledResponse,
+    frequency: float | None = None,
+    *,
+    periods: int = 200,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> SettledResponse:
+    """March in time and say what the response comes to, period by period.
+
+    For frequencies at which no solution was found, or none that is stable: a damper that rattles in its seat may have
+    no periodic response at all, and then it is a mean amplitude and a range that count.  All sectors take part, each
+    with its own contacts (:mod:`bdamper.stability.steady_state`).
+
+    Parameters
+    ----------
+    problem : Problem
+    start : Curve or SettledResponse
+        A tracking curve of this study, from whose solution nearest in frequency the march sets off; or what was found
+        before, to go on with, at the same or another frequency.
+    frequency : float, Hz, optional
+        By default the middle of the widest part of the curve without solutions; or that of the earlier response.
+    periods : int
+        Of the excitation.  A transient of a mode with the damping ratio ``zeta`` takes about ``1/(2 zeta)`` of them.
+    steps_per_period : int, optional
+        By default what the stiffest contact asks for.
+    progress : bool
+        Show a progress bar.
+
+    Returns
+    -------
+    SettledResponse
+        With what is computed, if Ctrl-C ends it after the first few periods.
+
+    Raises
+    ------
+    SettingError
+        If the curve has a solution at every frequency and none is given, if the settings describe something else than a
+        structure in time, or a number does not fit.
+    """
+    validate.instance("start", start, (Curve, SettledResponse))
+    if isinstance(start, Curve):
+        problem = problem.matching(start.settings)
+    periods = validate.whole("periods", periods, least=FEWEST)
+    if steps_per_period is not None:
+        steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
+    if frequency is not None:
+        frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
+    if isinstance(start, Curve):
+        check_curve(problem, start)
+        if not len(start):
+            raise validate.unfit("start", "a curve with points", f"one without ({start.status}: {start.reason})")
+        if frequency is None:
+            if start.gap is None:
+                raise validate.unfit("frequency", "one in Hz, as the curve has a solution at each", None)
+            frequency = float(np.mean(start.gap))
+        state: NDArray | Motion = start.unknowns[int(np.abs(start.frequency - frequency).argmin())]
+    else:
+        if start.model_hash != problem.model.hash:
+            raise validate.unfit("start", "a response of this study", "one of another model")
+        frequency = start.frequency if frequency is None else frequency
+        state = start.motion
+    return march_until_settled(
+        problem.system(start.preload),
+        2.0 * np.pi * frequency,
+        problem.model.n_blades,
+        int(problem.engine_order),
+        state,
+        preload=start.preload,
+        periods=periods,
+        steps_per_period=steps_per_period,
+        progress=progress,
+        model_hash=problem.model.hash,
     )

@@ -27,6 +27,11 @@ from numpy.typing import NDArray
 
 from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable
@@ -389,4 +394,52 @@ def verify_solution(
         sectors=ring.n,
         drift=float(abs(row @ (q - first))) / size,
         cost=replace(ring.cost, seconds=time.perf_counter() - started),
+    )
+
+
+@one_thread
+def verify(
+    problem: Problem,
+    curve: Curve,
+    index: int | None = None,
+    *,
+    periods: int = 100,
+    steps_per_period: int | None = None,
+    progress: bool = False,
+) -> Verification:
+    """March in time from a point of a tracking curve and compare where the motion settles.
+
+    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
+    (:mod:`bdamper.stability.time_integration`).  A period takes some ten thousand steps: seconds on a reference bladed
+    disk, so that the default of 100 takes minutes.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : Curve
+        Tracked with this problem.
+    index : int, optional
+        Of the point; the largest response by default.
+    periods : int
+        Periods of the excitation to march.
+    steps_per_period : int, optional
+        By default what the stiffest contact asks for.
+    progress : bool
+        Show a progress bar.
+    """
+    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    check_curve(problem, curve)
+    periods = validate.whole("periods", periods, least=1)
+    if steps_per_period is not None:
+        steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
+    i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
+    return verify_solution(
+        problem.system(curve.preload),
+        curve.unknowns[i],
+        2.0 * np.pi * float(curve.frequency[i]),
+        problem.model.n_blades,
+        int(problem.engine_order),
+        periods=periods,
+        steps_per_period=steps_per_period,
+        progress=progress,
     )

@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, TypeVar
 
-from bdamper.continuation.follower import PathPoint
-
 T = TypeVar("T")
 
 
@@ -33,7 +31,7 @@ class progress_bar:
 
         self.bar = tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]")
 
-        def update(point: PathPoint) -> None:
+        def update(point: Any) -> None:
             now = 100.0 * (point.y[-1] - self.low) / (self.high - self.low)
             self.bar.n = max(0.0, min(100.0, now))
             self.bar.refresh()

@@ -61,7 +61,7 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
 
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
     curve = study.track(place[0], (350.0, 354.5))  # the response still rises
-    estimated = curve.errors(study, sources=["harmonics"])["harmonics"]
+    estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
     true = richer_study(study, "harmonics").study.track(place[0], (350.0, 354.5)).peak
     assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
@@ -87,7 +87,7 @@ def test_curve_carries_its_errors(study, place, tmp_path):
     curve = study.track(*place)
     with_errors = study.with_errors(curve, sources=["harmonics", "solver"])
     assert curve.error_estimates is None and "solver" not in str(curve)
-    assert with_errors.error_estimates == curve.errors(study, sources=["harmonics", "solver"])
+    assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics", "solver"])
     assert "harmonics: amplitude" in str(with_errors) and "contact 0." in str(with_errors)
     with_errors.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates

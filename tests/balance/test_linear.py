@@ -25,7 +25,7 @@ def test_every_resonance_is_a_maximum(study, kind):
     at = marked(curve)
     assert len(at) > 2
     system = study.system(curve.preload)
-    springs = None if kind == "free" else study._stuck_springs(study.static(curve.preload))
+    springs = None if kind == "free" else study.stuck_springs(study.static(curve.preload))
     grid = np.arange(200.0, 3000.0, 0.1)
     a = np.array([abs(system.linear_response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
     tops = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1

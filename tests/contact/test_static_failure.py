@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-import bdamper.study as study_module
+import bdamper.problem.problem as problem_module
 from bdamper.peaks.scan import linear_peak
 from bdamper.util.errors import StaticError
 
@@ -19,15 +19,15 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture
 def study(monkeypatch):
     """No static state beyond a load of 500 N, as where a load step fails: the state is the last that was found."""
-    found = study_module.static_state
+    found = problem_module.static_state
 
     def failing(system, load, **options):
         if load <= LAST:
             return found(system, load, **options)
         return replace(found(system, LAST, **options), converged=False, note="no equilibrium beyond 500 N")
 
-    monkeypatch.setattr(study_module, "static_state", failing)
-    monkeypatch.setattr(study_module, "scaled_state", lambda *args, **options: None)
+    monkeypatch.setattr(problem_module, "static_state", failing)
+    monkeypatch.setattr(problem_module, "scaled_state", lambda *args, **options: None)
     return bd.Study(
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
     )
@@ -46,7 +46,7 @@ def test_the_equations_are_not_those_of_another_load(study):
             ask(800.0)
 
 
-@pytest.mark.parametrize("options", [{}, {"effects": "auto"}, {"tolerance": 0.1}, {"stability": True}])
+@pytest.mark.parametrize("options", [{}, {"tolerance": 0.1}, {"stability": True}])
 def test_a_curve_has_no_start(study, options):
     curve = study.track(800.0, INTERVAL, **options)
     assert (curve.status, curve.reason, len(curve)) == ("no start", "static state: no equilibrium beyond 500 N", 0)

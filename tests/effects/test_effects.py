@@ -13,7 +13,7 @@ from bdamper.contact.static import OPEN
 from bdamper.continuation.follower import PathPoint
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.model.coarsening import group_patches, unite_contact_points
-from bdamper.peaks.newton import PeakOptions, walked
+from bdamper.peaks.newton import walked
 from tests import models
 
 PRELOAD = 300.0
@@ -123,9 +123,9 @@ def test_without_separation_the_normal_spring_is_two_sided(full):
     held = np.flatnonzero(closed & friction)
     assert system.n_points == n + len(held)
     both = F[: len(held), 2] - F[n:, 2]
-    assert (study._gap[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
-    expected = study._k[held, 2, None] * X[: len(held), 2]
-    expected[:, 0] -= study._k[held, 2] * study._gap[held]
+    assert (study.point_gaps[held] > 0.0).any(), "no closed point has a gap: the test saw nothing"
+    expected = study.point_stiffness[held, 2, None] * X[: len(held), 2]
+    expected[:, 0] -= study.point_stiffness[held, 2] * study.point_gaps[held]
     np.testing.assert_allclose(both, expected, atol=1e-9 * np.abs(expected).max())
     assert np.abs(F[n:]).max() > 1e-3 * np.abs(F).max(), "no point was pulled: the test saw nothing"
     assert (share[: len(held), 4] > 0.0).any()
@@ -147,7 +147,7 @@ def test_constant_normal_load_limits_friction_by_its_static_value(full):
     power = F[friction, :2, 0] ** 2 + 0.5 * (F[friction, :2, 1:] ** 2).sum(axis=2)
     limit = 0.4 * state.force[held, 2]
     assert (power <= limit[:, None] ** 2 * (1 + 1e-12)).all()
-    expected = study._k[held, 2, None] * X[friction, 2]  # two-sided
+    expected = study.point_stiffness[held, 2, None] * X[friction, 2]  # two-sided
     np.testing.assert_allclose(F[friction, 2], expected, atol=1e-9 * np.abs(expected).max())
 
 
@@ -212,18 +212,18 @@ def test_as_many_groups_as_points_change_nothing(full):
 def test_given_stiffness_is_that_of_the_points_of_the_model(full):
     whole = replace(full, contact_stiffness=2e7)
     united = replace(whole, contact_points=2)
-    np.testing.assert_allclose(united._k[:2], 6e7)
-    np.testing.assert_allclose(united._k[:4].sum(axis=0), whole._k[:12].sum(axis=0))
+    np.testing.assert_allclose(united.point_stiffness[:2], 6e7)
+    np.testing.assert_allclose(united.point_stiffness[:4].sum(axis=0), whole.point_stiffness[:12].sum(axis=0))
     by_name = replace(united, contact_stiffness={n: np.array([1e7, 2e7, 3e7]) for n in whole.coupling.interfaces})
-    np.testing.assert_allclose(by_name._k[0], [3e7, 6e7, 9e7])
+    np.testing.assert_allclose(by_name.point_stiffness[0], [3e7, 6e7, 9e7])
 
 
 def test_given_gap_is_that_of_the_points_of_the_model(full):
     gap = np.linspace(0.0, 5e-6, 6)
     united = replace(full, contact_points=2, gap={"left": gap})
-    np.testing.assert_allclose(np.sort(united._gap[:2]).mean(), gap.mean())
-    assert united._gap[:2].min() > 0.0
-    np.testing.assert_array_equal(united._gap[2:4], 0.0)
+    np.testing.assert_allclose(np.sort(united.point_gaps[:2]).mean(), gap.mean())
+    assert united.point_gaps[:2].min() > 0.0
+    np.testing.assert_array_equal(united.point_gaps[2:4], 0.0)
 
 
 # ---- the interface ----
@@ -365,20 +365,11 @@ def test_a_curve_of_other_settings_is_refused(full):
         replace(full, friction_coefficient=0.1).with_stability(curve)
 
 
-def test_options_that_do_not_go_with_auto_are_refused(full):
-    for options in ({"from_high": True}, {"search_branches": True}, {"progress": True}):
-        with pytest.raises(bd.SettingError, match='effects: expected "all" with from_high'):
-            full.track(PRELOAD, (1090.0, 1110.0), effects="auto", **options)
-    with pytest.raises(bd.SettingError, match='effects: expected "all" with options'):
-        full.peak(PRELOAD, (1090.0, 1110.0), effects="auto", options=PeakOptions())
-    assert full.track(PRELOAD, (1090.0, 1110.0), effects="auto", stability=True).stable is not None
-
-
 def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
         study = replace(full, contact_stiffness=method)
-        system, springs = study.system(PRELOAD), study._stuck_springs(study.static(PRELOAD))
+        system, springs = study.system(PRELOAD), study.stuck_springs(study.static(PRELOAD))
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
         found = linear_resonances(system, (springs,), low, high)
         assert len(found) >= 4

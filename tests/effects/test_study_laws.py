@@ -30,7 +30,7 @@ def study():
 
 
 def test_law_of_each_point(study):
-    friction = study._friction_points
+    friction = study.friction_points
     for settings, law in (
         ({"friction_law": "coupled", "evaluation": bd.Sampled(64)}, LAW_COUPLED),
         ({"friction_law": "bonded"}, LAW_BONDED),
@@ -57,8 +57,8 @@ def test_bonded_points_have_no_gap(study):
     gap = {face: np.where(np.arange(9) == 3, 2e-6, 0.0)}
     with pytest.raises(bd.SettingError, match=rf"^gap of '{face}': expected none under friction_law=.* found 2e-06 m"):
         replace(study, friction_law="bonded", gap=gap)
-    assert replace(study, gap=gap)._gap[3] == 2e-6
-    assert replace(study, friction_law="bonded", gap={face: np.zeros(9)})._gap[3] == 0.0
+    assert replace(study, gap=gap).point_gaps[3] == 2e-6
+    assert replace(study, friction_law="bonded", gap={face: np.zeros(9)}).point_gaps[3] == 0.0
 
 
 def test_bonded_points_give_the_stuck_response(study):
@@ -88,9 +88,9 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     load = 2000.0
     state = study.static(load)
     assert state.converged
-    basis, (force, shift) = study._static_basis, study._load
+    basis, (force, shift) = study.static_basis, study.damper_load
     G = basis.G.real.reshape(-1, basis.n_modes)
-    k = np.concatenate([study._kt, study._k[:, 2:]], axis=1).ravel()
+    k = np.concatenate([study.tangential_stiffness, study.point_stiffness[:, 2:]], axis=1).ravel()
     K = np.diag(basis.omega2) + G.T @ (k[:, None] * G)
     q = np.linalg.solve(K, load * (force - G.T @ (k * shift.ravel())))
     springs = (k * (G @ q + load * shift.ravel())).reshape(-1, 3)
@@ -164,7 +164,7 @@ class TestMajorAxes:
     def test_stuck_motion_is_along_the_major_axes(self, study):
         major = replace(study, friction_axes="major", major_frequency=350.0)
         angles = major.major_directions(500.0)
-        springs = study._stuck_springs(study.static(500.0))
+        springs = study.stuck_springs(study.static(500.0))
         linear = study.system(500.0).linear_response(2 * np.pi * 350.0, springs)
         bases, _ = turned(study.bases, study.system(500.0).points, angles)
         u = bases[1].G[:, :2] @ linear

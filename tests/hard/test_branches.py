@@ -14,6 +14,7 @@ from bdamper.continuation import track as tracking
 from bdamper.continuation.coverage import Piece, ending, in_order, uncovered
 from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint, follow
 from bdamper.continuation.search import EVERY_VISIT, BranchSearch
+from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -130,7 +131,7 @@ def test_interrupted_before_the_first_point(monkeypatch):
         raise KeyboardInterrupt
 
     s = study()
-    monkeypatch.setattr(bd.Study, "find_start", stop)
+    monkeypatch.setattr("bdamper.continuation.track.find_start", stop)
     curve = s.track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert len(curve) == 0
@@ -491,7 +492,7 @@ def test_long_paths_only_by_the_supports_asked_for(monkeypatch):
     for longer in (start.PROMISING[1:3], ()):
         asked.clear()
         aids = start.Aids(longer=longer)
-        found, _ = s.find_start(preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0), aids)
+        found, _ = find_start(s, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0), aids)
         assert found is None
         assert [by for by, points in asked if points == start.RAMP_POINTS] == list(longer)
         assert len([by for by, points in asked if points == start.FEW_POINTS]) >= 5
@@ -508,7 +509,7 @@ def test_every_way_of_letting_go_gets_few_points_before_any_gets_all(monkeypatch
 
     monkeypatch.setattr(start, "_homotopy", cut_off)
     monkeypatch.setattr(start.HarmonicSystem, "correct_at", _unless_held(start.HarmonicSystem.correct_at))
-    found, log = s.find_start(preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
+    found, log = find_start(s, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
     assert found is None
     assert "no solution" in "".join(log)
     let_go = [points for points, held in asked if held]

@@ -29,10 +29,10 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
 
         from bdamper.contact.static import StaticSystem, static_state
 
-        force, shift = study._load
+        force, shift = study.damper_load
         system = StaticSystem(
-            study.bases[0].omega2, study.bases[0].G.real, study._kt, study._k[:, 2], study.friction,
-            -study._k[:, 2] * study._gap, force, shift, np.zeros_like(force),
+            study.bases[0].omega2, study.bases[0].G.real, study.tangential_stiffness, study.point_stiffness[:, 2],
+            study.friction, -study.point_stiffness[:, 2] * study.point_gaps, force, shift, np.zeros_like(force),
         )  # fmt: skip
         direct = static_state(system, 200.0)
         over = static_state(replace(system), 200.0, start=static_state(system, 2000.0))

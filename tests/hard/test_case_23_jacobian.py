@@ -49,7 +49,7 @@ class State:
         plain = study.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
         state = study.static(preload)
-        u = plain.pack(state.q, plain.linear_response(self.omega, study._stuck_springs(state)))
+        u = plain.pack(state.q, plain.linear_response(self.omega, study.stuck_springs(state)))
         u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]

@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.track import find_start
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
@@ -91,7 +92,7 @@ def test_case_24_where_no_periodic_solution_is_found_there_is_none_in_time():
     study, preload, _ = random_study(60, wide=True)
     omega = 2.0 * np.pi * 315.0
     system, state = study.system(preload), study.static(preload)
-    start, log = study.find_start(preload, omega, ContinuationOptions(), CostMeter(0.0))
+    start, log = find_start(study, preload, omega, ContinuationOptions(), CostMeter(0.0))
     assert start is None
     assert any("leave their seats" in line for line in log)
 

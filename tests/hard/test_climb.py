@@ -16,6 +16,7 @@ from bdamper.continuation.curve import crossings
 from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.search import EVERY_VISIT
 from bdamper.continuation.start import LOOSE_TURN, Aids, first_point
+from bdamper.continuation.track import find_start
 from bdamper.util.cost import Cost, CostMeter
 from tests.hard.test_branches import study
 
@@ -84,7 +85,7 @@ def test_harmonics_that_a_guess_lacks_are_let_in_at_once(monkeypatch):
     """Where Newton does not lead from a guess to a solution; one that lacks none is left."""
     s, preload = study(harmonics=3), 200.0
     system = s.system(preload)
-    known, _ = study(harmonics=1).find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+    known, _ = find_start(study(harmonics=1), preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
     guess = np.zeros(system.n_unknowns)
     guess[: len(known) - 1] = known[:-1]
     correct_at, letting_in, held = start.HarmonicSystem.correct_at, start.HarmonicSystem.letting_in, []
@@ -102,7 +103,7 @@ def test_harmonics_that_a_guess_lacks_are_let_in_at_once(monkeypatch):
 
     def found(*guesses, inside=True):
         aids = Aids(lambda omega: list(guesses), completing=inside)
-        return s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), aids)
+        return find_start(s, preload, OMEGA, ContinuationOptions(), CostMeter(0.0), aids)
 
     y, log = found(guess)
     assert held[0] == (OMEGA, 2) and log[-1].startswith("harmonics that a guess lacks let in at once: ")
@@ -133,7 +134,7 @@ def ladder_of(tangle):
     state = s.static(preload)
     options = ContinuationOptions(max_turn=LOOSE_TURN)
     ladder = Ladder(s.system(preload), omega, options, CostMeter(0.0))
-    first, _, _ = first_point(ladder.systems[0], state, s._stuck_springs(state), omega, options, CostMeter(0.0))
+    first, _, _ = first_point(ladder.systems[0], state, s.stuck_springs(state), omega, options, CostMeter(0.0))
     ladder.add(0, first[:-1])
     return ladder
 
@@ -270,9 +271,9 @@ def test_the_chain_climbs_where_paths_are_too_long(monkeypatch):
     s, preload = study(harmonics=3), 200.0
     with monkeypatch.context() as patched:
         only_long_paths(patched)
-        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(climbing=True))
+        y, log = find_start(s, preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(climbing=True))
         assert log[-1].startswith("harmonics let in one by one: ")
-        none, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+        none, log = find_start(s, preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
         assert none is None
         assert not any("one by one" in line for line in log)
     curve = s.track(preload, (300.0, 301.0))
@@ -372,16 +373,16 @@ def test_the_highest_harmonic_is_let_in_from_solutions_without_it(tangle, climbe
 
 def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_are_too_long(monkeypatch):
     s, preload = study(harmonics=3), 200.0
-    few = s.without_highest_harmonic()
+    few = s.with_(harmonics=s.harmonic_numbers[:-1])
     assert few.harmonic_numbers == (1, 2) and few.model is s.model
-    known, _ = few.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
+    known, _ = find_start(few, preload, OMEGA, ContinuationOptions(), CostMeter(0.0))
     asked = []
 
     def fewer(omega):
         asked.append(omega)
         return [known[:-1]]
 
-    y, _ = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
+    y, _ = find_start(s, preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
     assert y is not None and not asked  # Newton leads to a solution
     correct_at = start.HarmonicSystem.correct_at
 
@@ -392,7 +393,7 @@ def test_the_chain_asks_for_solutions_without_the_highest_harmonic_where_paths_a
     with monkeypatch.context() as patched:
         patched.setattr(start.HarmonicSystem, "correct_at", fails)
         patched.setattr(start, "_homotopy", lambda *_: Path((), "too many points", "", 0, 0))
-        y, log = s.find_start(preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
+        y, log = find_start(s, preload, OMEGA, ContinuationOptions(), CostMeter(0.0), Aids(fewer=fewer))
     assert asked == [OMEGA] and log[-1].startswith("highest harmonic let in: ")
     r, _, _ = s.system(preload).evaluate(y[:-1], OMEGA)
     assert np.abs(r * s.system(preload).row_scale).max() < 1e-9

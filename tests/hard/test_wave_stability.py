@@ -7,8 +7,9 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.track import find_start
 from bdamper.stability.disturbances import WaveDisturbances, _pencil
-from bdamper.stability.floquet import NEUTRAL, monodromy, multipliers
+from bdamper.stability.floquet import NEUTRAL, bases_beside, monodromy, multipliers
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
@@ -94,7 +95,7 @@ def test_the_turn_of_the_phase_counts_growing_exponents(curve, mirrored):
     rng = np.random.default_rng(1)
     seen = set()
     for _ in range(6):
-        d = WaveDisturbances(s, curve.unknowns[0], omega, None if mirrored else study(3)._bases_beside(2))
+        d = WaveDisturbances(s, curve.unknowns[0], omega, None if mirrored else bases_beside(study(3), 2))
         n = len(d.l)
         d._length = np.zeros(0)
         A = rng.normal(size=(n, n)) + 1j * rng.normal(size=(n, n))
@@ -154,7 +155,7 @@ def solution_of_the_annulus(frequency):
     one_sector = annulus.make_study(structure, 3, amplitude=300.0)
     omega = 2 * np.pi * frequency
     options = ContinuationOptions(tolerance=1e-10)
-    y, _ = one_sector.find_start(annulus.PRELOAD, omega, options, CostMeter(time.perf_counter()))
+    y, _ = find_start(one_sector, annulus.PRELOAD, omega, options, CostMeter(time.perf_counter()))
     one = one_sector.system(annulus.PRELOAD)
     whole, wave, n = annulus.annulus_system(structure, one_sector, 3)
     values = np.linalg.eigvals(monodromy(whole, annulus.spread(one, y[:-1], wave, n), omega))
@@ -175,7 +176,7 @@ def test_exponents_of_the_wave_are_multipliers_of_the_annulus():
     period = 2 * np.pi / omega
     distance = {}
     for highest in (4, 10):
-        d = WaveDisturbances(one, u, omega, one_sector._bases_beside(0, highest))
+        d = WaveDisturbances(one, u, omega, bases_beside(one_sector, 0, highest))
         found = []
         for value in values[:8:2]:
             nearest = np.inf
@@ -193,7 +194,7 @@ def test_exponents_of_the_wave_are_multipliers_of_the_annulus():
 def test_the_verdict_is_that_of_the_annulus(frequency, stable):
     one_sector, one, u, omega, values = solution_of_the_annulus(frequency)
     assert (np.abs(values) <= 1.0 + NEUTRAL).all() == stable
-    for bases in (None, one_sector._bases_beside(1)):
+    for bases in (None, bases_beside(one_sector, 1)):
         count, _ = WaveDisturbances(one, u, omega, bases).growing(NEUTRAL * omega / (2 * np.pi), 5 * omega)
         assert (count == 0) == stable
 

@@ -92,7 +92,7 @@ def test_a_peak_off_the_curve_that_a_sweep_follows_is_detached():
     curve, isolated = peaks.branches[1], peaks.branches[0]
     there = curve.peaks[1]
     peaks.systems = {float(p): SimpleNamespace(n_mean=0) for p in peaks.preload}
-    peaks.study = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
+    peaks.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
 
     points = np.array([[0.5, 600.0], there.y, [0.5, 660.0]])
     peaks.look = lambda k, preload: Scan((there,), "complete", points)

@@ -8,18 +8,11 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.follower import _Follower, follow
+from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.peaks.follower import PeakFollower, follow_peak
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
-from bdamper.peaks.optimal import (
-    PARAMETERS,
-    linear_peak,
-    peaks_at,
-    resonance_interval,
-    setting_family,
-    setting_value,
-)
 from bdamper.peaks.peak_set import Branch, PeakSet
-from bdamper.peaks.scan import scan_from, solution_near
+from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan_from, solution_near
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError

@@ -17,6 +17,7 @@ import bdamper as bd
 from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.points import PointArrays
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.track import find_start
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
 from bdamper.util.cost import CostMeter
@@ -258,7 +259,7 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     u, one, omega = None, study.system(PRELOAD), 0.0
     for frequency in (800.0, 1000.0):
         omega = 2 * np.pi * frequency
-        y, _ = study.find_start(PRELOAD, omega, options, CostMeter(time.perf_counter()))
+        y, _ = find_start(study, PRELOAD, omega, options, CostMeter(time.perf_counter()))
         if y is not None:
             u = y[:-1]
             one.evaluate(u, omega)
@@ -271,7 +272,7 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
     r = np.full(system.n_unknown, np.nan)
     assert system.evaluate(spread(one, u, wave, n), omega, r) == 0
     # relative to the scales of the study: excitation for the harmonics, static load for the mean
-    excitation, load = np.abs(study._force_rows).max(), PRELOAD * np.abs(study.coupling.load()[0]).max()
+    excitation, load = np.abs(study.force_rows).max(), PRELOAD * np.abs(study.coupling.load()[0]).max()
     assert np.abs(r[n:]).max() <= 1e-10 * excitation
     assert np.abs(r[:n]).max() <= 1e-10 * max(load, excitation)
 

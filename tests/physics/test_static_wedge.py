@@ -190,5 +190,5 @@ def test_the_static_state_of_a_study_is_in_equilibrium(seed):
         # the sliders reproduce the friction forces
         x = np.einsum("pam,m->pa", study.bases[0].G.real, state.q) + load * study.coupling.load()[1]
         closed = state.force[:, 2] > 0
-        trial = study._kt * (x[:, :2] - state.slider)
+        trial = study.tangential_stiffness * (x[:, :2] - state.slider)
         np.testing.assert_allclose(trial[closed], state.force[closed, :2], rtol=0, atol=1e-8 * load)

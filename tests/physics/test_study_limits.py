@@ -9,6 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.balance.system import OK
 from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
@@ -162,8 +163,8 @@ class TestScaling:
         study = wedge_study(harmonics=3, excitation=bd.Excitation("tip", amplitude=40.0))
         late = replace(study, excitation=bd.Excitation("tip", amplitude=40.0, phase=shift))
         omega = 2 * np.pi * 340.0
-        y, _ = study.find_start(60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
-        z, _ = late.find_start(60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
+        y, _ = find_start(study, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
+        z, _ = find_start(late, 60.0, omega, OPTIONS, CostMeter(time.perf_counter()))
         assert y is not None
         assert z is not None
         system = study.system(60.0)
@@ -219,7 +220,7 @@ class TestSpecialPreloads:
         np.testing.assert_allclose(curve.amplitude[away], expected[away], rtol=2e-2)
         omega = 2 * np.pi * curve.frequency[0]
         system = study.system(1e5)
-        springs = study._stuck_springs(study.static(1e5))
+        springs = study.stuck_springs(study.static(1e5))
         assert not springs[:, :2].any()
         linear = system.linear_response(omega, springs) @ system.response_rows[1]
         assert curve.harmonics[0, 1] == pytest.approx(linear, rel=1e-7)
@@ -292,7 +293,7 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     assert "no damping" in str(curve)
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
     system = s.system(0.0 if kind == "free" else 1.0)
-    springs = None if kind == "free" else s._stuck_springs(s.static(1.0))
+    springs = None if kind == "free" else s.stuck_springs(s.static(1.0))
     exact = min(system.linear_modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
     distance = curve.frequency / exact - 1.0
     for side in (-1.0, 1.0):

@@ -79,11 +79,11 @@ def test_threads_that_overlap_leave_it_as_it_was():
 
 def test_a_study_solves_on_one_thread(monkeypatch):
     import bdamper as bd
-    from bdamper import study as study_module
+    from bdamper.continuation import track as track_module
 
     seen = []
-    inner = study_module.first_point
-    monkeypatch.setattr(study_module, "first_point", lambda *args: seen.append(blas()) or inner(*args))
+    inner = track_module.first_point
+    monkeypatch.setattr(track_module, "first_point", lambda *args: seen.append(blas()) or inner(*args))
     bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4).track(
         2000.0, (340.0, 360.0)
     )

@@ -35,7 +35,7 @@ def rich(study):
 
 @pytest.fixture(scope="module")
 def peak(rich):
-    return rich.peak(8000.0, INTERVAL, effects="auto")
+    return rich.peak(8000.0, INTERVAL)
 
 
 class TestHighestAtTheEnd:
@@ -103,27 +103,6 @@ class TestStudyOfACurve:
     def test_other_settings_are_still_refused(self, study, curve):
         with pytest.raises(bd.SettingError, match="other settings"):
             replace(study, friction_coefficient=0.3).with_stability(curve)
-
-
-class TestAdaptivePeaks:
-    def test_have_errors_and_sensitivities(self, rich, peak):
-        """Those of the same peak, found as such with what was on."""
-        used = rich.with_effects(peak.effects)
-        plain = used.peak(8000.0, INTERVAL)
-        assert plain.amplitude == pytest.approx(peak.amplitude, rel=1e-5)
-        ours = rich.estimate_errors(peak, sources=("harmonics",))["harmonics"]
-        theirs = used.estimate_errors(plain, sources=("harmonics",))["harmonics"]
-        assert ours.amplitude == pytest.approx(theirs.amplitude, rel=1e-3)
-        ours = rich.peak_sensitivities(peak, ("preload",))["preload"]
-        theirs = used.peak_sensitivities(plain, ("preload",))["preload"]
-        assert ours.value == 8000.0
-        assert ours.amplitude == pytest.approx(theirs.amplitude, rel=1e-3)
-
-    def test_of_another_study_are_refused(self, study, rich, peak):
-        with pytest.raises(bd.SettingError, match="expected one of this study"):
-            replace(rich, friction_coefficient=0.1).peak_sensitivities(peak)
-        with pytest.raises(bd.SettingError, match="expected a converged one"):
-            rich.estimate_errors(replace(peak, status="lost"))
 
 
 class TestShortTexts:

@@ -1,0 +1,513 @@
+"""A problem: one model under one set of settings, and the equations that follow from them.
+
+Everything is made once and kept: the bases of the harmonics, contact stiffness, static states under the preload.  The
+equations of the harmonic balance at one preload are ``system(preload)``.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from copy import copy
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import HarmonicSystem
+from bdamper.contact.friction_axes import major_angles, turned
+from bdamper.contact.laws import LAW_BONDED, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.no_separation import without_separation
+from bdamper.contact.points import PointArrays
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.contact.static import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.contact.stiffness import Contact, PerArea, StiffnessReport, check_method, contact_stiffness, report
+from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
+from bdamper.model.coarsening import unite_contact_points, united_gap, united_stiffness
+from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
+from bdamper.model.loads import Excitation, Response, direction_vector
+from bdamper.model.model import ContactStiffness
+from bdamper.problem.effects import Effects, whole_harmonics
+from bdamper.problem.settings import Settings, check_history
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost
+from bdamper.util.errors import SettingError, StaticError
+from bdamper.util.repr import brief, short
+
+_SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Problem(Settings):
+    """Settings with what is made from them.
+
+    Problems are told apart by identity; what two of them have in common is seen in the settings of their results.
+    Parameters are those of :class:`~bdamper.problem.settings.Settings`.
+    """
+
+    _states: dict[tuple[float, ...], PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self._modal_bases  # the nodal diameters that the harmonics need
+        _ = self.point_gaps
+        self._check_stiffness()
+
+    def _check_stiffness(self) -> None:
+        """Names and the user's own values; what a method needs of the model is found when it is used."""
+        method = self.contact_stiffness
+        if not (isinstance(method, str) and method == "model"):
+            check_method(method)
+        if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
+            _ = self.contact
+
+    def __str__(self) -> str:
+        def place(at: Excitation | Response) -> str:
+            return f"{at.location} {at.direction if isinstance(at.direction, str) else short(at.direction)}"
+
+        mu = sorted({value for value in self.friction_by_interface().values() if value > 0.0})
+        law = self.friction_law if isinstance(self.friction_law, str) else short(self.friction_law)
+        method = self.contact_stiffness
+        stiffness = method if isinstance(method, str) else short(method)
+        factor = "" if self.contact_stiffness_factor == 1.0 else f" times {self.contact_stiffness_factor:g}"
+        off = [f.name for f in fields(self) if f.name in _SWITCHES and not getattr(self, f.name)]
+        gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}
+        other = {
+            "rigid_modes": " ".join(self.rigid_modes) if self.rigid_modes != RIGID_NAMES else None,
+            "damping_ratio": self.damping_ratio,
+            "contact_points": self.contact_points,
+            "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
+            "load_history": self.load_history if self.load_history != (1.0,) else None,
+            "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
+            "residual_traction": self.residual_traction if self.residual_traction != "static" else None,
+            "off": ", ".join(off) or None,
+        }
+        harmonics, friction = " ".join(map(str, self.harmonic_numbers)), ", ".join(f"{value:g}" for value in mu) or "none"
+        lines = [
+            f"study of model {self.model.hash}, engine order {self.engine_order}",
+            f"  {self.excitation.amplitude:g} N at {place(self.excitation)}, response at {place(self.response_location)}",
+            f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
+            f"{self.coupling.n_points} contact points",
+            f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
+            *(f"  {name.replace('_', ' ')}: {value}" for name, value in other.items() if value is not None),
+        ]
+        return "\n".join(lines)
+
+    # ---- other settings ----
+
+    def with_(self, **settings: Any) -> Self:
+        """The same problem under other settings, given by name; what does not depend on them is shared.
+
+        Raises
+        ------
+        SettingError
+            If a value does not fit.
+        """
+        changed = {name for name, value in settings.items() if value is not getattr(self, name)}
+        if not changed <= {"harmonics", "bias", "stability"}:
+            return replace(self, **settings)
+        out = copy(self)
+        for name, value in settings.items():
+            object.__setattr__(out, name, value)
+        object.__setattr__(out, "harmonics", whole_harmonics(out.harmonics))
+        for name in ("bases", "_modal_bases", "response_rows"):
+            out.__dict__.pop(name, None)
+        check_evaluation(out.evaluation, out.harmonic_numbers[-1])
+        _ = out.bases
+        return out
+
+    def with_effects(self, effects: Effects) -> Self:
+        """The same problem with other effects; what does not depend on them is shared."""
+        settings = self.settings_for(validate.instance("effects", effects, Effects))
+        return self.with_(**{name: value for name, value in settings.items() if value != getattr(self, name)})
+
+    def matching(self, settings: Mapping[str, Any]) -> Self:
+        """The same problem with the harmonics and the evaluation of a result.
+
+        Parameters
+        ----------
+        settings : mapping
+            Of the result.  Where they do not say that a tolerance chose them, the problem itself is returned.
+        """
+        if "chosen" not in settings:
+            return self
+        evaluation = settings["evaluation"]
+        harmonics = tuple(settings["harmonics"])
+        chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
+        if harmonics == self.harmonic_numbers and chosen == self.evaluation:
+            return self
+        other = replace(self, harmonics=harmonics, evaluation=chosen)
+        other.share_static_states(self)
+        return other
+
+    def share_static_states(self, other: Problem) -> None:
+        """Take over the static states of a problem that differs in nothing that they depend on."""
+        self._states.update(other._states)
+
+    # ---- parts, made once ----
+
+    @cached_property
+    def coupling(self) -> Coupling:
+        """The model with the retained modes and interfaces."""
+        bodies = {
+            name: standard_rigid_modes(self.model, body) if body.kind == "free" else body
+            for name, body in self.model.bodies.items()
+        }
+        model = replace(self.model, bodies=bodies)
+        if self.contact_points is not None:
+            model = unite_contact_points(model, self.contact_points)
+        available = [min(b.n_modes for b in body.bases.values()) for body in bodies.values() if body.kind == "constrained"]
+        blade_modes = min([self.blade_modes, *available]) if self.blade_modes > 0 else self.blade_modes
+        modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
+        return Coupling(model, self.interface_names(), modes, int(self.engine_order), self.single_basis)
+
+    @cached_property
+    def static_basis(self) -> HarmonicBasis:
+        """Modes of the static state."""
+        return self._with_residual(self.coupling.basis(0), 0)
+
+    def _with_residual(self, basis: HarmonicBasis, harmonic: int) -> HarmonicBasis:
+        residual = self.contact.residual
+        if residual is None:
+            return basis
+        return residual.basis(harmonic).stiffer(float(self.contact_stiffness_factor)).join(basis)
+
+    @cached_property
+    def _modal_bases(self) -> list[HarmonicBasis]:
+        return [
+            self.coupling.basis(l) if l in self.active_harmonics else self.coupling.no_basis()
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
+
+    @cached_property
+    def bases(self) -> list[HarmonicBasis]:
+        """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
+        bases = [
+            self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self._modal_bases)
+        ]
+        if self.damping_ratio is not None:
+            bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]
+        return bases
+
+    @cached_property
+    def friction(self) -> NDArray:
+        """(n_points,) friction coefficients."""
+        mu = np.zeros(self.coupling.n_points)
+        for name, value in self.friction_by_interface().items():
+            mu[self.coupling.rows(name)] = value
+        return mu
+
+    @cached_property
+    def contact(self) -> Contact:
+        method = self.contact_stiffness
+        if isinstance(method, str) and method == "model":
+            missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
+            if missing:
+                raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
+            return Contact({name: self.coupling.model.contact[name] for name in self.coupling.interfaces})
+        if self.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
+            # numbers are given for the points of the model
+            whole = method if isinstance(method, Mapping) else dict.fromkeys(self.coupling.interfaces, method)
+            method = {
+                name: united_stiffness(self.model.interfaces[name], self.contact_points, np.asarray(k, float))
+                for name, k in whole.items()
+            }
+        return contact_stiffness(self.coupling, method, self.friction)
+
+    @cached_property
+    def stiffness(self) -> dict[str, ContactStiffness]:
+        """Contact stiffness of each interface."""
+        factor = float(self.contact_stiffness_factor)
+        if factor == 1.0:
+            return self.contact.stiffness
+        return {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
+
+    @property
+    def stiffness_report(self) -> tuple[StiffnessReport, ...]:
+        """Range of the contact stiffness and use of fallback rules, for each interface."""
+        return tuple(report(name, contact) for name, contact in self.stiffness.items())
+
+    @cached_property
+    def point_stiffness(self) -> NDArray:
+        return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
+
+    @cached_property
+    def point_gaps(self) -> NDArray:
+        given = {} if self.gap is None else validate.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
+        parts = []
+        for name in self.coupling.interfaces:
+            face = self.coupling.model.interfaces[name]
+            gap = validate.numbers(f"gap of '{name}'", given[name]) if name in given else face.gap
+            whole = self.model.interfaces[name]
+            if self.contact_points is not None and gap.shape == (whole.n_points,):  # given for the points of the model
+                gap = united_gap(whole, self.contact_points, gap)
+            if gap.shape != (face.n_points,):
+                raise validate.unfit(f"gap of '{name}'", f"{face.n_points} finite numbers", gap)
+            if self.law_by_interface().get(name) == LAW_BONDED and (gap > 0.0).any():
+                raise SettingError(
+                    f"gap of '{name}': expected none under friction_law=\"bonded\", which holds the surfaces together in "
+                    f"both senses, found {gap.max():.3g} m at the widest of {(gap > 0.0).sum()} points"
+                )
+            parts.append(gap)
+        return np.concatenate(parts)
+
+    @cached_property
+    def point_laws(self) -> NDArray:
+        """(n_points,) law of each contact point."""
+        law = np.full(self.coupling.n_points, LAW_NORMAL)
+        for name, value in self.law_by_interface().items():
+            rows = self.coupling.rows(name)
+            law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
+        return law
+
+    @cached_property
+    def bonded_points(self) -> NDArray:
+        """(n_points,) bool: points of linear springs."""
+        return self.point_laws == LAW_BONDED
+
+    @cached_property
+    def tangential_stiffness(self) -> NDArray:
+        return self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None]
+
+    @cached_property
+    def friction_points(self) -> NDArray:
+        """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
+        faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
+        return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
+
+    @cached_property
+    def damper_load(self) -> tuple[NDArray, NDArray]:
+        force, shift = self.coupling.load()
+        return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
+
+    def location_modes(self, location: str, harmonic: int) -> NDArray:
+        """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
+        modes = self.coupling.location_modes(location, harmonic)
+        return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
+
+    @cached_property
+    def force_rows(self) -> NDArray:
+        """(n_modes,) complex modal excitation at harmonic 1."""
+        modes = self.location_modes(self.excitation.location, 1)
+        force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
+        return (direction_vector(self.excitation.direction, "excitation direction") @ modes).conj() * force
+
+    @cached_property
+    def response_rows(self) -> list[NDArray]:
+        place = self.response_location
+        direction = direction_vector(place.direction, "response direction")
+        rows = [
+            direction @ self.location_modes(place.location, l) if l in self.active_harmonics else np.zeros(0)
+            for l in range(self.harmonic_numbers[-1] + 1)
+        ]
+        rows[0] = rows[0].real
+        return rows
+
+    # ---- static ----
+
+    @one_thread
+    def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+        """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
+
+        Parameters
+        ----------
+        preload : float, N
+        history : sequence of float, optional
+            Load factors, up and down, through which the load passes from zero; ``load_history`` of the study by default.
+            The state is that at the last one.
+
+        Returns
+        -------
+        PreloadState
+        """
+        preload = self.check_preload(preload)
+        factors = self.load_history if history is None else check_history(history, "history")
+        key = (preload, *factors)
+        if key not in self._states:
+            start = time.perf_counter()
+            force, shift = self.damper_load
+            system = StaticSystem(
+                self.static_basis.omega2,
+                self.static_basis.G.real,
+                self.tangential_stiffness,
+                self.point_stiffness[:, 2],
+                self.friction,
+                -self.point_stiffness[:, 2] * self.point_gaps,
+                force,
+                shift,
+                np.zeros_like(force),
+                self.bonded_points,
+            )
+            state = None
+            if len(factors) == 1:
+                # always from one and the same load, so that results do not depend on what was asked before
+                unit = self._states.get((1.0, 1.0)) or static_state(system, 1.0)
+                self._states[(1.0, 1.0)] = unit
+                state = scaled_state(system, unit, factors[0] * preload)
+                if state is not None:
+                    self._states[key] = replace(state, cost=Cost(seconds=time.perf_counter() - start))
+                    return self._states[key]
+            for factor in factors:
+                state = static_state(system, factor * preload, start=state)
+                if not state.converged:
+                    break
+            assert state is not None
+            self._states[key] = replace(state, cost=Cost(time.perf_counter() - start, iterations=state.iterations))
+        return self._states[key]
+
+    def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
+        """The static state that a result is built on, an error where there is none."""
+        state = self.static(preload, history)
+        if not state.converged:
+            raise StaticError(f"expected a static state under {preload:g} N, found none: {state.note}")
+        return state
+
+    def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
+        """Pressure, gap and state over the faces in the static state; arguments as for :meth:`static`."""
+        factors = self.load_history if history is None else check_history(history, "history")
+        return ContactMap.make(self.coupling, self.equilibrium(preload, factors), self.friction, factors)
+
+    def wedge_friction(self, preload: float = 1.0) -> WedgeFriction:
+        """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
+        return wedge_friction(self.coupling, self.friction, self.check_preload(preload))
+
+    @cached_property
+    def self_locking(self) -> tuple[str, ...]:
+        """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
+
+        Those for which :meth:`wedge_friction` finds no upper bound of the normal force.
+        """
+        if not any(body.kind == "free" and body.load is not None for body in self.model.bodies.values()):
+            return ()
+        try:
+            found = self.wedge_friction()
+        except SettingError:  # nothing holds the load
+            return ()
+        faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
+        holders = {self.coupling.model.interfaces[name].body_a for name in faces}
+        springs = {name for name, law in self.law_by_interface().items() if law == LAW_BONDED}
+        holders -= {self.coupling.model.interfaces[name].body_a for name in springs}
+        return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
+
+    def check_preload(self, preload: float) -> float:
+        preload = validate.number("preload", preload, least=0.0, unit="N")
+        if preload > 0.0 and not np.any(self.damper_load[0]):
+            raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
+        return preload
+
+    @property
+    def why_no_load(self) -> str:
+        loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
+        if not loaded:
+            return "no body of the model carries a load"
+        return f"the study leaves out the motions of {loaded} along the load (rigid_modes={self.rigid_modes})"
+
+    # ---- harmonic balance ----
+
+    @property
+    def n_unknowns(self) -> int:
+        """Of the harmonic balance."""
+        n = [len(b.omega2) for b in self.bases]
+        return n[0] + 2 * sum(n[1:])
+
+    def system(self, preload: float) -> HarmonicSystem:
+        """Harmonic balance equations at one preload (N).
+
+        Raises
+        ------
+        StaticError
+            If no static state was found under it.
+        """
+        state = self.equilibrium(preload)
+        load, shift = self.damper_load
+        e = self.force_rows
+        n_mode = [len(b.omega2) for b in self.bases]
+        force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
+        force[: n_mode[0]] = (state.load * load)[: n_mode[0]]
+        n = n_mode[1]
+        force[n_mode[0] : n_mode[0] + n] = e.real
+        force[n_mode[0] + n : n_mode[0] + 2 * n] = -e.imag
+        shift = state.load * shift
+        if not self.bias:
+            shift = shift + self.static_basis.G.real @ state.q
+        points = PointArrays(
+            kt=self.tangential_stiffness,
+            kn=self.point_stiffness[:, 2],
+            mu=self.friction,
+            n0=-self.point_stiffness[:, 2] * self.point_gaps,
+            slider=np.where(self.bonded_points[:, None], 0.0, state.slider),
+            law=self.point_laws.copy(),
+            shift=shift,
+        )
+        bases = self.bases
+        if self.friction_axes == "major":
+            bases, points = turned(bases, points, self.major_directions(preload))
+        if self.residual_traction != "static":
+            points = replace(points, slider=self._extreme_sliders(points, preload))
+        if not self.separation or not self.variable_normal_load:
+            bases, points = without_separation(
+                bases, points, state, self.friction_points, constant_load=not self.variable_normal_load
+            )
+        vibration = float(np.abs(self.force_rows).max())
+        pressed = np.einsum("pdm,pd->m", self.static_basis.G.real, state.force)
+        mean = max(float(np.abs(state.load * load).max()), float(np.abs(pressed).max()), vibration)
+        scale = (mean or 1.0, vibration or mean or 1.0)
+        system = HarmonicSystem(bases, points, force, self.response_rows, self.evaluation, scale)
+        system.spring_bases = self.bases  # linear springs are those of the points of the coupling
+        return system
+
+    def _extreme_sliders(self, points: PointArrays, preload: float) -> NDArray:
+        """(n_points, 2) sliders, infinite where an end of their interval is asked for."""
+        along = np.zeros((self.coupling.n_points, 2))
+        for name in self.coupling.interfaces:
+            face = self.coupling.model.interfaces[name]
+            for sense, body in ((-1.0, face.body_a), (1.0, face.body_b)):
+                load = self.coupling.model.bodies[body].load
+                if load is not None:
+                    along[self.coupling.rows(name)] = sense * face.frame[:, :2] @ load.direction
+        if self.friction_axes == "major":
+            angle = self.major_directions(preload)
+            c, s = np.cos(angle), np.sin(angle)
+            along = np.column_stack([c * along[:, 0] + s * along[:, 1], c * along[:, 1] - s * along[:, 0]])
+        # a traction T acts on body a along +t and on body b along -t; the slider at the upper end gives the lowest T
+        end = -np.inf if self.residual_traction == "lower" else np.inf
+        asked = (np.abs(along) > 1e-6) & (points.law[:, None] == LAW_SEPARABLE)
+        return np.where(asked, np.copysign(end, along * np.sign(end)), points.slider)
+
+    def stuck_springs(self, state: PreloadState) -> NDArray:
+        """(n_points, 3) linear springs: points that the preload has closed do not slip."""
+        closed = ~(state.status == OPEN).any(axis=1)
+        springs = np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
+        return springs * closed[:, None]
+
+    def major_directions(self, preload: float) -> NDArray:
+        """Angle of the major direction of the stuck motion from the first contact axis, at every contact point.
+
+        Parameters
+        ----------
+        preload : float, N
+            Decides which points are closed.
+
+        Returns
+        -------
+        (n_points,) float, rad
+        """
+        if preload in self._angles:
+            return self._angles[preload]
+        springs = self.stuck_springs(self.equilibrium(preload))
+        plain = copy(self)  # shares all that was made
+        object.__setattr__(plain, "friction_axes", "contact")
+        system = plain.system(preload)
+        if self.major_frequency is not None:
+            omega = 2.0 * np.pi * self.major_frequency
+        else:
+            poles = [w for w in system.linear_modes(springs)[0] if w > 0.0]
+            heights = [abs(system.linear_response(w, springs) @ self.response_rows[1]) for w in poles]
+            omega = poles[int(np.argmax(heights))]
+        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ system.linear_response(omega, springs))
+        return self._angles[preload]

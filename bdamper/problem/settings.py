@@ -1,0 +1,306 @@
+"""The settings of a problem: what the user chooses about one model, checked at once.
+
+Every setting stands for a choice of the method (paper, sections 2 and 3): modes and nodal diameters of the bodies, contact
+stiffness, friction law, preload history, harmonics of the response.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.contact.stiffness import PerArea
+from bdamper.model.coupling import RIGID_NAMES
+from bdamper.model.loads import Excitation, Response
+from bdamper.model.model import Model
+from bdamper.model.validation import check_model
+from bdamper.problem.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
+BLADE_MODES = 10
+"""By default; fewer where the model has no more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settings:
+    """Settings of an analysis of one model.
+
+    Parameters
+    ----------
+    model : Model
+    excitation : Excitation
+    engine_order : int
+        Of the fundamental harmonic.
+    friction_coefficient : float or mapping of interface name to float
+    response : Response, optional
+        Location and direction of the excitation by default.
+    harmonics : int or tuple of int
+        Harmonics of the response besides the mean: how many, or which.
+    contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
+        Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
+    contact_stiffness_factor : float
+        On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
+        divided by it.
+    blade_modes : int
+        Modes of each constrained body, no more than the model has; the default stands for all of a model that has fewer.
+    damper_modes : int
+        Elastic modes of each free body.
+    rigid_modes : sequence of str
+        Rigid-body modes of free bodies: "TX", "TY", "TZ" (translation) and "RX", "RY", "RZ" (rotation), along and about
+        the damper's own axes.
+    constraints : bool
+        Whether constraint planes (front and back of a damper) take part.
+    single_basis : bool
+        Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
+    damping_ratio : float, optional
+        For all elastic modes, instead of the model's.
+    evaluation : {"exact"} or Sampled
+        How contact forces are found over a cycle.
+    friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
+        "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
+        radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
+        :mod:`bdamper.contact.static`).  "bonded": linear springs in all directions and both senses.
+        "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
+    friction_axes : {"contact", "major"}
+        Axes of the separable law: those of the interface, or at each point the major directions of its motion
+        (:mod:`bdamper.contact.friction_axes`).
+    major_frequency : float, Hz, optional
+        At which the stuck response shows the major directions; by default its resonance with the largest response.  Only
+        with ``friction_axes="major"``.
+    residual_traction : {"static", "lower", "upper"}
+        Friction force of points that never slip, which the equations leave open within an interval
+        (``HarmonicSystem.slider_interval``): that of the static state, or that end of the interval at which friction
+        carries as much of the damper's load as it can ("lower": lowest normal loads), or works against it as much as it
+        can ("upper").  Directions that are normal to the load keep the static value.
+    bias, variable_normal_load, separation : bool
+        Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
+        otherwise stands in :class:`~bdamper.problem.effects.Effects`.
+    contact_points : int, optional
+        At most so many contact points on each friction face, by uniting neighbouring patches.
+    gap : mapping of interface name to (n_points,) float, optional
+        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.model.misfit.misfit`.  None under
+        the law "bonded".
+    load_history : tuple of float
+        Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.
+    stability : bool
+        Whether tracking curves come with the stability of every point.
+    effects : Effects, optional
+        All settings that decide which effects take part, at once; the settings hold them afterwards, and
+        ``Effects.of(study)`` reads them.
+
+    Raises
+    ------
+    SettingError, ModelError
+        At once, naming the setting, what was expected and what was found.
+    """
+
+    model: Model = field(repr=False)
+    excitation: Excitation
+    engine_order: int = 1
+    friction_coefficient: float | Mapping[str, float] = 0.3
+    response: Response | None = None
+    harmonics: int | tuple[int, ...] = 1
+    contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] = "unit_traction"
+    blade_modes: int = BLADE_MODES
+    damper_modes: int = 0
+    rigid_modes: tuple[str, ...] = RIGID_NAMES
+    constraints: bool = True
+    single_basis: bool = False
+    damping_ratio: float | None = None
+    evaluation: str | Sampled = "exact"
+    friction_law: str | Mapping[str, str] = "separable"
+    friction_axes: str = "contact"
+    major_frequency: float | None = None
+    residual_traction: str = "static"
+    bias: bool = True
+    variable_normal_load: bool = True
+    separation: bool = True
+    contact_points: int | None = None
+    gap: Mapping[str, NDArray] | None = None
+    load_history: tuple[float, ...] = (1.0,)
+    stability: bool = False
+    effects: Effects | None = None
+    contact_stiffness_factor: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.effects is not None:
+            self._take_effects(validate.instance("effects", self.effects, Effects))
+        if not getattr(self.model, "_checked", False):
+            check_model(self.model)
+            object.__setattr__(self.model, "_checked", True)
+        validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
+        if self.response is not None:
+            validate.instance("response", self.response, Response, "a Response(location, direction)")
+        for name, place in (("excitation", self.excitation), ("response", self.response_location)):
+            validate.choice(f"{name} location", place.location, sorted(self.model.locations))
+        self._check_friction()
+        validate.fields(self, validate.whole, "engine_order", "damper_modes")
+        validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self._modes_of("constrained")))
+        validate.fields(self, validate.names, "rigid_modes", choices=RIGID_NAMES)
+        switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
+        validate.fields(self, validate.flag, *switches)
+        _ = Effects.of(self)
+        object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
+        check_evaluation(self.evaluation, self.harmonic_numbers[-1])
+        object.__setattr__(self, "load_history", check_history(self.load_history, "load_history"))
+        if self.load_history[-1] != 1.0:
+            raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history}")
+        if self.damping_ratio is not None:
+            validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
+        validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
+
+    def _modes_of(self, kind: str) -> int:
+        """Modes that every body of a kind has at every nodal diameter; 0 without such a body."""
+        bodies = [body for body in self.model.bodies.values() if body.kind == kind]
+        return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
+
+    def _take_effects(self, effects: Effects) -> None:
+        own = {f.name: f.default for f in fields(self)}
+        for name, value in self.settings_for(effects).items():
+            given = getattr(self, name)
+            if given not in (own[name], value):
+                raise SettingError(
+                    f"{name}: expected only one of effects and {name}, found effects with {value!r} and {given!r}; "
+                    "use with_effects to change the effects of a study"
+                )
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "effects", None)
+
+    def settings_for(self, effects: Effects) -> dict[str, Any]:
+        """Settings that carry some effects, by name."""
+        settings = effects.settings()
+        law = effects.friction_law
+        if self.evaluation == "exact" and "coupled" in ([law] if isinstance(law, str) else law.values()):
+            settings["evaluation"] = Sampled(max(128, 8 * effects.harmonic_numbers[-1] + 8))
+        return settings
+
+    def _check_friction(self) -> None:
+        given = self.friction_law
+        if given == "constant_normal_load":
+            object.__setattr__(self, "friction_law", "separable")
+            object.__setattr__(self, "variable_normal_load", False)
+        else:
+            check_law(given, (*LAW_NAMES, "constant_normal_load"))
+            faces = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
+            if isinstance(given, Mapping) and set(given) != set(faces):
+                raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
+        validate.choice("friction_axes", self.friction_axes, ("contact", "major"))
+        validate.choice("residual_traction", self.residual_traction, TRACTIONS)
+        laws = set(self.law_by_interface().values())
+        if self.residual_traction != "static" and LAW_COUPLED in laws:
+            raise SettingError('residual_traction: expected "static" with coupled friction, found an end of the interval')
+        if isinstance(self.evaluation, str) and LAW_COUPLED in laws:
+            raise SettingError(
+                'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
+            )
+        if self.major_frequency is not None:
+            validate.fields(self, validate.number, "major_frequency", above=0.0, unit="Hz")
+            if self.friction_axes != "major":
+                raise SettingError(
+                    f'major_frequency: expected friction_axes="major" with it, found friction_axes="{self.friction_axes}"'
+                )
+        _ = self.friction_by_interface()
+
+    def law_by_interface(self) -> dict[str, int]:
+        """Law of each friction interface, before it is known which of them have friction."""
+        given = self.friction_law
+        names = [name for name, face in self.model.interfaces.items() if face.kind == "friction"]
+        return {name: LAWS[given if isinstance(given, str) else given[name]] for name in names}
+
+    @property
+    def response_location(self) -> Response:
+        return self.response or Response(self.excitation.location, self.excitation.direction)
+
+    def interface_names(self) -> tuple[str, ...]:
+        return tuple(
+            name for name, face in self.model.interfaces.items() if self.constraints or face.kind == "friction"
+        )
+
+    def friction_by_interface(self) -> dict[str, float]:
+        out = {}
+        given = self.friction_coefficient
+        if isinstance(given, Mapping):
+            validate.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
+        for name in self.interface_names():
+            if self.model.interfaces[name].kind == "constraint":
+                out[name] = 0.0
+            elif isinstance(given, Mapping):
+                if name not in given:
+                    raise SettingError(f"friction_coefficient: expected a value for interface '{name}'")
+                out[name] = validate.number(f"friction_coefficient of '{name}'", given[name], least=0.0)
+            else:
+                out[name] = validate.number("friction_coefficient", given, least=0.0)
+        return out
+
+    @property
+    def harmonic_numbers(self) -> tuple[int, ...]:
+        """Harmonics besides the mean, ascending."""
+        return harmonic_numbers(self.harmonics)
+
+    @property
+    def active_harmonics(self) -> set[int]:
+        """Harmonics that have unknowns, the mean counted as 0."""
+        return {*self.harmonic_numbers, *([0] if self.bias else [])}
+
+    def record(self, options: Any = None) -> dict[str, Any]:
+        given = self.contact_stiffness
+        out: dict[str, Any] = {
+            "engine_order": int(self.engine_order),
+            "harmonics": list(self.harmonic_numbers),
+            "bias": self.bias,
+            "variable_normal_load": self.variable_normal_load,
+            "separation": self.separation,
+            "contact_points": self.contact_points,
+            "stability": self.stability,
+            "friction_coefficient": self.friction_by_interface(),
+            "excitation": asdict(self.excitation),
+            "response": asdict(self.response_location),
+            "contact_stiffness": _stiffness_setting(given),
+            "contact_stiffness_factor": self.contact_stiffness_factor,
+            "load_history": list(self.load_history),
+            "gap": self.gap,
+            "blade_modes": int(self.blade_modes),
+            "damper_modes": int(self.damper_modes),
+            "rigid_modes": list(self.rigid_modes),
+            "constraints": self.constraints,
+            "single_basis": self.single_basis,
+            "damping_ratio": self.damping_ratio,
+            "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
+            "friction_axes": self.friction_axes,
+            "major_frequency": self.major_frequency,
+            "residual_traction": self.residual_traction,
+            "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
+        }
+        if options is not None:
+            out["continuation"] = asdict(options)
+        settings: dict[str, Any] = _plain(out)
+        return settings
+
+
+def _stiffness_setting(given: Any) -> Any:
+    if isinstance(given, ResidualModes):
+        return {"residual_modes": asdict(given)}
+    if isinstance(given, PerArea):
+        return {"per_area": given.stiffness}
+    return given if isinstance(given, str) else {"values": given}
+
+
+def _plain(value: Any) -> Any:
+    """Settings as they stand in a file: numbers, texts, lists and mappings of these."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return value.tolist()
+    return [_plain(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
+def check_history(history: Sequence[float], name: str) -> tuple[float, ...]:
+    return tuple(validate.numbers(f"{name}, load factors", history, least=0.0).tolist())
