@@ -30,8 +30,8 @@ C_LEVELS = [
 ]
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [
-    "__init__", "study", "plot", "design", "accuracy", "effects", "peaks", "stability", "continuation", "problem", "balance",
-    "contact", "fe", "io", "reduction", "model", "util",
+    "__init__", "study", "plot", "design", "accuracy", "effects", "peaks", "stability", "continuation", "problem",
+    "balance", "contact", "fe", "io", "reduction", "model", "util",
 ]  # fmt: skip
 UPWARD = {("util.plotting", "plot")}
 """The registry of pictures, which bdamper.plot fills, is asked from below: the only arrow that runs upward."""
@@ -172,9 +172,9 @@ def test_nobody_uses_private_names_of_others():
         for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("bdamper"):
                 wrong += [f"{path.relative_to(ROOT)}:{node.lineno} {a.name}" for a in node.names if private(a.name)]
-            if isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own:
-                if ast.unparse(node.value) not in ("self", "cls"):
-                    wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)}")
+            foreign = isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own
+            if foreign and ast.unparse(node.value) not in ("self", "cls"):
+                wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)}")
     assert not wrong, "\n".join(wrong)
 
 
@@ -195,7 +195,8 @@ def test_only_plot_imports_matplotlib_and_pyvista():
 
 
 def test_only_the_system_imports_the_core():
-    assert {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"} == {"balance.system"}
+    users = {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"}
+    assert users == {"balance.system"}
 
 
 def test_importing_bdamper_loads_neither_pictures_nor_finite_elements(tmp_path):
