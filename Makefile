@@ -3,7 +3,10 @@
 #   make test      test suite (make test-slow: the tests that take minutes)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html
-# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean.
+# For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
+#   make nastran   Nastran readers, with the NumPy that pyNastran asks for
+#   make oldest    quick tests with the oldest supported dependencies
+#   make wheel     a wheel in an empty environment
 
 PYTHON ?= python3
 VENV := .venv
@@ -21,7 +24,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize nastran clean prerequisites
+.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize nastran oldest wheel clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -46,6 +49,12 @@ docs: $(VENV)/docs.stamp
 nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
+oldest: | prerequisites
+	$(call step,quick tests with the oldest supported dependencies,sh tools/test_oldest.sh)
+
+wheel: | prerequisites
+	$(call step,a wheel in an empty environment,PYTHON=$(PYTHON) sh tools/test_wheel.sh)
+
 accuracy: $(VENV)/test.stamp
 	$(call step,ladders of accuracy against time into docs/accuracy.md,$(PY) -m benchmarks.bench_accuracy)
 
@@ -65,7 +74,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) $(VENV)-nastran build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

@@ -1,0 +1,32 @@
+"""One tracking curve by the installed package, away from its sources: `python smoke.py`; fails where something is missing."""
+
+from importlib import metadata
+from pathlib import Path
+
+import numpy as np
+
+import bdamper as bd
+
+PEAK = (4.7496e-4, 351.128)
+"""Amplitude (m) and frequency (Hz) of the first mode of the shipped disk under 2000 N, as the README's example gives it."""
+
+package = Path(bd.__file__).parent
+assert "site-packages" in package.parts, f"not the installed package: {package}"
+assert (package / "py.typed").is_file(), "py.typed is missing: type checkers would not read the hints"
+assert bd.__version__ == metadata.version("bdamper"), (bd.__version__, metadata.version("bdamper"))
+files = metadata.files("bdamper") or []
+assert any(f.name == "LICENSE" for f in files), "the licence is missing"
+assert not any(f.parts[0] == "tests" or f.suffix == ".c" for f in files), "tests or sources were installed"
+
+model = bd.reference_model("bladed_disk", contact_points=24)
+study = bd.Study(
+    model,
+    engine_order=5,
+    friction_coefficient=0.4,
+    excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+)
+curve = study.track(preload=2000.0, frequency=(270.0, 370.0))
+print(curve)
+assert curve.complete
+np.testing.assert_allclose((curve.peak.amplitude, curve.peak.frequency), PEAK, rtol=1e-4)
+print(f"bdamper {bd.__version__}: wheel complete, peak as expected")
