@@ -30,9 +30,20 @@ from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surf
 from bdamper.fe.sector import SectorFE
 from bdamper.model.model import Body, Interface, Model, turn
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
+from bdamper.reduction.patches import Patches
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
+
+
+def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, end_gap: float) -> dict[str, Interface]:
+    faces = (
+        interface("left", left, "damper", "blade"),
+        interface("right", right, "damper", "blade", sector_b=1),
+        interface("front", front, "damper", "ground", clearance=end_gap),
+        interface("back", back, "damper", "ground", clearance=end_gap),
+    )
+    return {face.name: face for face in faces}
 
 
 def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterable[Interface]) -> None:
@@ -65,8 +76,8 @@ def bladed_disk(
     Parameters
     ----------
     points : int or (int, int)
-        Contact points on each face, or their number along slope and axis.  More points than the mesh has
-        nodes on the face make the static receptance singular.
+        Contact points on each face, or their number along slope and axis; more than the mesh has nodes on the face make
+        the static receptance singular.
     mesh : {"coarse", "reference"}
         Ignored if ``fe`` is given.
     n_modes : int
@@ -89,9 +100,8 @@ def bladed_disk(
     Returns
     -------
     Model
-        Without contact stiffness (``contact`` is empty).  The rigid translations of the damper are along its
-        own tangential, radial and axial direction; its centre, inertia and the direction of its load are in
-        the axes of blade 0, like everything else.
+        Without contact stiffness (``contact`` is empty).  The rigid translations of the damper are along its own
+        tangential, radial and axial direction; everything else is in the axes of blade 0.
     """
     if fe is None:
         fe = SectorFE(density=MeshDensity.preset(mesh))
@@ -103,12 +113,7 @@ def bladed_disk(
 
     left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
     front, back = (end_patches(g, side) for side in ("front", "back"))
-    interfaces = {
-        "left": interface("left", left, "damper", "blade"),
-        "right": interface("right", right, "damper", "blade", sector_b=1),
-        "front": interface("front", front, "damper", "ground", clearance=g.end_gap),
-        "back": interface("back", back, "damper", "ground", clearance=g.end_gap),
-    }
+    interfaces = _interfaces(left, right, front, back, g.end_gap)
     contact_blade = fe.blade_contact(left, right)
     contact_damper = fe.damper_contact(left, right, front, back)
     _assert_same_place(fe.blade, contact_blade, [interfaces[name] for name, _ in BLADE_PORTS])
@@ -122,10 +127,10 @@ def bladed_disk(
     damper = free_body(
         "damper", DAMPER_PORTS, fe.damper, contact_damper, damper_nodes, n_damper_modes, damping_ratio, radial
     )
-    ground = Body("ground", "ground", (("front", "b"), ("back", "b")))
+    bodies = {"blade": blade, "damper": damper, "ground": Body("ground", "ground", (("front", "b"), ("back", "b")))}
     return Model(
         n_blades=g.n_blades,
-        bodies={"blade": blade, "damper": damper, "ground": ground},
+        bodies=bodies,
         interfaces=interfaces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes={

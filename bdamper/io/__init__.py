@@ -1,8 +1,15 @@
-"""Reading and writing of models, and models from the files of finite element programs."""
+"""Model files, and models from the files of finite element programs.
+
+In: a model file, or numbers and files of Abaqus, Ansys, CalculiX, Nastran, MATLAB and others, which the `read_...`
+functions turn into an `FEBody` each; a measured response.  Out: a :class:`bdamper.model.model.Model` from `load_model`,
+or a `BuiltModel` with its `ImportReport` from `build_model`, which checks units, axes and sector faces, lays the contact
+points (`ContactFaces`) and reduces the bodies.  `save_model` writes a model file.
+"""
 
 from bdamper.io.ansys import read_ansys, read_cdb, read_full, read_rst
-from bdamper.io.build import BuiltModel, ContactFaces, build_model
+from bdamper.io.build import BuiltModel, build_model
 from bdamper.io.calculix import read_calculix, read_frd, read_inp
+from bdamper.io.contact_faces import ContactFaces
 from bdamper.io.fe_body import UNITS, FEBody, MassProperties, Modes, Receptance, Units
 from bdamper.io.import_report import ImportReport
 from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read_elements, read_matrix, read_nodes, read_set

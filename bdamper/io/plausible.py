@@ -107,7 +107,7 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
     stretch = np.stack([(arm * np.eye(3)[k]).ravel() for k in range(3)], axis=1)
     energy, scale = (np.einsum("ij,ij->j", u, structure.stiffness @ u) for u in (motion, stretch))
     if not scale.max() > 0.0:
-        raise mismatch(f"{body.where}: stiffness matrix", "a body that resists being stretched", "no force at all")
+        raise body.error("stiffness matrix", "a body that resists being stretched", "no force at all")
     strain = np.sqrt(np.abs(energy) / scale.max())
     worst = int(np.argmax(strain))
     if not strain[worst] <= RIGID_TOLERANCE:
@@ -117,8 +117,8 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
         else:
             hint = "positions that do not belong to it (order, units, axes), or nodes with axes of their own"
         kind = "translation along" if worst < 3 else "rotation about"
-        raise mismatch(
-            f"{body.where}: stiffness matrix",
+        raise body.error(
+            "stiffness matrix",
             "a free body, which no rigid motion strains",
             f"a strain of {strain[worst]:.2g} of its size under a {kind} {'XYZ'[worst % 3]}: {hint}",
         )
@@ -148,8 +148,8 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
     angle = np.rad2deg(np.arctan2(x, y))
     if abs(angle) > limit:
         along = body.place.rotation.T @ [x, y, 0.0] / np.hypot(x, y)
-        raise mismatch(
-            f"{body.where}: radial",
+        raise body.error(
+            "radial",
             f"the direction from the axis to the blade, within {limit:.3g} degrees of the middle of the sector, "
             f"({', '.join(f'{a:.3g}' for a in along)}) in the axes of the file",
             f"({', '.join(f'{r:.3g}' for r in body.place.radial)}), {abs(angle):.3g} degrees off",
@@ -165,8 +165,8 @@ def check_not_swapped(body: PreparedBody) -> None:
         for matrix in (body.structure.stiffness, body.structure.mass)
     )
     if mass < 0.1 and stiffness > 0.5:
-        raise mismatch(
-            f"{body.where}: matrices",
+        raise body.error(
+            "matrices",
             "a stiffness matrix, then a mass matrix",
             "one that resists translations as a mass does, then one that does not: they came swapped",
         )
@@ -194,8 +194,8 @@ def _check_wave_speed(body: PreparedBody, given: str) -> str:
     speed = wave_speed(body)
     high = np.inf if body.fixed(None).any() else WAVE_SPEED[1]
     if not WAVE_SPEED[0] <= speed <= high:
-        raise mismatch(
-            f"{body.where}: stiffness and mass matrix",
+        raise body.error(
+            "stiffness and mass matrix",
             f"a material in which longitudinal waves travel at {WAVE_SPEED[0]:g} to {WAVE_SPEED[1]:g} m/s (some 6000 in "
             "metals)",
             f"{speed:.3g} m/s with units='{given}': a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that "
@@ -210,8 +210,8 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
     given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
     if not SIZE[0] <= body.size <= SIZE[1]:
         factor = "millimetres" if body.size > SIZE[1] else "another unit of length"
-        raise mismatch(
-            f"{body.where}: positions",
+        raise body.error(
+            "positions",
             f"an extent of {SIZE[0]:g} to {SIZE[1]:g} m",
             f"{body.size:.4g} m with units='{given}': {factor} suspected; {OVERRIDE}",
         )
@@ -225,8 +225,8 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
             raw = density / u.mass * u.length**3
             fitting = [k for k, v in UNITS.items() if DENSITY[0] <= raw * v.mass / v.length**3 <= DENSITY[1]]
             hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
-            raise mismatch(
-                f"{body.where}: mass matrix",
+            raise body.error(
+                "mass matrix",
                 f"a density of {DENSITY[0]:g} to {DENSITY[1]:g} kg/m3",
                 f"{density:.4g} kg/m3 with units='{given}': {hint}; {OVERRIDE}",
             )
@@ -238,8 +238,8 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
         if len(elastic):
             lowest = float(np.sqrt(elastic.min()) / (2.0 * np.pi))
             if not FREQUENCY[0] <= lowest <= FREQUENCY[1]:
-                raise mismatch(
-                    f"{body.where}: nodal diameter {d}",
+                raise body.error(
+                    f"nodal diameter {d}",
                     f"a lowest frequency of {FREQUENCY[0]:g} to {FREQUENCY[1]:g} Hz",
                     f"{lowest:.4g} Hz with units='{given}': units of mass or stiffness off by powers of 10 suspected; "
                     f"{OVERRIDE}",

@@ -7,6 +7,7 @@ blade, X = Y x Z) in the axes of the file and s the unit of length; matrices bec
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -17,6 +18,7 @@ from scipy.spatial import cKDTree
 
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
+from bdamper.model.model import Port
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
@@ -71,6 +73,47 @@ def placement(axis: object, radial: object, origin: object, units: str | Units) 
     return Placement(z / np.linalg.norm(z), y / np.linalg.norm(y), start, units)
 
 
+@dataclass(frozen=True)
+class Ring:
+    """The cyclic structure: how one sector repeats, and which waves of it are wanted.
+
+    Parameters
+    ----------
+    n_blades : int
+    left, right : (k,) int
+        Matching nodes of the face toward -X and of the one toward +X; none for an acyclic structure.
+    diameters : tuple of int
+        Nodal diameters.
+    """
+
+    n_blades: int
+    left: NDArray
+    right: NDArray
+    diameters: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """Where and with how many modes the motion of a body is wanted.
+
+    Parameters
+    ----------
+    ports : tuple of Port
+    contact : (3 n_points, 3 n_nodes) sparse
+        From nodal displacements to the contact points of all ports.
+    locations : mapping of name to node index
+    n_modes : int
+    damping_ratio : float
+        Of all elastic modes.
+    """
+
+    ports: tuple[Port, ...]
+    contact: sp.csr_matrix
+    locations: Mapping[str, int]
+    n_modes: int
+    damping_ratio: float
+
+
 @dataclass
 class PreparedBody:
     """A body in SI units and in the axes of the model.
@@ -82,32 +125,39 @@ class PreparedBody:
     given : FEBody
     place : Placement
     checks : list of str
-        What was found to be in order; grows.
+        Checks that the body has passed; grows while the model is built.
+    missing : list of str
+        Quantities that the body does not provide, and what to do about it; grows likewise.
     """
 
     name: str
     given: FEBody
     place: Placement
     checks: list[str] = field(default_factory=list)
+    missing: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         g = self.given
         self.where = f"{self.name} ({g.source})"
         numbers, nodes = np.asarray(g.numbers), np.asarray(g.nodes, float)
         if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
-            raise mismatch(f"{self.where}: nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
+            raise self.error("nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
         if numbers.dtype.kind not in "iu":
-            raise mismatch(f"{self.where}: nodes", "whole node numbers", numbers.dtype)
+            raise self.error("nodes", "whole node numbers", numbers.dtype)
         if not np.isfinite(nodes).all():
-            raise mismatch(f"{self.where}: nodes", "finite positions", "others")
+            raise self.error("nodes", "finite positions", "others")
         unique, count = np.unique(numbers, return_counts=True)
         if len(unique) < len(numbers):
-            raise mismatch(f"{self.where}: nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
+            raise self.error("nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
         self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
         if np.abs(self.nodes).max() > 1e9:
-            raise mismatch(f"{self.where}: nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
+            raise self.error("nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
+
+    def error(self, item: str, expected: str, found: object) -> ModelError:
+        """The error for something about this body that does not fit."""
+        return mismatch(f"{self.where}: {item}", expected, found)
 
     # ---- numbers, sets and faces ----
 
@@ -126,11 +176,11 @@ class PreparedBody:
         """
         numbers = np.asarray(numbers)
         if numbers.dtype.kind not in "iu":
-            raise mismatch(f"{self.where}: {item}", "whole node numbers", f"numbers of type {numbers.dtype}")
+            raise self.error(item, "whole node numbers", f"numbers of type {numbers.dtype}")
         place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
         missing = self._ascending[place] != numbers
         if missing.any():
-            raise mismatch(f"{self.where}: {item}", "numbers of existing nodes", f"{numbers[missing].ravel()[0]}")
+            raise self.error(item, "numbers of existing nodes", f"{numbers[missing].ravel()[0]}")
         return self._sorted[place]
 
     def node_set(self, given: NodeSet, item: str) -> NDArray:
@@ -141,10 +191,10 @@ class PreparedBody:
             if given in self.given.face_sets:
                 return self.faces(given, item).nodes
             known = sorted({*self.given.node_sets, *self.given.face_sets})
-            raise mismatch(f"{self.where}: {item}", f"a set out of {known}", f"'{given}'")
+            raise self.error(item, f"a set out of {known}", f"'{given}'")
         array = np.asarray(given)
         if array.ndim != 1 or len(array) == 0:
-            raise mismatch(f"{self.where}: {item}", "node numbers (n,)", f"shape {array.shape}")
+            raise self.error(item, "node numbers (n,)", f"shape {array.shape}")
         return np.unique(self.index(array, item))
 
     @cached_property
@@ -165,7 +215,7 @@ class PreparedBody:
         try:
             return boundary_facets(self.elements, self.nodes)
         except ValueError as error:
-            raise mismatch(f"{self.where}: elements", "solid elements", error) from error
+            raise self.error("elements", "solid elements", error) from error
 
     def faces(self, given: FaceSet, item: str) -> Facets:
         """Facets by the name of a set, by node numbers of faces, or by a set of nodes with the elements behind it."""
@@ -178,14 +228,14 @@ class PreparedBody:
         else:
             nodes = self.node_set(given, item)
             if not self.elements:
-                raise mismatch(f"{self.where}: {item}", "faces, or elements besides the set of nodes", "nodes alone")
+                raise self.error(item, "faces, or elements besides the set of nodes", "nodes alone")
             found = facets_on_nodes(self.boundary, nodes)
             if len(found) == 0:
-                raise mismatch(f"{self.where}: {item}", "nodes that hold at least one whole face of an element", "none")
+                raise self.error(item, "nodes that hold at least one whole face of an element", "none")
             return found
         for group in groups:
             if group.ndim != 2 or group.shape[1] not in (3, 4, 6, 8) or len(group) == 0:
-                raise mismatch(f"{self.where}: {item}", "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
+                raise self.error(item, "faces (n, 3 | 4 | 6 | 8)", f"shape {group.shape}")
         return Facets(tuple(self.index(g, item) for g in groups))
 
     def node(self, given: object, item: str) -> int:
@@ -197,13 +247,28 @@ class PreparedBody:
         except (TypeError, ValueError):
             position = np.empty(0)
         if position.shape != (3,) or not np.isfinite(position).all():
-            raise mismatch(f"{self.where}: {item}", "a node number or a position (3,)", repr(given))
+            raise self.error(item, "a node number or a position (3,)", repr(given))
         position = self.place.units.length * self.place.rotation @ (position - self.place.origin)
         distance = np.linalg.norm(self.nodes - position, axis=1)
         if distance.min() > 0.1 * self.size:
             found = f"{distance.min():.4g} m from the nearest node"
-            raise mismatch(f"{self.where}: {item}", "a position on the body", found)
+            raise self.error(item, "a position on the body", found)
         return int(distance.argmin())
+
+    def damper_axes(self, centre: NDArray) -> NDArray:
+        """(3, 3) rows: tangential, radial and axial direction at the centre of mass (3,) of a free body.
+
+        Raises
+        ------
+        ModelError
+            If the centre lies on the axis of rotation.
+        """
+        outward = centre * [1.0, 1.0, 0.0]
+        distance = np.linalg.norm(outward)
+        if not distance >= 1e-6 * max(self.size, 1e-300):
+            raise self.error("centre of mass", "a place off the axis of rotation", f"{centre} m")
+        radial = outward / distance
+        return np.array([np.cross(radial, [0.0, 0.0, 1.0]), radial, [0.0, 0.0, 1.0]])
 
     def check_repeated(self) -> None:
         """Nodes at the same place are usually a mesh that was not merged."""
@@ -212,7 +277,7 @@ class PreparedBody:
         if len(pairs):
             a, b = self.given.numbers[used[pairs[0]]]
             found = f"nodes {a} and {b} at one place and {len(pairs)} such pairs in all"
-            raise mismatch(f"{self.where}: nodes", "each place once", found)
+            raise self.error("nodes", "each place once", found)
 
     # ---- matrices ----
 
@@ -229,15 +294,15 @@ class PreparedBody:
         if self.given.dofs is None:
             if n_eq != 3 * n:
                 expected = f"{3 * n} rows for {n} nodes, or a table of nodes and components"
-                raise mismatch(f"{self.where}: stiffness", expected, f"{n_eq} rows and no table")
+                raise self.error("stiffness", expected, f"{n_eq} rows and no table")
             return np.arange(3 * n), np.zeros((n, 3), bool)
         dofs = np.asarray(self.given.dofs)
         if dofs.shape != (n_eq, 2) or dofs.dtype.kind not in "iu":
-            raise mismatch(f"{self.where}: table of nodes and components", f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
+            raise self.error("table of nodes and components", f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
         if dofs[:, 1].min() < 1 or dofs[:, 1].max() > 3:
             wrong = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)][0]
-            raise mismatch(
-                f"{self.where}: table of nodes and components",
+            raise self.error(
+                "table of nodes and components",
                 "displacements only (components 1, 2, 3)",
                 f"component {wrong[1]} of node {wrong[0]}",
             )
@@ -245,8 +310,8 @@ class PreparedBody:
         if len(np.unique(rows)) < n_eq:
             values, count = np.unique(rows, return_counts=True)
             node, component = divmod(int(values[count.argmax()]), 3)
-            raise mismatch(
-                f"{self.where}: table of nodes and components",
+            raise self.error(
+                "table of nodes and components",
                 "each pair once",
                 f"node {self.given.numbers[node]}, component {component + 1} repeated",
             )
@@ -308,7 +373,7 @@ class PreparedBody:
             axes = np.asarray(axes, float)
             if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
                 expected = "three rows at right angles, of length 1"
-                raise mismatch(f"{self.where}: axes of node {number}", expected, axes.tolist())
+                raise self.error(f"axes of node {number}", expected, axes.tolist())
             k = int(self.index(np.array([number]), "axes of nodes")[0])
             blocks[k] = q @ axes.T
         n = len(blocks)
@@ -324,8 +389,8 @@ class PreparedBody:
         own = np.isin(self.given.numbers, np.array(list(self.given.node_axes), int))
         if np.any(partly & (own | (not plain))):
             k = int(np.flatnonzero(partly & (own | (not plain)))[0])
-            raise mismatch(
-                f"{self.where}: node {self.given.numbers[k]}",
+            raise self.error(
+                f"node {self.given.numbers[k]}",
                 "all three components or none fixed, or axes of the file along those of the model",
                 "some fixed in axes that are turned",
             )
@@ -339,7 +404,7 @@ class PreparedBody:
         out = np.full((len(self.nodes), 3, shapes.shape[2]), np.nan, shapes.dtype)
         known = np.isin(numbers, self.given.numbers)
         if not known.any():
-            raise mismatch(f"{self.where}: {item}", "nodes of this body", "none of them")
+            raise self.error(item, "nodes of this body", "none of them")
         rows = self.index(numbers[known], item)
         turned = np.broadcast_to(self.place.rotation, (len(rows), 3, 3))
         out[rows] = np.einsum("nij,njm->nim", turned, shapes[known])

@@ -1,0 +1,293 @@
+"""Interfaces of an imported model: pairs of faces that touch, and the contact points laid over them.
+
+A contact point is the mean over a patch that both faces have in common (:mod:`bdamper.reduction.patches`).  The sector in
+which a damper meets its neighbour follows from the positions of the faces and the directions in which they look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.io.import_report import FaceSummary
+from bdamper.io.prepare import FaceSet, PreparedBody
+from bdamper.model.model import ContactStiffness, Interface, Port, turn
+from bdamper.reduction.facets import Facets, area_vectors
+from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError, SettingError, mismatch
+from bdamper.util.repr import brief
+
+SMALLEST_OVERLAP = 0.05
+"""Share of the smaller face that two faces must have in common."""
+LARGEST_DISTANCE = 0.2
+"""Distance of two faces, or gap between them, over the width of what they have in common."""
+FRAME_TOLERANCE = 1e-6
+MOST_POINTS = 400
+"""Contact points on one face: a study with more than some 200 is no longer one of seconds."""
+
+
+@brief
+@dataclass(frozen=True)
+class ContactFaces:
+    """A pair of faces that touch, and how contact points are laid over them.
+
+    Parameters
+    ----------
+    name : str
+        Of the interface.
+    faces_a : str, (n,) int, (n, 3 | 4 | 6 | 8) int, or tuple of such arrays
+        On body a: name of a set, node numbers (the faces of elements between them are found), or faces of elements by
+        their node numbers, seen from outside counter-clockwise.
+    faces_b : the same, or None against the ground
+    body_a, body_b : {"damper", "blade", "ground"}
+    points : int or (int, int)
+        Contact points, in all or along t1 and t2.
+    kind : {"friction", "constraint"}
+    sector_b : int, optional
+        Sector in which body b is met, -1, 0 or 1; found from the positions by default.
+    gap : float (m) or "measured"
+        Initial normal distance, in metres; "measured" takes that of the two meshes.
+    frame : (3, 3) float, optional
+        Rows t1, t2, n in the axes of the model; by default n is the mean outward normal of face a, and t2 points
+        against the axis of rotation.
+    patches : Patches, optional
+        Rectangles in the axes of the model, in place of a grid.
+    stiffness : (3,) or (n_points, 3) float, N/m, optional
+        Contact stiffness of the user along t1, t2, n.
+
+    Raises
+    ------
+    SettingError
+        If a value is of another type or out of range.
+    """
+
+    name: str
+    faces_a: FaceSet
+    faces_b: FaceSet | None = None
+    body_a: str = "damper"
+    body_b: str = "blade"
+    points: int | tuple[int, int] = 24
+    kind: Literal["friction", "constraint"] = "friction"
+    sector_b: int | None = None
+    gap: float | Literal["measured"] = 0.0
+    frame: NDArray | None = None
+    patches: Patches | None = None
+    stiffness: NDArray | tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        item = self.item
+        validate.instance("name of a contact", self.name, str, "a text")
+        validate.choice(f"{item}: kind", self.kind, ("friction", "constraint"))
+        pair = isinstance(self.points, Sequence | np.ndarray) and not isinstance(self.points, str | bytes)
+        counts = tuple(self.points) if pair else (self.points,)  # type: ignore[arg-type]
+        if len(counts) != (2 if pair else 1):
+            raise validate.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
+        counts = tuple(validate.whole(f"{item}: points", n, 1, MOST_POINTS) for n in counts)
+        if int(np.prod(counts)) > MOST_POINTS:
+            raise validate.unfit(f"{item}: points", f"at most {MOST_POINTS} contact points on a face", self.points)
+        object.__setattr__(self, "points", counts if pair else counts[0])
+        if not isinstance(self.gap, str):
+            object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap, unit="m"))
+        elif self.gap != "measured":
+            raise validate.unfit(f"{item}: gap", "a distance in metres or 'measured'", self.gap)
+        if self.sector_b is not None:
+            object.__setattr__(self, "sector_b", validate.whole(f"{item}: sector_b", self.sector_b, -1, 1))
+        if self.frame is not None:
+            _check_frame(self.frame, item)
+
+    @property
+    def item(self) -> str:
+        """Name of this contact in messages."""
+        return f"contact '{self.name}'"
+
+
+def _check_frame(frame: NDArray, item: str) -> None:
+    rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
+    axes = np.array([validate.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=FRAME_TOLERANCE) or np.linalg.det(axes) < 0.0:
+        expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
+        raise validate.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
+
+
+@dataclass(frozen=True)
+class LaidContacts:
+    """All interfaces of a model and the rows of its bodies at their contact points.
+
+    Parameters
+    ----------
+    interfaces : dict of interface name to Interface
+    stiffness : dict of interface name to ContactStiffness
+        Of the user.
+    faces : tuple of FaceSummary
+    ports : dict of body name to tuple of Port
+    rows : dict of body name to (3 n_points, 3 n_nodes) sparse
+        From the nodal displacements of a body, in the axes of its own sector, to the contact points of its ports.
+    """
+
+    interfaces: dict[str, Interface]
+    stiffness: dict[str, ContactStiffness]
+    faces: tuple[FaceSummary, ...]
+    ports: dict[str, tuple[Port, ...]]
+    rows: dict[str, sp.csr_matrix]
+
+
+def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
+    """Lay contact points over all pairs of faces.
+
+    Raises
+    ------
+    ModelError, SettingError
+        If a body or a set does not exist, or two faces do not touch.
+    """
+    interfaces, stiffness, faces = {}, {}, []
+    ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
+    rows: dict[str, list[sp.csr_matrix]] = {name: [] for name in bodies}
+    for contact in contacts:
+        interface, means, summary = _laid(contact, bodies, n_blades)
+        interfaces[contact.name] = interface
+        faces.append(summary)
+        ports[contact.body_a].append((contact.name, "a"))
+        ports[contact.body_b].append((contact.name, "b"))
+        rows[contact.body_a].append(means.matrix_a)
+        if means.matrix_b is not None:
+            # Body b, s sectors on, moves there by R^s times its own displacement (and a phase, which enters later).
+            rotation = sp.csr_matrix(turn(2.0 * np.pi / n_blades * interface.sector_b))
+            own = sp.kron(sp.identity(means.matrix_b.shape[1] // 3), rotation, format="csr")
+            rows[contact.body_b].append((means.matrix_b @ own).tocsr())
+        if contact.stiffness is not None:
+            stiffness[contact.name] = _user_stiffness(contact, len(means.area))
+    stacked = {
+        name: sp.vstack(parts, format="csr") if parts else sp.csr_matrix((0, 3 * len(bodies[name].nodes)))
+        for name, parts in rows.items()
+    }
+    return LaidContacts(interfaces, stiffness, tuple(faces), {name: tuple(p) for name, p in ports.items()}, stacked)
+
+
+def _user_stiffness(contact: ContactFaces, n: int) -> ContactStiffness:
+    values = np.asarray(contact.stiffness, float)
+    if values.shape not in ((3,), (n, 3)) or not (np.isfinite(values).all() and np.all(values >= 0.0)):
+        raise SettingError(f"{contact.item}: expected stiffness (3,) or ({n}, 3) >= 0 N/m, found {values.shape}")
+    return ContactStiffness(np.broadcast_to(values, (n, 3)).copy(), "user")
+
+
+def _laid(
+    contact: ContactFaces, bodies: Mapping[str, PreparedBody], n_blades: int
+) -> tuple[Interface, PatchMeans, FaceSummary]:
+    """Interface, means and summary of one pair of faces."""
+    item = contact.item
+    if contact.body_a not in bodies:
+        raise SettingError(f"{item}: expected body_a out of {sorted(bodies)}, found '{contact.body_a}'")
+    if contact.body_b not in (*bodies, "ground"):
+        raise SettingError(f"{item}: expected body_b out of {[*sorted(bodies), 'ground']}, found '{contact.body_b}'")
+    if (contact.faces_b is None) != (contact.body_b == "ground"):
+        raise SettingError(f"{item}: expected faces_b on '{contact.body_b}' (none on the ground)")
+    a = bodies[contact.body_a]
+    face_a = a.faces(contact.faces_a, item)
+    area_a, area_b, sector = _area(face_a, a.nodes), None, 0
+    face_b = placed = None
+    try:
+        if contact.faces_b is not None:
+            b = bodies[contact.body_b]
+            face_b = b.faces(contact.faces_b, item)
+            sector = _sector_of(contact, a, face_a, b, face_b, n_blades)
+            placed = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
+            area_b = _area(face_b, placed)
+        means = _means(contact, a.nodes, face_a, placed, face_b)
+    except ValueError as error:
+        if isinstance(error, BdamperError):
+            raise
+        raise mismatch(a.where, f"faces for {item} on which contact points can be laid", error) from error
+    _check_touching(contact, means, area_a, area_b)
+    distance = means.distance
+    gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
+    interface = Interface(
+        contact.name, contact.kind, contact.body_a, 0, contact.body_b, sector, means.points_a, means.area, means.frame, gap
+    )
+    summary = FaceSummary(
+        interface=contact.name,
+        n_points=len(means.area),
+        area=float(means.area.sum()),
+        area_a=area_a,
+        area_b=area_b,
+        distance=np.array([distance.min(), distance.max()]),
+        sector_b=sector,
+        normal=means.frame[:, 2].mean(axis=0),
+    )
+    return interface, means, summary
+
+
+def _means(
+    contact: ContactFaces, nodes_a: NDArray, face_a: Facets, nodes_b: NDArray | None, face_b: Facets | None
+) -> PatchMeans:
+    """Means over the patches of the user, or over a grid on what the faces have in common."""
+    what = (f"{contact.item}, faces of the {contact.body_a}", f"{contact.item}, faces of the {contact.body_b}")
+    if contact.patches is None:
+        return patches_on_faces(contact.points, nodes_a, face_a, nodes_b, face_b, frame=contact.frame, what=what)
+    a = patches_on_rectangles(contact.patches, nodes_a, face_a, what[0])
+    if nodes_b is None or face_b is None:
+        return a
+    b = patches_on_rectangles(contact.patches, nodes_b, face_b, what[1])
+    return PatchMeans(a.area, a.frame, a.points_a, b.points_a, a.matrix_a, b.matrix_a)
+
+
+def _area(face: Facets, nodes: NDArray) -> float:
+    return float(np.linalg.norm(area_vectors(face, nodes), axis=1).sum())
+
+
+def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, area_b: float | None) -> None:
+    """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face."""
+    pair = f"{contact.item} between {contact.body_a} and {contact.body_b}"
+    area = float(means.area.sum())
+    if area_b is not None and contact.patches is None and area < SMALLEST_OVERLAP * min(area_a, area_b):
+        expected = f"faces that have at least {100 * SMALLEST_OVERLAP:.0f} % of the smaller one in common"
+        raise mismatch(pair, expected, f"{area:.4g} m2 of {area_a:.4g} and {area_b:.4g} m2")
+    width, distance = np.sqrt(area), means.distance
+    farthest = distance[np.abs(distance).argmax()]
+    if abs(farthest) > LARGEST_DISTANCE * width:
+        found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
+        raise mismatch(pair, "faces that lie on each other", found)
+    if not isinstance(contact.gap, str) and abs(contact.gap) > LARGEST_DISTANCE * width:
+        found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
+        raise mismatch(f"{contact.item}: gap", "metres, much less than the width of the face", found)
+
+
+def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:
+    vectors = area_vectors(facets, nodes)
+    weight = np.linalg.norm(vectors, axis=1)
+    middle = np.array([nodes[c].mean(axis=0) for c in facets.corners()])
+    total = vectors.sum(axis=0)
+    return weight @ middle / max(weight.sum(), 1e-300), total / max(np.linalg.norm(total), 1e-300)
+
+
+def _sector_of(
+    contact: ContactFaces, a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
+) -> int:
+    """Sector in which face b lies on face a: the one in which it is nearest; there it must look the other way."""
+    allowed: tuple[int, ...] = (0,) if n_blades == 1 else (-1, 0, 1)
+    candidates = allowed if contact.sector_b is None else (contact.sector_b,)
+    if contact.sector_b is not None and contact.sector_b not in allowed:
+        raise SettingError(f"{contact.item}: expected sector_b in {list(allowed)}, found {contact.sector_b!r}")
+    if contact.body_a == contact.body_b:
+        candidates = tuple(s for s in candidates if s != 0)
+        if not candidates:
+            raise SettingError(f"{contact.item}: a body touches itself in a neighbouring sector only")
+    centre_a, normal_a = _centre_and_normal(face_a, a.nodes)
+    scores = []
+    for sector in candidates:
+        rotation = turn(2.0 * np.pi / n_blades * sector)
+        centre_b, normal_b = _centre_and_normal(face_b, b.nodes @ rotation.T)
+        scores.append((float(np.linalg.norm(centre_b - centre_a)), float(normal_a @ normal_b), sector))
+    distance, product, sector = min(scores)
+    if product > -0.5:
+        raise mismatch(
+            f"{contact.item} between {contact.body_a} and {contact.body_b}",
+            "outward normals that point at each other (faces seen from outside counter-clockwise)",
+            f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart",
+        )
+    return sector

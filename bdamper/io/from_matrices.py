@@ -1,0 +1,164 @@
+"""Bodies of an imported model from stiffness and mass matrices, with the checks that only the reduction can make."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.io.from_modes import compare_modes
+from bdamper.io.plausible import check_rigid_motion
+from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
+from bdamper.model.model import Body
+from bdamper.reduction.bodies import constrained_body, free_body
+from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.free_body import FreeBody
+from bdamper.util.errors import BdamperError
+
+T = TypeVar("T")
+
+
+def _library(body: PreparedBody, item: str, expected: str, action: Callable[[], T]) -> T:
+    """Run an action of SciPy or of the reduction and turn what it raises into one error of a line."""
+    try:
+        return action()
+    except BdamperError:
+        raise
+    except (ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
+        raise body.error(item, expected, error) from error
+
+
+def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None) -> Body:
+    """A sector from its matrices at each nodal diameter.
+
+    Raises
+    ------
+    ModelError
+        If the sector is not held, a matrix is not positive definite, or a contact face has no rows in the matrices.
+    """
+    held = None if fixed is None else body.node_set(fixed, "fixed")
+    mask = body.fixed(held)
+    _check_reached(body, wanted, mask, held)
+    free = int((~mask).sum())
+    if free < 12:
+        raise body.error("matrices", "more than a dozen free components", free)
+    n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.right)) // 2))
+    made: dict[int, CyclicSector] = {}
+
+    def sector(d: int) -> CyclicSector:
+        made.clear()  # a factorisation is large: keep one at a time
+        made[d] = _library(
+            body,
+            f"nodal diameter {d}",
+            "fixed nodes alike on both sector faces",
+            lambda: CyclicSector(body.structure, ring.left, ring.right, mask, ring.n_blades, d),
+        )
+        _check_held(body, made[d], bool(mask.any()))
+        return made[d]
+
+    built = _library(
+        body,
+        "matrices",
+        "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix",
+        lambda: constrained_body(
+            body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
+            wanted.damping_ratio, ring.diameters,
+        ),
+    )  # fmt: skip
+    for d, basis in built.bases.items():
+        _check_positive(body, d, basis.omega2)
+    body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
+    if n_modes < wanted.n_modes:
+        body.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the body has no more to give")
+    body.checks += compare_modes(body, built, ring)
+    return built
+
+
+def _check_reached(body: PreparedBody, wanted: Wanted, mask: NDArray, held: NDArray | None) -> None:
+    """Contact faces and locations have rows in the matrices."""
+    empty = np.flatnonzero(mask.all(axis=1))
+    if held is not None:
+        empty = np.setdiff1d(empty, held)
+    wrong = np.intersect1d(np.unique(wanted.contact.indices // 3), empty)
+    if len(wrong):
+        found = f"node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all without any"
+        raise body.error("contact faces", "nodes with rows in the matrices", found)
+    for name, node in wanted.locations.items():
+        if node in empty:
+            raise body.error(
+                f"location '{name}'", "a node with rows in the matrices", f"node {body.given.numbers[node]}"
+            )
+
+
+def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
+    """The pivots of the factorisation show a stiffness that is indefinite, or a body that is not held."""
+    item = f"stiffness matrix, nodal diameter {sector.nodal_diameter}"
+    factor = sector.solver
+    pivots = factor.U.diagonal().real
+    smallest = np.abs(pivots).min()
+    if not held and smallest < 1e-9 * np.median(np.abs(pivots)):
+        raise body.error(
+            item,
+            "a body that is held: fixed=(a set of nodes), or components without rows in the matrices",
+            "neither, and some motion costs no force: nothing holds the sector",
+        )
+    if np.array_equal(factor.perm_r, factor.perm_c) and np.any(pivots <= 0.0):
+        raise body.error(item, "a positive definite matrix", f"{int((pivots <= 0.0).sum())} negative eigenvalues")
+    scale = np.median(np.abs(sector.stiffness.diagonal()))
+    if smallest < 1e-13 * scale:
+        found = f"a pivot {smallest / scale:.2g} times the stiffness of a node: some motion costs no force"
+        raise body.error(item, "a body that is held (fixed nodes, or rows left out of the matrices)", found)
+
+
+def _check_positive(body: PreparedBody, d: int, omega2: NDArray) -> None:
+    item = f"nodal diameter {d}"
+    if not (np.isfinite(omega2).all() and omega2[0] > 0.0):
+        raise body.error(item, "squared frequencies > 0", f"{omega2[0]:.6g}")
+    # A body that is not held has six squared frequencies that are rounding.
+    if len(omega2) > 1 and omega2[0] < 1e-10 * omega2[-1]:
+        low, high = np.sqrt(omega2[[0, -1]]) / (2 * np.pi)
+        raise body.error(item, "a sector that is held (fixed nodes)", f"a frequency of {low:.3g} Hz beside {high:.3g} Hz")
+
+
+def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
+    """A damper from its matrices, under the centrifugal load of its own mass.
+
+    Raises
+    ------
+    ModelError
+        If the matrices hold the body somewhere, or it has other motions without force than the six rigid ones.
+    """
+    mask = body.fixed(None)
+    if mask.any():
+        wrong = body.used[mask[body.used].any(axis=1)]
+        if len(wrong):
+            raise body.error(
+                "matrices",
+                "rows for all three components of every node of a free body",
+                f"some missing at node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all",
+            )
+        raise body.error("matrices", "no nodes without rows on a free body", int(mask.any(axis=1).sum()))
+    structure = body.structure
+    check_rigid_motion(body, structure)
+    free = _library(body, "mass matrix", "a positive definite matrix", lambda: FreeBody(structure, np.eye(3)))
+    axes = body.damper_axes(free.centre)
+    free = FreeBody(structure, axes)
+    n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
+    built = _library(
+        body,
+        "matrices",
+        "a stiffness matrix with six rigid-body motions and no others",
+        lambda: free_body(
+            body.name, wanted.ports, free, wanted.contact, wanted.locations, n_modes, wanted.damping_ratio, axes[1]
+        ),
+    )
+    omega2 = built.bases[0].omega2
+    if len(omega2) > 6 and not omega2[6] > 0.0:
+        raise body.error("stiffness matrix", "six rigid-body motions and no others", f"omega2 = {omega2[6]:.3g}")
+    moments = ", ".join(f"{m:.4g}" for m in np.linalg.eigvalsh(free.inertia))
+    body.checks.append(
+        f"damper: six rigid-body motions without force; mass {free.total_mass:.6g} kg, principal moments {moments} kg m2"
+    )
+    return built

@@ -1,0 +1,253 @@
+"""Bodies of an imported model from modes, where the matrices are not known.
+
+Modes are turned into waves toward +X and rescaled to unit modal mass, by the mass matrix if there is one, else by the
+modal masses of the file or the user.  Static receptances do not follow from a few modes: they are absent unless the user
+brings unit-load columns (:class:`bdamper.io.Receptance`); contact stiffness must then be given as numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from bdamper.io.fe_body import MassProperties, Modes
+from bdamper.io.plausible import compare_frequencies
+from bdamper.io.prepare import PreparedBody, Ring, Wanted
+from bdamper.model.model import Body, BodyLoad, ModalBasis
+from bdamper.reduction.bodies import location_rows
+from bdamper.reduction.cyclic import fix_phase
+from bdamper.reduction.free_body import rigid_motions
+from bdamper.reduction.waves import Waves, travelling_waves
+
+NO_RECEPTANCE = (
+    "static receptances of the {name} (no matrices): contact stiffness cannot be derived; give it as numbers "
+    "(ContactFaces(stiffness=...), or Study(contact_stiffness=...)), or bring unit-load columns (Receptance)"
+)
+
+
+def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
+    """Waves of one nodal diameter on all nodes of the body, NaN at nodes without values; noted among the checks."""
+    d = modes.nodal_diameter
+    item = f"modes of nodal diameter {d} ({modes.source or 'given'})"
+    shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes), item)
+    if ring.n_blades == 1:
+        waves = Waves(np.arange(shapes.shape[1]), shapes.real, np.zeros(shapes.shape[1]), 0, 0)
+    else:
+        known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
+        both = known[ring.left] & known[ring.right]
+        if not both.any():
+            raise body.error(item, "values at matching nodes of the two sector faces", "none")
+        left, right, frequency = ring.left[both], ring.right[both], np.asarray(modes.frequency, float)
+        try:
+            waves = travelling_waves(frequency, np.nan_to_num(shapes), left, right, ring.n_blades, d)
+        except ValueError as error:
+            raise body.error(item, "travelling waves", error) from error
+        out = np.array(waves.shapes)
+        out[np.repeat(~known, 3)] = np.nan
+        waves = replace(waves, shapes=out)
+    text = f"{body.name}, nodal diameter {d}: {len(waves.index)} modes of the file are waves of it within "
+    text += f"{waves.mismatch.max():.1g}"
+    if waves.turned:
+        text += f"; {waves.turned} of them went the other way and were turned"
+    if waves.combined:
+        text += f"; {waves.combined} were made of pairs of real shapes"
+    body.checks.append(text)
+    return waves
+
+
+def compare_modes(body: PreparedBody, built: Body, ring: Ring) -> list[str]:
+    """Compare modes of a file with those of the matrices: frequencies, and whether they are waves."""
+    texts = []
+    for modes in body.given.modes:
+        d = modes.nodal_diameter
+        if d not in built.bases:
+            continue
+        waves = _waves(body, modes, ring)
+        found = np.sqrt(built.bases[d].omega2) / (2.0 * np.pi)
+        given = np.asarray(modes.frequency, float)[waves.index]
+        item = f"{body.where}: matrices, nodal diameter {d}"
+        error = compare_frequencies(found, given, item, modes.source or "the modes")
+        texts.append(f"{body.name}, nodal diameter {d}: frequencies agree with {modes.source} to {100 * error:.2g} %")
+    return texts
+
+
+def _modal_mass(body: PreparedBody, modes: Modes, waves: Waves) -> tuple[NDArray, str]:
+    """Modal mass of each wave over one sector in kg, and where it comes from."""
+    if body.given.mass is not None and body.given.stiffness is not None:  # a table of rows comes with both only
+        shapes = np.nan_to_num(waves.shapes)
+        mass = body.structure.mass
+        return np.einsum("ij,ij->j", shapes.conj(), mass @ shapes).real, "the mass matrix"
+    if modes.modal_mass is not None:
+        mass = body.place.units.mass * np.asarray(modes.modal_mass, float)
+        return mass[waves.index], "the file or the user (not checked)"
+    raise body.error(
+        f"modes of nodal diameter {modes.nodal_diameter}",
+        "modal masses (or matrices) to rescale the modes to unit modal mass over one sector",
+        "neither",
+    )
+
+
+def _rows(body: PreparedBody, matrix: sp.csr_matrix, shapes: NDArray, item: str) -> NDArray:
+    """``matrix @ shapes``, refusing nodes without values."""
+    unknown = np.isnan(shapes[:, 0].real)
+    touched = np.unique(matrix.indices)
+    wrong = touched[unknown[touched]]
+    if len(wrong):
+        number = body.given.numbers[wrong[0] // 3]
+        raise body.error(item, "values of the modes at its nodes", f"none at node {number}")
+    return matrix @ np.nan_to_num(shapes)
+
+
+def _location_modes(body: PreparedBody, locations: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
+    rows = location_rows(locations, shapes)
+    for name, values in rows.items():
+        if np.isnan(values.real).any():
+            raise body.error(f"location '{name}'", "values of the modes at its node", "none")
+    return rows
+
+
+def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray | None:
+    """Receptance between contact points from unit-load columns of the user."""
+    given = [r for r in body.given.receptances if r.nodal_diameter == d]
+    if not given:
+        return None
+    numbers, matrix = np.asarray(given[0].numbers), np.asarray(given[0].matrix)
+    item = f"receptance of nodal diameter {d}"
+    if matrix.shape != (3 * len(numbers), 3 * len(numbers)) or not np.isfinite(matrix).all():
+        expected = f"finite numbers ({3 * len(numbers)}, {3 * len(numbers)})"
+        raise body.error(item, expected, matrix.shape)
+    nodes = body.index(numbers, item)
+    columns = (3 * nodes[:, None] + np.arange(3)).ravel()
+    outside = np.setdiff1d(np.unique(contact.indices), columns)
+    if len(outside):
+        number = body.given.numbers[outside[0] // 3]
+        raise body.error(item, "columns for all nodes of the contact faces", f"none for node {number}")
+    turned = sp.kron(sp.identity(len(nodes)), sp.csr_matrix(body.place.rotation), format="csr")
+    rows = contact[:, columns] @ turned
+    flexibility = rows @ matrix @ rows.toarray().T / body.place.units.mass
+    scale = np.abs(flexibility).max(initial=0.0)
+    if np.abs(flexibility - flexibility.conj().T).max(initial=0.0) > 1e-4 * scale:
+        raise body.error(item, "a Hermitian matrix (unit forces in, displacements out)", "another")
+    if d == 0:
+        flexibility = flexibility.real
+    return 0.5 * (flexibility + flexibility.conj().T)
+
+
+def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Body:
+    """A sector from its modes at each nodal diameter.
+
+    Raises
+    ------
+    ModelError
+        If modes of a nodal diameter are missing, are no waves of it, or cannot be rescaled.
+    """
+    by_diameter: dict[int, Modes] = {}
+    for modes in body.given.modes:
+        if modes.nodal_diameter in by_diameter:
+            raise body.error("modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
+        by_diameter[modes.nodal_diameter] = modes
+    bases, source = {}, ""
+    for d in ring.diameters:
+        if d not in by_diameter:
+            raise body.error("modes", f"modes of nodal diameter {d}", f"those of {sorted(by_diameter)}")
+        modes = by_diameter[d]
+        waves = _waves(body, modes, ring)
+        mass, source = _modal_mass(body, modes, waves)
+        if not np.all(mass > 0.0):
+            raise body.error(f"modes of nodal diameter {d}", "modal masses > 0", mass)
+        frequency = np.asarray(modes.frequency, float)[waves.index]
+        if not np.all(frequency > 0.0):
+            raise body.error(f"modes of nodal diameter {d}", "frequencies > 0 of a held sector", frequency.min())
+        order = np.argsort(frequency, kind="stable")[: wanted.n_modes]
+        shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
+        contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
+        bases[d] = ModalBasis(
+            omega2=(2.0 * np.pi * frequency[order]) ** 2,
+            damping_ratio=np.full(len(order), wanted.damping_ratio),
+            contact_modes=contact_modes.reshape(-1, 3, len(order)),
+            locations=_location_modes(body, wanted.locations, shapes),
+            flexibility=_flexibility(body, wanted.contact, d),
+        )
+    body.checks.append(f"{body.name}: modes rescaled to unit modal mass over one sector, modal mass from {source}")
+    without = [d for d, basis in bases.items() if basis.flexibility is None]
+    if without:
+        body.missing.append(NO_RECEPTANCE.format(name=body.name) + f"; nodal diameters {without}")
+    return Body(body.name, "constrained", wanted.ports, bases)
+
+
+def _mass_properties(body: PreparedBody, given: MassProperties) -> MassProperties:
+    """In SI units and in the axes of the model."""
+    q, u = body.place.rotation, body.place.units
+    inertia = np.asarray(given.inertia, float)
+    centre = np.asarray(given.centre, float)
+    if inertia.shape != (3, 3) or centre.shape != (3,) or not (np.isfinite(inertia).all() and np.isfinite(centre).all()):
+        found = f"{centre.shape}, {inertia.shape}"
+        raise body.error("mass properties", "a centre (3,) and an inertia (3, 3)", found)
+    moments = np.linalg.eigvalsh(inertia)
+    if not (given.mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)):
+        expected = "a mass > 0 and principal moments > 0, none larger than the sum of the others"
+        raise body.error("mass properties", expected, f"{given.mass}, {moments}")
+    return MassProperties(
+        float(given.mass) * u.mass,
+        u.length * q @ (centre - body.place.origin),
+        u.mass * u.length**2 * q @ inertia @ q.T,
+    )
+
+
+def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
+    """A damper from mass, centre, inertia and, if there are any, elastic modes.
+
+    Raises
+    ------
+    ModelError
+        If the mass properties are missing or unphysical, or the modes cannot be rescaled.
+    """
+    if body.given.rigid is None:
+        raise body.error("free body", "matrices, or mass, centre and inertia (MassProperties)", "neither")
+    rigid = _mass_properties(body, body.given.rigid)
+    axes = body.damper_axes(rigid.centre)
+    moments, principal = np.linalg.eigh(rigid.inertia)
+    motion = rigid_motions(body.nodes, rigid.centre, axes)
+    motion[:, :3] /= np.sqrt(rigid.mass)
+    motion[:, 3:] = rigid_motions(body.nodes, rigid.centre, principal.T)[:, 3:] / np.sqrt(moments)
+    elastic, omega2 = _elastic_modes(body, wanted.n_modes - 6)
+    omega2 = np.concatenate([np.zeros(6), omega2])
+    # Rigid motions are known everywhere, elastic modes where the file has them.
+    contact_modes = wanted.contact @ motion
+    if elastic.shape[1]:
+        contact_modes = np.hstack([contact_modes, _rows(body, wanted.contact, elastic, "contact faces")])
+    flexibility = _flexibility(body, wanted.contact, 0)
+    generalised = np.zeros(len(omega2))
+    generalised[1] = rigid.mass**-0.5
+    body.missing.append(f"elastic deformation of the {body.name} by its own load (no matrices): taken as zero")
+    if flexibility is None:
+        body.missing.append(NO_RECEPTANCE.format(name=body.name))
+    basis = ModalBasis(
+        omega2=omega2,
+        damping_ratio=np.where(omega2 > 0.0, wanted.damping_ratio, 0.0),
+        contact_modes=contact_modes.reshape(-1, 3, len(omega2)),
+        locations=_location_modes(body, wanted.locations, np.hstack([motion, elastic])),
+        flexibility=flexibility,
+    )
+    load = BodyLoad(axes[1], generalised, np.zeros((wanted.contact.shape[0] // 3, 3)))
+    return Body(
+        body.name, "free", wanted.ports, {0: basis}, mass=rigid.mass, centre=rigid.centre, inertia=rigid.inertia, load=load
+    )
+
+
+def _elastic_modes(body: PreparedBody, n_modes: int) -> tuple[NDArray, NDArray]:
+    """Mass-normalised elastic modes (3 n_nodes, n) of the first set of modes, and their omega2 (n,); none without one."""
+    if not body.given.modes:
+        return np.zeros((3 * len(body.nodes), 0)), np.zeros(0)
+    modes = body.given.modes[0]
+    frequency = np.asarray(modes.frequency, float)
+    elastic = np.flatnonzero(frequency > 1e-3 * frequency.max(initial=0.0))[:n_modes]
+    if modes.modal_mass is None:
+        raise body.error("modes", "modal masses to rescale them", "none")
+    mass = body.place.units.mass * np.asarray(modes.modal_mass, float)[elastic]
+    shapes = body.shapes(np.asarray(modes.numbers), np.asarray(modes.shapes)[:, :, elastic].real, "modes")
+    return shapes / np.sqrt(mass), (2.0 * np.pi * frequency[elastic]) ** 2
