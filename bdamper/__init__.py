@@ -20,7 +20,7 @@ from bdamper.effects.advice import Advice
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip, microslip
 from bdamper.io import load_model, save_model
-from bdamper.io.reference import reference_model
+from bdamper.io.model_file import reference_model
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import Excitation, Response
 from bdamper.model.misfit import misfit

@@ -1,13 +1,13 @@
 """The model file: a :class:`~bdamper.model.model.Model` in HDF5.
 
-The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how
-to write such a file with h5py alone.  The reader looks after the container: what must be there, of which
-type, in which units.  What the numbers have to satisfy is checked by :func:`~bdamper.model.validation.check_model`, for
-files and for models built in memory alike.
+The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how to write such
+a file with h5py alone.  The reader checks the container: which groups and datasets there must be, of which type, in which
+units.  The numbers are checked by :func:`~bdamper.model.validation.check_model`, for files and for models built in memory
+alike.
 
-A file is a closed box: links to other files, external storage and virtual datasets are refused, and so is
-everything that the format does not know, since a misspelt optional dataset would otherwise be lost in
-silence.  Additional attributes are left alone.
+A file stands for itself: links to other files, external storage and virtual datasets are refused, and so is every name
+that the format does not know, since a misspelt optional dataset would otherwise go unnoticed.  Additional attributes are
+ignored.
 """
 
 from __future__ import annotations
@@ -15,9 +15,11 @@ from __future__ import annotations
 import os
 import re
 import secrets
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from importlib import resources
 from pathlib import Path
-from typing import Any, Literal, cast
+from typing import Any, cast
 
 import h5py
 import numpy as np
@@ -35,8 +37,9 @@ from bdamper.model.model import (
     StaticContact,
     SurfaceMesh,
 )
-from bdamper.model.validation import check_model, shape_text
-from bdamper.util.errors import ModelError, mismatch
+from bdamper.model.validation import check_model, fits, shape_text
+from bdamper.util import validate
+from bdamper.util.errors import ModelError, SettingError, mismatch
 from bdamper.util.hdf5 import check_folder, enter_reader
 
 FORMAT = "bdamper-model"
@@ -75,13 +78,46 @@ _COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
 _LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
 _LONGEST_ATTRIBUTE = 60000  # bytes; HDF5 has room for 64 KiB
 
-Kind = Literal["real", "field", "integer", "bool"]
-_KINDS: dict[str, tuple[str, str]] = {
+_TYPES = {
     "real": ("f", "real numbers"),
     "field": ("fc", "real or complex numbers"),
     "integer": ("iu", "integers"),
     "bool": ("b", "booleans"),
 }
+_TYPE_OF = {"modes": "field", "locations": "field", "flexibility": "field", "quads": "integer", "fallback": "bool"}
+_SHAPE_OF: dict[str, tuple[int | None, ...]] = {"omega2": (None,), "area": (None,), "mass": ()}
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What a group holds, by the names of the fields of its class.
+
+    Parameters
+    ----------
+    kind : dataclass
+    texts, integers : tuple of str
+        Attributes.
+    arrays, optional : tuple of str
+        Datasets that must, and that may be there.
+    """
+
+    kind: Callable[..., Any]
+    texts: tuple[str, ...] = ()
+    integers: tuple[str, ...] = ()
+    arrays: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+
+
+_LOAD = _Part(BodyLoad, arrays=("direction", "generalised", "displacement"))
+_PARTS = {
+    "interfaces": _Part(
+        Interface, ("kind", "body_a", "body_b"), ("sector_a", "sector_b"), ("points", "area", "frame", "gap")
+    ),
+    "locations": _Part(Location, texts=("body",), arrays=("position",)),
+    "contact": _Part(ContactStiffness, texts=("source",), arrays=("stiffness",), optional=("fallback",)),
+    "static": _Part(StaticContact, arrays=("force", "displacement_a", "displacement_b")),
+}
+"""Groups of the file and fields of the model whose members are written alike."""
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -139,43 +175,36 @@ def _write_model(file: h5py.File, model: Model) -> None:
     bodies = _new_group(file, "bodies")
     for name, body in model.bodies.items():
         _write_body(_new_group(bodies, name), model, body)
-    interfaces = _new_group(file, "interfaces")
-    for name, interface in model.interfaces.items():
-        _write_interface(_new_group(interfaces, name), interface)
-    _write_optional_parts(file, model)
+    for key, part in _PARTS.items():
+        parent = _new_group(file, key)
+        for name, record in getattr(model, key).items():
+            _write_part(_new_group(parent, name), part, record)
+    meshes = _new_group(file, "mesh")
+    for name, mesh in model.meshes.items():
+        _write_mesh(_new_group(meshes, name), mesh)
     provenance = file.create_group("provenance")
     for key, value in model.provenance.items():
         _write_text(provenance, key, value)
 
 
-def _write_optional_parts(file: h5py.File, model: Model) -> None:
-    locations = _new_group(file, "locations")
-    for name, location in model.locations.items():
-        group = _new_group(locations, name)
-        _write_text(group, "body", location.body)
-        _write(group, "position", location.position)
-    contacts = _new_group(file, "contact")
-    for name, contact in model.contact.items():
-        group = _new_group(contacts, name)
-        _write_text(group, "source", contact.source)
-        _write(group, "stiffness", contact.stiffness)
-        if contact.fallback is not None:
-            _write(group, "fallback", contact.fallback)
-    statics = _new_group(file, "static")
-    for name, static in model.static.items():
-        group = _new_group(statics, name)
-        for key in ("force", "displacement_a", "displacement_b"):
-            _write(group, key, getattr(static, key))
-    meshes = _new_group(file, "mesh")
-    for name, mesh in model.meshes.items():
-        group = _new_group(meshes, name)
-        _write(group, "points", mesh.points)
-        _write(group, "quads", mesh.quads)
-        if mesh.modes:
-            modes = _new_group(group, "modes")
-            for diameter, shapes in mesh.modes.items():
-                single = np.complex64 if shapes.dtype.kind == "c" else np.float32  # enough for pictures
-                _write(modes, f"nd{diameter:03d}", shapes.astype(single), UNITS["modes"])
+def _write_part(group: h5py.Group, part: _Part, record: Any) -> None:
+    for key in part.texts:
+        _write_text(group, key, getattr(record, key))
+    for key in part.integers:
+        group.attrs[key] = int(getattr(record, key))
+    for key in (*part.arrays, *part.optional):
+        if getattr(record, key) is not None:
+            _write(group, key, getattr(record, key))
+
+
+def _write_mesh(group: h5py.Group, mesh: SurfaceMesh) -> None:
+    _write(group, "points", mesh.points)
+    _write(group, "quads", mesh.quads)
+    if mesh.modes:
+        modes = _new_group(group, "modes")
+        for diameter, shapes in mesh.modes.items():
+            single = np.complex64 if shapes.dtype.kind == "c" else np.float32  # enough for pictures
+            _write(modes, f"nd{diameter:03d}", shapes.astype(single), "modes")
 
 
 def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
@@ -190,9 +219,7 @@ def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
     for d, basis in body.bases.items():
         _write_basis(_new_group(group, f"nd{d:03d}"), model, body, basis)
     if body.load is not None:
-        load = _new_group(group, "load")
-        for key in ("direction", "generalised", "displacement"):
-            _write(load, key, getattr(body.load, key))
+        _write_part(_new_group(group, "load"), _LOAD, body.load)
 
 
 def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis) -> None:
@@ -201,22 +228,12 @@ def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis)
     modes = _new_group(group, "modes")
     for port in body.ports:
         rows = model.port_slice(body.name, port)
-        _write(modes, f"{port[0]}.{port[1]}", basis.contact_modes[rows], UNITS["modes"])
+        _write(modes, f"{port[0]}.{port[1]}", basis.contact_modes[rows], "modes")
     locations = _new_group(group, "locations")
     for name, values in basis.locations.items():
-        _write(locations, name, values, UNITS["locations"])
+        _write(locations, name, values, "locations")
     if basis.flexibility is not None:
         _write(group, "flexibility", basis.flexibility)
-
-
-def _write_interface(group: h5py.Group, interface: Interface) -> None:
-    _write_text(group, "kind", interface.kind)
-    _write_text(group, "body_a", interface.body_a)
-    group.attrs["sector_a"] = int(interface.sector_a)
-    _write_text(group, "body_b", interface.body_b)
-    group.attrs["sector_b"] = int(interface.sector_b)
-    for key in ("points", "area", "frame", "gap"):
-        _write(group, key, getattr(interface, key))
 
 
 def _new_group(parent: h5py.Group, name: str) -> h5py.Group:
@@ -224,12 +241,13 @@ def _new_group(parent: h5py.Group, name: str) -> h5py.Group:
     return parent.create_group(name, track_order=True)
 
 
-def _write(group: h5py.Group, name: str, array: NDArray, units: str | None = None) -> None:
+def _write(group: h5py.Group, name: str, array: NDArray, key: str = "") -> None:
+    """A dataset with its units, those of ``key`` if its name is free."""
     options: dict[str, Any] = {}
     if array.nbytes > _COMPRESS_FROM:
         options = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **options)
-    _write_text(dataset, "units", UNITS[name] if units is None else units)
+    _write_text(dataset, "units", UNITS[key or name])
 
 
 def _write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
@@ -292,15 +310,14 @@ def _item(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
 def _read_model(file: h5py.File) -> Model:
     _check_root(file)
     n_blades = _read_integer(file, "n_blades")
-    interfaces = {n: _read_interface(g) for n, g in _subgroups(file, "interfaces").items()}
-    bodies = {n: _read_body(g, interfaces) for n, g in _subgroups(file, "bodies").items()}
+    parts: dict[str, Any] = {
+        key: {name: _read_part(group, part) for name, group in _subgroups(file, key).items()}
+        for key, part in _PARTS.items()
+    }
     return Model(
         n_blades=n_blades,
-        bodies=bodies,
-        interfaces=interfaces,
-        locations={n: _read_location(g) for n, g in _subgroups(file, "locations").items()},
-        contact={n: _read_contact(g) for n, g in _subgroups(file, "contact").items()},
-        static={n: _read_static(g) for n, g in _subgroups(file, "static").items()},
+        bodies={n: _read_body(g, parts["interfaces"]) for n, g in _subgroups(file, "bodies").items()},
+        **parts,
         meshes={n: _read_mesh(g) for n, g in _subgroups(file, "mesh").items()},
         provenance=_read_provenance(file),
     )
@@ -340,10 +357,10 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
         kind=cast(Any, _read_text(group, "kind")),
         ports=ports,
         bases={d: _read_basis(_subgroup(group, n), ports, interfaces) for d, n in bases.items()},
-        mass=float(_read(group, "mass", shape=())) if "mass" in others else None,
+        mass=float(_read(group, "mass")) if "mass" in others else None,
         centre=_read(group, "centre") if "centre" in others else None,
         inertia=_read(group, "inertia") if "inertia" in others else None,
-        load=_read_load(_subgroup(group, "load")) if "load" in others else None,
+        load=_read_part(_subgroup(group, "load"), _LOAD) if "load" in others else None,
     )
 
 
@@ -366,63 +383,36 @@ def _read_basis(
     group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]
 ) -> ModalBasis:
     _check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility"])
-    omega2 = _read(group, "omega2", shape=(None,))
+    omega2 = _read(group, "omega2")
     n_modes = len(omega2)
     modes = _subgroup(group, "modes")
     names = [f"{interface}.{side}" for interface, side in ports]
     _check_members(modes, names, [])
     parts = [
-        _read(modes, name, "field", UNITS["modes"], (interfaces[port[0]].n_points, 3, n_modes))
+        _read(modes, name, "modes", (interfaces[port[0]].n_points, 3, n_modes))
         for name, port in zip(names, ports)
     ]
     locations = {}
     if "locations" in group:
         parent = _subgroup(group, "locations")
-        locations = {n: _read(parent, n, "field", UNITS["locations"], (3, n_modes)) for n in parent}
+        locations = {n: _read(parent, n, "locations", (3, n_modes)) for n in parent}
     return ModalBasis(
         omega2=omega2,
         damping_ratio=_read(group, "damping_ratio"),
         contact_modes=np.concatenate(parts) if parts else np.zeros((0, 3, n_modes)),
         locations=locations,
-        flexibility=_read(group, "flexibility", "field") if "flexibility" in group else None,
+        flexibility=_read(group, "flexibility") if "flexibility" in group else None,
     )
 
 
-def _read_load(group: h5py.Group) -> BodyLoad:
-    _check_members(group, ["direction", "generalised", "displacement"], [])
-    return BodyLoad(_read(group, "direction"), _read(group, "generalised"), _read(group, "displacement"))
-
-
-def _read_interface(group: h5py.Group) -> Interface:
-    _check_members(group, ["points", "area", "frame", "gap"], [])
-    return Interface(
-        name=_own_name(group),
-        kind=cast(Any, _read_text(group, "kind")),
-        body_a=_read_text(group, "body_a"),
-        sector_a=_read_integer(group, "sector_a"),
-        body_b=_read_text(group, "body_b"),
-        sector_b=_read_integer(group, "sector_b"),
-        points=_read(group, "points"),
-        area=_read(group, "area", shape=(None,)),
-        frame=_read(group, "frame"),
-        gap=_read(group, "gap"),
-    )
-
-
-def _read_location(group: h5py.Group) -> Location:
-    _check_members(group, ["position"], [])
-    return Location(_own_name(group), _read_text(group, "body"), _read(group, "position"))
-
-
-def _read_contact(group: h5py.Group) -> ContactStiffness:
-    _check_members(group, ["stiffness"], ["fallback"])
-    fallback = _read(group, "fallback", "bool") if "fallback" in group else None
-    return ContactStiffness(_read(group, "stiffness"), _read_text(group, "source"), fallback)
-
-
-def _read_static(group: h5py.Group) -> StaticContact:
-    _check_members(group, ["force", "displacement_a", "displacement_b"], [])
-    return StaticContact(*(_read(group, key) for key in ("force", "displacement_a", "displacement_b")))
+def _read_part(group: h5py.Group, part: _Part) -> Any:
+    _check_members(group, part.arrays, part.optional)
+    named = any(field.name == "name" for field in fields(cast(Any, part.kind)))
+    values: dict[str, Any] = {"name": _own_name(group)} if named else {}
+    values |= {key: _read_text(group, key) for key in part.texts}
+    values |= {key: _read_integer(group, key) for key in part.integers}
+    values |= {key: _read(group, key) for key in (*part.arrays, *part.optional) if key in group}
+    return part.kind(**values)
 
 
 def _read_mesh(group: h5py.Group) -> SurfaceMesh:
@@ -433,9 +423,9 @@ def _read_mesh(group: h5py.Group) -> SurfaceMesh:
         for name in modes:
             if not re.fullmatch(r"nd\d{3,9}", name, re.ASCII):
                 raise mismatch(_item(modes, name), "a name nd000, nd001, ...", f"'{name}'")
-            shapes[int(name[2:])] = _read(modes, name, "field", UNITS["modes"], (len(points), 3, None))
+            shapes[int(name[2:])] = _read(modes, name, "modes", (len(points), 3, None))
         _check_members(modes, list(modes), [])
-    return SurfaceMesh(points, _read(group, "quads", "integer"), shapes)
+    return SurfaceMesh(points, _read(group, "quads"), shapes)
 
 
 def _read_provenance(file: h5py.File) -> dict[str, str]:
@@ -489,33 +479,24 @@ def _subgroups(file: h5py.File, name: str) -> dict[str, h5py.Group]:
     return {key: _subgroup(parent, key) for key in parent}
 
 
-def _read(
-    group: h5py.Group,
-    name: str,
-    kind: Kind = "real",
-    units: str | None = None,
-    shape: tuple[int | None, ...] | None = None,
-) -> NDArray:
-    """A dataset as an array of native double precision (or int64, bool), with its type and units checked."""
+def _read(group: h5py.Group, name: str, key: str = "", shape: tuple[int | None, ...] | None = None) -> NDArray:
+    """A dataset as an array of native double precision (or int64, bool), of the type and units of ``key`` or its name."""
     _check_link(group, name)
     dataset = group[name]
     item = _item(group, name)
     if not isinstance(dataset, h5py.Dataset):
         raise mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
     _check_storage(dataset, item)
-    letters, words = _KINDS[kind]
+    letters, words = _TYPES[_TYPE_OF.get(key or name, "real")]
     if dataset.dtype.kind not in letters:
         raise mismatch(item, words, f"data of type {dataset.dtype}")
-    _check_units(dataset, UNITS[name] if units is None else units)
-    if shape is not None and not _fits(dataset.shape, shape):
+    _check_units(dataset, UNITS[key or name])
+    shape = shape or _SHAPE_OF.get(name)
+    if shape is not None and not fits(dataset.shape, shape):
         raise mismatch(item, f"shape {shape_text(shape)}", f"{dataset.shape}")
     array = np.asarray(dataset[()])
     native = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
     return array.astype(native[array.dtype.kind], copy=False)
-
-
-def _fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    return len(found) == len(expected) and all(e is None or e == f for f, e in zip(found, expected))
 
 
 def _check_storage(dataset: h5py.Dataset, item: str) -> None:
@@ -553,17 +534,44 @@ def _as_text(value: Any, item: str) -> str:
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
     if not isinstance(value, str):
-        raise mismatch(item, "a text", f"{_brief(value)}")
+        raise mismatch(item, "a text", repr(value))
     return str(value)
 
 
 def _read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
     value = np.asarray(_attribute(owner, name))
     if value.dtype.kind not in "iu" or value.size != 1:
-        raise mismatch(_item(owner, f"@{name}"), "one integer", _brief(_attribute(owner, name)))
+        raise mismatch(_item(owner, f"@{name}"), "one integer", repr(_attribute(owner, name)))
     return int(value.reshape(-1)[0])
 
 
-def _brief(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 100 else text[:97] + "..."
+# -----------------------------------------------------------------------------------------------------------
+# Models that come with the package
+
+CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "blade_to_ground": (24,), "test_rig": (24,)}
+
+
+def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Model:
+    """A model shipped with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fe`.
+
+    Parameters
+    ----------
+    name : str
+        "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
+        harmonic; mode shapes for pictures come with 24 contact points.
+        "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
+        prescribed (:func:`bdamper.prescribe_preload`).
+        "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
+    contact_points : int
+        Contact points on each face: 9, 24 or 48 for "bladed_disk", 24 for the others.
+
+    Raises
+    ------
+    SettingError
+        If there is no such model.
+    """
+    validate.choice("reference model", name, sorted(CONTACT_POINTS))
+    if contact_points not in CONTACT_POINTS[name]:
+        raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {contact_points}")
+    with resources.as_file(resources.files("bdamper") / "data" / f"{name}_{contact_points}.h5") as path:
+        return load_model(path)

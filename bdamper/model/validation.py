@@ -123,13 +123,17 @@ def _check_array(array: Any, shape: tuple[int | None, ...], item: str, kind: str
     types, words = _TYPES[kind]
     if array.dtype not in types:
         raise mismatch(item, words, f"dtype {array.dtype}")
-    fits = array.ndim == len(shape) and all(n in (None, m) for n, m in zip(shape, array.shape))
-    if not fits:
+    if not fits(array.shape, shape):
         raise mismatch(item, f"shape {shape_text(shape)}", array.shape)
     wrong = np.argwhere(~np.isfinite(array))
     if len(wrong):
         at = tuple(int(i) for i in wrong[0])
         raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
+
+
+def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
+    """Whether a shape is the one expected; None stands for any size."""
+    return len(found) == len(expected) and all(e in (None, f) for e, f in zip(expected, found))
 
 
 def shape_text(shape: tuple[int | None, ...]) -> str:

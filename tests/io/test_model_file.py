@@ -147,7 +147,7 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
     def fail(*_: Any) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr(model_file, "_write_interface", fail)
+    monkeypatch.setattr(model_file, "_write_part", fail)
     with pytest.raises(OSError, match="no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
