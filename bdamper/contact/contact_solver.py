@@ -29,11 +29,10 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from bdamper.contact.static import STICK, law_tangent, limited_forces
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief
-
-STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 
 
 @brief
@@ -161,30 +160,6 @@ def certify(
     )
 
 
-def _law(problem: StaticContactProblem, k: NDArray, z: NDArray, rest: NDArray) -> tuple[NDArray, NDArray]:
-    """Forces and states of elements of stiffness k (n, 3) at z (n, 3)."""
-    level = k[:, 2] * (z[:, 2] - problem.gap)
-    normal = np.maximum(level, 0.0)
-    limit = (problem.friction * normal)[:, None]
-    trial = k[:, :2] * (z[:, :2] - rest)
-    status = np.where(trial > limit, SLIP_PLUS, np.where(trial < -limit, SLIP_MINUS, STICK))
-    status[level <= 0.0] = OPEN
-    return np.column_stack([np.clip(trial, -limit, limit), normal]), status
-
-
-def _tangent(problem: StaticContactProblem, k: NDArray, status: NDArray, closed: NDArray) -> NDArray:
-    """(n, 3, 3) derivative of the law in given states."""
-    out = np.zeros((len(k), 3, 3))
-    out[closed, 2, 2] = k[closed, 2]
-    for d in range(2):
-        stick = status[:, d] == STICK
-        out[stick, d, d] = k[stick, d]
-        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
-            slip = status[:, d] == state
-            out[slip, d, 2] = sign * problem.friction[slip] * k[slip, 2]
-    return out
-
-
 class _Solver:
     """Newton's method in units of the size of forces, and creeping motion where it fails: unknowns F and eta."""
 
@@ -212,19 +187,17 @@ class _Solver:
         p = self.problem
         return (p.rigid @ eta - self.flexibility @ F.ravel()).reshape(-1, 3) + load * p.offset + self.extra
 
-    def residual(
-        self, load: float, F: NDArray, eta: NDArray, rest: NDArray
-    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        x = self.motion(load, F, eta)
-        law, status = _law(self.problem, self.k, x + F / self.k, rest)
-        balance = self.problem.rigid.T @ F.ravel() - load * self.problem.load + self.drag @ (eta - self.eta_before)
-        return (F - law).ravel(), balance, status, law[:, 2] > 0.0
+    def residual(self, load: float, F: NDArray, eta: NDArray, rest: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Misfit of the law (3 n,) and of equilibrium (n_rigid,), and the states (n, 2)."""
+        p, k = self.problem, self.k
+        z = self.motion(load, F, eta) + F / k
+        law, status = limited_forces(k[:, 2] * (z[:, 2] - p.gap), k[:, :2] * (z[:, :2] - rest), p.friction)
+        balance = p.rigid.T @ F.ravel() - load * p.load + self.drag @ (eta - self.eta_before)
+        return (F - law).ravel(), balance, status
 
-    def newton_step(
-        self, r: NDArray, balance: NDArray, status: NDArray, closed: NDArray
-    ) -> tuple[NDArray, NDArray]:
+    def newton_step(self, r: NDArray, balance: NDArray, status: NDArray) -> tuple[NDArray, NDArray]:
         p, n, m = self.problem, self.n, self.problem.rigid.shape[1]
-        B = _tangent(p, self.k, status, closed)
+        B = law_tangent(self.k[:, :2], self.k[:, 2], p.friction, status)
         unit = self.largest
         # F - law(x + F/k): dF - B (dF/k + Psi deta - R dF)
         A = np.zeros((3 * n + m, 3 * n + m))
@@ -308,7 +281,7 @@ class _Solver:
         """Newton with a line search; forces, rigid coordinates, states, and whether it converged."""
         least = max(abs(load) * self.unit_force, self.least)
         unit = self.largest
-        r, balance, status, closed = self.residual(load, F, eta, rest)
+        r, balance, status = self.residual(load, F, eta, rest)
 
         def norm(r: NDArray, balance: NDArray) -> float:
             return float(np.sqrt(r @ r + balance @ balance / unit**2))
@@ -319,24 +292,24 @@ class _Solver:
             if now <= tolerance * size:
                 return F, eta, status, True
             self.iterations += 1
-            dF, deta = self.newton_step(r, balance, status, closed)
-            fraction, best = 1.0, (np.inf, F, eta, r, balance, status, closed)
+            dF, deta = self.newton_step(r, balance, status)
+            fraction, best = 1.0, (np.inf, F, eta, r, balance, status)
             for _ in range(6):
                 trial = F + fraction * dF, eta + fraction * deta
-                r_t, balance_t, status_t, closed_t = self.residual(load, *trial, rest)
+                r_t, balance_t, status_t = self.residual(load, *trial, rest)
                 value = norm(r_t, balance_t)
                 if value < best[0]:
-                    best = (value, *trial, r_t, balance_t, status_t, closed_t)
+                    best = (value, *trial, r_t, balance_t, status_t)
                 if value < (1.0 - 0.1 * fraction) * now:
                     break
                 fraction *= 0.5
             if best[0] >= now:
                 # no descent along Newton's direction: the full step moves to other states
                 F, eta = F + dF, eta + deta
-                r, balance, status, closed = self.residual(load, F, eta, rest)
+                r, balance, status = self.residual(load, F, eta, rest)
                 now = norm(r, balance)
             else:
-                now, F, eta, r, balance, status, closed = best
+                now, F, eta, r, balance, status = best
         return F, eta, status, now <= tolerance * max(float(np.abs(F).max(initial=0.0)), least)
 
 
@@ -411,16 +384,25 @@ def solve_static_contact(
 
 def _bonded(problem: StaticContactProblem, solver: _Solver, load: float) -> tuple[NDArray, NDArray]:
     """All points closed, gaps included, and stuck: the first guess."""
-    n, m = solver.n, problem.rigid.shape[1]
-    status = np.full((n, 2), STICK)
-    eta = np.zeros(m)
-    F = np.zeros((n, 3))
-    x = solver.motion(load, F, eta)
+    x = solver.motion(load, np.zeros((solver.n, 3)), np.zeros(problem.rigid.shape[1]))
     x[:, 2] -= problem.gap
-    r = (F - solver.k * x).ravel()
-    balance = problem.rigid.T @ F.ravel() - load * problem.load
-    dF, deta = solver.newton_step(r, balance, status, np.full(n, True))
-    return dF, deta
+    return solver.newton_step(-(solver.k * x).ravel(), -load * problem.load, np.full((solver.n, 2), STICK))
+
+
+def friction_limits(friction: NDArray) -> NDArray:
+    """(4 n, 3 n) rows of ``|T_d| - mu N <= 0`` for the stacked forces (T1, T2, N) of n points, a linear program's."""
+    n = len(friction)
+    out = np.zeros((4 * n, 3 * n))
+    at = np.arange(n)
+    for row, (d, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
+        out[row * n + at, 3 * at + d] = sign
+        out[row * n + at, 3 * at + 2] = -friction
+    return out
+
+
+def force_bounds(n: int) -> list[tuple[float | None, float | None]]:
+    """Bounds of the stacked forces (T1, T2, N) of n points: normal forces press."""
+    return [(None, None), (None, None), (0.0, None)] * n
 
 
 def least_imbalance(problem: StaticContactProblem) -> float:
@@ -438,12 +420,8 @@ def least_imbalance(problem: StaticContactProblem) -> float:
     G = problem.rigid.T / (np.abs(problem.rigid).max() * size[:, None])
     f = problem.load / (unit * size)
     balance = np.block([[G, -np.ones((m, 1))], [-G, -np.ones((m, 1))]])
-    friction = np.zeros((4 * n, 3 * n + 1))
-    at = np.arange(n)
-    for row, (d, sign) in enumerate(((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0))):
-        friction[row * n + at, 3 * at + d] = sign
-        friction[row * n + at, 3 * at + 2] = -problem.friction
-    bounds = [(None, None), (None, None), (0.0, None)] * n + [(0.0, None)]
+    friction = np.hstack([friction_limits(problem.friction), np.zeros((4 * n, 1))])
+    bounds = [*force_bounds(n), (0.0, None)]
     found = scipy.optimize.linprog(
         np.eye(3 * n + 1)[-1],
         A_ub=np.concatenate([balance, friction]),

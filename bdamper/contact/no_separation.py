@@ -61,48 +61,19 @@ def without_separation(
     keep = np.flatnonzero(closed | bonded | ~friction_points)
     held = np.flatnonzero(closed & friction_points & ~bonded)
     if constant_load:
-        return _with_constant_load(bases, points, state, keep, np.isin(keep, held))
-    normal = np.array([0.0, 0.0, 1.0])
-    # for each element of the new system: the point, the components of its motion that it sees, and its sense
-    parts: list[tuple[NDArray, NDArray]] = [(keep, np.ones(3)), (held, -normal)]
-    n_keep, n_held = len(keep), len(held)
-    source = np.concatenate([index for index, _ in parts])
-    mask = np.concatenate([np.tile(m, (len(index), 1)) for index, m in parts])
-    new = PointArrays(
-        kt=points.kt[source],
-        kn=points.kn[source],
-        mu=points.mu[source],
-        n0=points.n0[source],
-        slider=points.slider[source],
-        law=points.law[source],
-        shift=points.shift[source] * mask,
-        index=source,
-    )
-    reverse = slice(n_keep, n_keep + n_held)
-    new.law[n_keep:] = LAW_NORMAL
-    new.mu[n_keep:] = 0.0
-    new.kt[n_keep:] = 0.0
-    new.slider[n_keep:] = 0.0
-    new.n0[reverse] *= -1.0
+        kept = points.taken(keep)
+        for i in np.flatnonzero(np.isin(keep, held)):
+            law = int(kept.law[i])
+            kept.law[i] = CONSTANT.get(law, LAW_CONSTANT if law == LAW_NORMAL else law)
+        return [replace(b, G=b.G[keep]) for b in bases], replace(kept, load=state.force[keep, 2])
+    source, added = np.concatenate([keep, held]), slice(len(keep), None)
+    # components of the motion that each element of the new system sees, and their sense
+    mask = np.ones((len(source), 3))
+    mask[added] = [-0.0, -0.0, -1.0]
+    new = points.taken(source)
+    new.law[added] = LAW_NORMAL
+    for array in (new.mu, new.kt, new.slider):
+        array[added] = 0.0
+    new.n0[added] *= -1.0
+    new = replace(new, shift=new.shift * mask)
     return [replace(b, G=b.G[source] * mask[..., None]) for b in bases], new
-
-
-def _with_constant_load(
-    bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, keep: NDArray, friction: NDArray
-) -> tuple[list[HarmonicBasis], PointArrays]:
-    """The kept points, those of friction interfaces under the static normal load."""
-    law = points.law[keep].copy()
-    for i in np.flatnonzero(friction):
-        law[i] = CONSTANT.get(int(law[i]), LAW_CONSTANT if law[i] == LAW_NORMAL else int(law[i]))
-    new = PointArrays(
-        kt=points.kt[keep],
-        kn=points.kn[keep],
-        mu=points.mu[keep],
-        n0=points.n0[keep],
-        slider=points.slider[keep],
-        law=law,
-        shift=points.shift[keep],
-        load=state.force[keep, 2],
-        index=keep,
-    )
-    return [replace(b, G=b.G[keep]) for b in bases], new

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 from numpy.typing import NDArray
 
@@ -43,3 +44,9 @@ class PointArrays:
     shift: NDArray
     load: NDArray | None = None
     index: NDArray | None = None
+
+    def taken(self, index: NDArray) -> PointArrays:
+        """The points numbered ``index`` (n,), in this order and as often as they are named, without ``load``."""
+        names = ("kt", "kn", "mu", "n0", "slider", "law", "shift")
+        arrays: dict[str, Any] = {name: getattr(self, name)[index] for name in names}
+        return replace(self, **arrays, load=None, index=index)

@@ -123,19 +123,54 @@ STALLS = 6
 """Steps in a row of which no part helps until an iteration is given up.  Of 1478 that converge one had more than 4."""
 
 
+def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray, NDArray]:
+    """One-dimensional friction along each axis, its limit with the normal force.
+
+    Parameters
+    ----------
+    level : (..., n_points) float, N
+        Force of the normal springs; negative where the surfaces are apart.
+    trial : (..., n_points, 2) float, N
+        Force of the tangential springs, were it not limited.
+    mu : (n_points,) float
+
+    Returns
+    -------
+    force : (..., n_points, 3) float, N
+        T1, T2, N.
+    status : (..., n_points, 2) int
+    """
+    force = np.empty((*level.shape, 3))
+    normal = np.maximum(level, 0.0, out=force[..., 2])
+    limit = (mu * normal)[..., None]
+    np.minimum(np.maximum(trial, -limit), limit, out=force[..., :2])
+    status = SLIP_PLUS * (trial > limit) + SLIP_MINUS * (trial < -limit)
+    status[level <= 0.0] = OPEN
+    return force, status
+
+
+def law_tangent(kt: NDArray, kn: NDArray, mu: NDArray, status: NDArray) -> NDArray:
+    """(n_points, 3, 3) derivative of the contact force with respect to the motion in the given states (n_points, 2)."""
+    tangent = np.zeros((len(status), 3, 3))
+    closed = ~(status == OPEN).any(axis=1)
+    tangent[closed, 2, 2] = kn[closed]
+    for d in range(2):
+        stick = closed & (status[:, d] == STICK)
+        tangent[stick, d, d] = kt[stick, d]
+        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
+            slip = closed & (status[:, d] == state)
+            tangent[slip, d, 2] = sign * mu[slip] * kn[slip]
+    return tangent
+
+
 def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
     """(..., n_points, 3) forces and states at motions x for sliders w before the step."""
     level = system.n0 + system.kn * x[..., 2]
-    force = np.empty_like(x)
-    normal = np.maximum(level, 0.0, out=force[..., 2])
-    limit = (system.mu * normal)[..., None]
     trial = system.kt * (x[..., :2] - w)
-    tangential = np.minimum(np.maximum(trial, -limit), limit, out=force[..., :2])
-    status = SLIP_PLUS * (trial > limit) + SLIP_MINUS * (trial < -limit)
-    status[level <= 0.0] = OPEN
+    force, status = limited_forces(level, trial, system.mu)
     if system.bonded is not None:
         b = system.bonded
-        tangential[..., b, :], normal[..., b], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+        force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
     return force, status
 
 
@@ -151,19 +186,10 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     return force, status, slider, closing
 
 
-def _tangent(system: StaticSystem, status: NDArray) -> NDArray:
-    """(n_points, 3, 3) derivative of the force with respect to the motion in the given states."""
-    n = len(status)
-    tangent = np.zeros((n, 3, 3))
-    closed = ~(status == OPEN).any(axis=1)
-    tangent[closed, 2, 2] = system.kn[closed]
-    for d in range(2):
-        stick = closed & (status[:, d] == STICK)
-        tangent[stick, d, d] = system.kt[stick, d]
-        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
-            slip = closed & (status[:, d] == state)
-            tangent[slip, d, 2] = sign * system.mu[slip] * system.kn[slip]
-    return tangent
+def _jacobian(system: StaticSystem, G: NDArray, status: NDArray) -> NDArray:
+    """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes)."""
+    B = law_tangent(system.kt, system.kn, system.mu, status)
+    return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
 
 
 def _solve(J: NDArray, r: NDArray) -> NDArray:
@@ -221,17 +247,14 @@ def _step(
         for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
             slip = closed & (status[:, d] == state)
             F0[slip, d] = sign * system.mu[slip] * F0[slip, 2]
-    B = _tangent(system, status)
-    J = np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
-    q = _solve(J, force - G.T @ F0.ravel())
+    q = _solve(_jacobian(system, G, status), force - G.T @ F0.ravel())
     r, status = residual(q)
     stalls = 0
     for iteration in range(1, max_iterations + 1):
         norm = float(np.abs(r).max())
         if norm <= tolerance * size or stalls == STALLS:
             return q, status, iteration, norm / size
-        J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
-        dq = _solve(J, -r)
+        dq = _solve(_jacobian(system, G, status), -r)
         trial = q + dq
         r_trial, status_trial = residual(trial)
         now = float(np.abs(r_trial).max())
@@ -279,8 +302,7 @@ def _creep(
             iterations += 1
             if float(np.abs(total).max()) <= 0.1 * tolerance * size:
                 break
-            J = np.diag(system.stiffness) + G.T @ (_tangent(system, status) @ system.G).reshape(len(G), -1)
-            trial = trial + _solve(J + D / dt, -total)
+            trial = trial + _solve(_jacobian(system, G, status) + D / dt, -total)
         else:
             dt *= 0.25
             if dt < 1e-8:

@@ -18,6 +18,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from bdamper.contact.contact_solver import force_bounds, friction_limits
 from bdamper.contact.static import OPEN, PreloadState
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import SettingError
@@ -104,24 +105,21 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     G = basis.G.real[rows][..., rigid]
     mu, n = friction[rows], len(rows)
     unit = np.abs(G).max(axis=(0, 1))
-    # unknowns N, T1, T2 per newton of load
-    equal = np.concatenate([G[:, 2].T, G[:, 0].T, G[:, 1].T], axis=1) / unit[:, None]
-    eye, zero = np.eye(n), np.zeros((n, n))
-    limit = np.concatenate(
-        [
-            np.concatenate([-np.diag(mu), sign * (eye if d == 0 else zero), sign * (eye if d == 1 else zero)], axis=1)
-            for d in range(2)
-            for sign in (1.0, -1.0)
-        ]
-    )
-    bounds = [(0.0, None)] * n + [(None, None)] * (2 * n)
+    # unknowns T1, T2, N of each point, per newton of load
+    equal = G.reshape(3 * n, -1).T / unit[:, None]
+    limit = friction_limits(mu)
     lowest, highest = np.empty(len(names)), np.empty(len(names))
     owner = np.repeat(np.arange(len(names)), [len(k) for k in kept])
     for i, name in enumerate(names):
-        cost = np.concatenate([(owner == i).astype(float), np.zeros(2 * n)])
+        cost = np.kron(owner == i, [0.0, 0.0, 1.0])
         for sign, out in ((1.0, lowest), (-1.0, highest)):
             found = scipy.optimize.linprog(
-                sign * cost, A_ub=limit, b_ub=np.zeros(4 * n), A_eq=equal, b_eq=f[rigid] / unit, bounds=bounds
+                sign * cost,
+                A_ub=limit,
+                b_ub=np.zeros(4 * n),
+                A_eq=equal,
+                b_eq=f[rigid] / unit,
+                bounds=force_bounds(n),
             )
             if found.status == 2:
                 raise SettingError(
