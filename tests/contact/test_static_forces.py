@@ -7,7 +7,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact import static as preload
-from bdamper.contact.contact_solver import (
+from bdamper.contact.static import OPEN
+from bdamper.contact.static_forces import (
     StaticContactProblem,
     certify,
     distinct_states,
@@ -15,7 +16,6 @@ from bdamper.contact.contact_solver import (
     solve_static_contact,
     static_contact_problem,
 )
-from bdamper.contact.static import OPEN
 from bdamper.model.coupling import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.models import wedge_model
