@@ -1,7 +1,39 @@
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 _Parts = list[tuple[float, float, int]]
+
+class Counts(NamedTuple):
+    contact: float
+    assembly: float
+    algebra: float
+    processor: float
+    evaluations: int
+    jacobians: int
+    factorisations: int
+    least_norm: int
+
+class Corrected(NamedTuple):
+    status: int
+    iterations: int
+    residual: float
+    first_step: float
+    last_step: float
+    condition: float
+    rank: int
+    shares: tuple[float, float, float]
+    orientation: int
+
+class Peak(NamedTuple):
+    status: int
+    iterations: int
+    residual: float
+    slope: float
+    curvature: float
+    rank: int
+    shares: tuple[float, float, float]
 
 class System:
     def __init__(
@@ -26,7 +58,7 @@ class System:
     @property
     def n_unknown(self) -> int: ...
     @property
-    def cost(self) -> tuple[float, float, float, int, int, int, int]: ...
+    def cost(self) -> Counts: ...
     def evaluate(
         self,
         u: NDArray[np.float64],
@@ -48,9 +80,9 @@ class System:
         least_norm: bool = True,
         rank_tolerance: float = 1e-14,
         ramp: NDArray[np.float64] | None = None,
-        omega: float = 0.0,
+        omega: float | None = None,
         support: NDArray[np.float64] | None = None,
-    ) -> tuple[int, int, float, float, float, float, int, tuple[float, float, float], int]: ...
+    ) -> Corrected: ...
     def peak(
         self,
         y: NDArray[np.float64],
@@ -64,8 +96,7 @@ class System:
         curvature: float,
         place_tolerance: float,
         max_step: float,
-    ) -> tuple[int, int, float, float, float, int, tuple[float, float, float]]: ...
-    def shares(self, share: NDArray[np.float64]) -> None: ...
+    ) -> Peak: ...
     def contact(
         self,
         u: NDArray[np.float64],
@@ -74,6 +105,8 @@ class System:
         share: NDArray[np.float64],
     ) -> int: ...
 
+def kernels() -> tuple[str, ...]: ...
+def kernel() -> str: ...
 def evaluate_contact(
     x: NDArray[np.float64],
     kt: NDArray[np.float64],

@@ -1,24 +1,41 @@
 /* Which build of the inner loops this machine runs. */
 #include "bd_kernel.h"
+#include "bd_vector.h"
 
+#include <stdlib.h>
+
+extern const bd_kernel bd_kernel_plain;
+#ifndef BD_PLAIN
 extern const bd_kernel bd_kernel_generic;
-#ifdef BD_HAVE_X86
-extern const bd_kernel bd_kernel_avx2, bd_kernel_avx512;
+#endif
+#ifdef BD_HAVE_AVX2
+extern const bd_kernel bd_kernel_avx2;
+#endif
+#ifdef BD_HAVE_AVX512
+extern const bd_kernel bd_kernel_avx512;
 #endif
 
 int bd_kernel_all(const bd_kernel **kernel) {
     int n = 0;
-#ifdef BD_HAVE_X86
-    const int avx2 = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-    if (avx2 && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq")) kernel[n++] = &bd_kernel_avx512;
-    if (avx2) kernel[n++] = &bd_kernel_avx2;
+#ifdef BD_HAVE_AVX512
+    if (bd_runs_avx512()) kernel[n++] = &bd_kernel_avx512;
 #endif
+#ifdef BD_HAVE_AVX2
+    if (bd_runs_avx2()) kernel[n++] = &bd_kernel_avx2;
+#endif
+#ifndef BD_PLAIN
     kernel[n++] = &bd_kernel_generic;
+#endif
+    kernel[n++] = &bd_kernel_plain;
     return n;
 }
 
 const bd_kernel *bd_kernel_get(void) {
-    const bd_kernel *kernel[3];
-    bd_kernel_all(kernel);
-    return kernel[0];
+    const bd_kernel *kernel[BD_MOST_KERNELS];
+    const int n = bd_kernel_all(kernel);
+    const char *name = getenv(BD_KERNEL_VARIABLE);
+    if (!name || !*name) return kernel[0];
+    for (int i = 0; i < n; ++i)
+        if (strcmp(kernel[i]->name, name) == 0) return kernel[i];
+    return NULL;
 }

@@ -69,7 +69,8 @@ typedef struct {
 
 bd_status bd_event_create(bd_event_work *work, int n_harm) {
     memset(work, 0, sizeof *work);
-    if (n_harm < 1 || n_harm > BD_MAX_HARM) return BD_BAD_ARGUMENT;
+    work->kernel = bd_kernel_get();
+    if (!work->kernel || n_harm < 1 || n_harm > BD_MAX_HARM) return BD_BAD_ARGUMENT;
     const size_t h = (size_t)n_harm, n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm);
     const size_t n_time = 16 * h + 16, n_event = 6 * h, n_segment = 2 * n_event + 4;
     bd_status status = bd_trig_grid_create(&work->grid, n_harm, (int)n_time);
@@ -83,7 +84,6 @@ bd_status bd_event_create(bd_event_work *work, int n_harm) {
         return BD_NO_MEMORY;
     }
     work->n_harm = n_harm;
-    work->kernel = bd_kernel_get();
     double *p = work->memory;
     work->motion = p, p += 3 * n_time;
     work->dmotion = p, p += 3 * n_time;

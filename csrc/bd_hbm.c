@@ -21,16 +21,11 @@
  * error of K - K is left in J. */
 #include "bd_hbm.h"
 
+#include "bd_clock.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
-
-double bd_seconds(void) {
-    struct timespec now;
-    timespec_get(&now, TIME_UTC);
-    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
-}
 
 static int n_row(int l) { return l == 0 ? 1 : 2; } /* rows for each component of motion */
 
@@ -102,7 +97,8 @@ static int linear_create(bd_hbm *hbm) {
 
 bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     memset(hbm, 0, sizeof *hbm);
-    if (in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
+    hbm->kernel = bd_kernel_get();
+    if (!hbm->kernel || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_point < 0) return BD_BAD_ARGUMENT;
     for (int p = 0; p < in->n_point; ++p)
         if (in->law[p] < 0 || in->law[p] >= BD_N_LAW || !bd_evaluation_serves(in->evaluation, (bd_law)in->law[p]))
             return BD_BAD_ARGUMENT;
@@ -146,7 +142,6 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *in) {
     hbm->turned = malloc(sizeof(double) * (n_unknown + 1));
     hbm->tangent = calloc(n_component + 1, 1);
     hbm->linear = calloc(n_group, sizeof(double *));
-    hbm->kernel = bd_kernel_get();
     hbm->block = malloc(sizeof(double) * BD_LANES * 7 * n_coef * n_coef);
     hbm->Z = calloc(chunk * per_component + BD_KERNEL_PAD, sizeof(double));
     hbm->A = calloc(chunk * n_column + BD_KERNEL_PAD, sizeof(double));
@@ -428,9 +423,19 @@ static int all_finite(const double *x, size_t n) {
     return sum == 0.0;
 }
 
+/* What the latest evaluation left is not that of a point which cannot be evaluated. */
+static void forget(bd_hbm *hbm) {
+    const size_t n = 3 * (size_t)hbm->n_point * (size_t)hbm->n_coef;
+    for (size_t i = 0; i < n; ++i) hbm->X[i] = hbm->F[i] = NAN;
+    for (int p = 0; p < hbm->n_point; ++p) hbm->share[p] = (bd_status_share){{NAN, NAN}, {NAN, NAN}, NAN};
+}
+
 bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
-    if (!all_finite(u, n) || !isfinite(omega)) return BD_NOT_FINITE;
+    if (!all_finite(u, n) || !isfinite(omega)) {
+        forget(hbm);
+        return BD_NOT_FINITE;
+    }
     const double started = bd_seconds();
     if (J) memset(J, 0, sizeof(double) * n * n);
     find_motion(hbm, u);

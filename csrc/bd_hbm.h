@@ -26,7 +26,8 @@ typedef struct {
 } bd_hbm_input;
 
 typedef struct {
-    double contact, assembly, algebra; /* seconds */
+    double contact, assembly, algebra; /* seconds of wall-clock time */
+    double processor;                  /* processor seconds, counted by the caller */
     long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
 } bd_cost;
 
@@ -61,9 +62,8 @@ bd_status bd_hbm_create(bd_hbm *hbm, const bd_hbm_input *input);
 void bd_hbm_destroy(bd_hbm *hbm);
 
 /* r (n_unknown), J (n_unknown, n_unknown) row-major or NULL, r_omega (n_unknown) or NULL.
- * Returns BD_NOT_FINITE if anything is. */
+ * Returns BD_NOT_FINITE if anything is not finite.  X, F and share of hbm are those of this point afterwards, NaN where u or
+ * omega is not finite. */
 bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
-
-double bd_seconds(void);
 
 #endif

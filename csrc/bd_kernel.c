@@ -31,7 +31,7 @@ BD_INLINE void tile(const int n_rows, const int n_vec, size_t m, size_t k, const
             if (from + BD_WIDTH <= n_columns)
                 bd_store(c + from, bd_load(c + from) + sum[i][v]);
             else
-                for (size_t j = from; j < n_columns; ++j) c[j] += sum[i][v][j - from];
+                for (size_t j = from; j < n_columns; ++j) c[j] += bd_entry(sum[i][v], j - from);
         }
     }
 }
@@ -184,14 +184,14 @@ static void bounds(int n, double r, const double *a, const double *b, double *la
     bd_vec most = bd_load(a) - r * bd_load(b), least = bd_load(a) + r * bd_load(b);
     for (int k = BD_WIDTH; k < n; k += BD_WIDTH) {
         const bd_vec lo = bd_load(a + k) - r * bd_load(b + k), hi = bd_load(a + k) + r * bd_load(b + k);
-        most = bd_select((bd_mask)(lo > most), lo, most);
-        least = bd_select((bd_mask)(hi < least), hi, least);
+        most = bd_select(bd_above(lo, most), lo, most);
+        least = bd_select(bd_above(least, hi), hi, least);
     }
-    *largest = most[0];
-    *smallest = least[0];
-    for (int i = 1; i < BD_WIDTH; ++i) {
-        if (most[i] > *largest) *largest = most[i];
-        if (least[i] < *smallest) *smallest = least[i];
+    *largest = bd_entry(most, 0);
+    *smallest = bd_entry(least, 0);
+    for (size_t i = 1; i < BD_WIDTH; ++i) {
+        if (bd_entry(most, i) > *largest) *largest = bd_entry(most, i);
+        if (bd_entry(least, i) < *smallest) *smallest = bd_entry(least, i);
     }
 }
 

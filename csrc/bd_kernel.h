@@ -86,10 +86,13 @@ typedef struct {
 /* Row stride of the matrices that fill_rows writes and product reads: whole vectors can run over the end of a row. */
 static inline size_t bd_kernel_stride(size_t n) { return (n + 14) / 8 * 8; }
 
-/* The best that this machine runs. */
-const bd_kernel *bd_kernel_get(void);
-
-/* All that this machine runs, best first; returns their number (at most 3). */
+/* All builds that this machine runs, fastest first; returns their number. */
+enum { BD_MOST_KERNELS = 4 };
 int bd_kernel_all(const bd_kernel **kernel);
+
+/* The fastest, or the one that this environment variable names: tests run under each.  NULL if this machine has none of
+ * that name. */
+#define BD_KERNEL_VARIABLE "BDAMPER_KERNEL"
+const bd_kernel *bd_kernel_get(void);
 
 #endif

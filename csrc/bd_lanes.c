@@ -29,8 +29,8 @@ BD_INLINE range range_at(const bd_lanes *l, int k, int v) {
     const int at = k * BD_LANES + v * BD_WIDTH, at_before = before(l, k) * BD_LANES + v * BD_WIDTH;
     const bd_vec u = bd_load(l->u + at), g = bd_load(l->g + at), g_before = bd_load(l->g + at_before), zero = bd_all(0.0);
     const bd_vec c = bd_load(l->slope + v * BD_WIDTH) * bd_max(g, zero);
-    range r = {.lo = u - c, .hi = u + c, .inside = u, .contact = (bd_mask)(g > zero)};
-    r.closing = r.contact & ~(bd_mask)(g_before > zero);
+    range r = {.lo = u - c, .hi = u + c, .inside = u, .contact = bd_above(g, zero)};
+    r.closing = r.contact & ~bd_above(g_before, zero);
     if (bd_any(r.closing)) {
         const bd_vec u_before = bd_load(l->u + at_before), dg = bd_select(r.closing, g - g_before, bd_all(1.0));
         const bd_vec t = zero - bd_all(l->interpolate ? 1.0 : 0.0) * g_before / dg;
@@ -67,7 +67,7 @@ static void save(bd_lanes *l, int lane) {
 }
 
 /* The stretch of sticking of one lane ends. */
-static __attribute__((noinline)) void end_stretch(bd_lanes *l, int lane, double w, int origin) {
+BD_NOT_INLINE void end_stretch(bd_lanes *l, int lane, double w, int origin) {
     const int n_coef = bd_n_coef(l->n_harm), n_power = bd_n_power(l->n_harm);
     const size_t nc = (size_t)n_coef;
     double g[BD_MAX_COEF], du[BD_MAX_COEF], dg[BD_MAX_COEF], part[4];
@@ -93,8 +93,10 @@ static __attribute__((noinline)) void end_stretch(bd_lanes *l, int lane, double 
 }
 
 static void end_stretches(bd_lanes *l, int vec, bd_mask ending, bd_vec w, bd_mask origin) {
-    for (int i = 0; i < BD_WIDTH; ++i)
-        if (ending[i]) end_stretch(l, vec * BD_WIDTH + i, w[i], (int)origin[i]);
+    for (int i = 0; i < BD_WIDTH; ++i) {
+        const size_t at = (size_t)i;
+        if (bd_entry_int(ending, at)) end_stretch(l, vec * BD_WIDTH + i, bd_entry(w, at), (int)bd_entry_int(origin, at));
+    }
 }
 
 void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l);
@@ -103,7 +105,7 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
     bd_mask origin[N_VEC];
     for (int v = 0; v < N_VEC; ++v) {
         w[v] = bd_load(l->w + v * BD_WIDTH);
-        origin[v] = (bd_mask){0} - 1;
+        origin[v] = bd_all_int(-1);
     }
     for (int k = 0; k < l->n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
@@ -121,13 +123,13 @@ void BD_JOIN(bd_lanes_settle_, BD_VARIANT)(bd_lanes *l) {
             const bd_vec lo = bd_load(l->lo + k * BD_LANES + v * BD_WIDTH),
                          hi = bd_load(l->hi + k * BD_LANES + v * BD_WIDTH);
             const bd_vec next = bd_min(hi, bd_max(lo, w[v]));
-            const bd_mask set = (bd_mask)(next != w[v]) | (bd_mask)(lo == hi);
-            origin[v] = (set & ((bd_mask){0} + k)) | (~set & origin[v]);
+            const bd_mask set = bd_differ(next, w[v]) | bd_equal(lo, hi);
+            origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
             w[v] = next;
         }
     for (int v = 0; v < N_VEC; ++v) {
         bd_store(l->w + v * BD_WIDTH, w[v]);
-        for (int i = 0; i < BD_WIDTH; ++i) l->origin[v * BD_WIDTH + i] = (int)origin[v][i];
+        for (int i = 0; i < BD_WIDTH; ++i) l->origin[v * BD_WIDTH + i] = (int)bd_entry_int(origin[v], (size_t)i);
     }
 }
 
@@ -143,6 +145,14 @@ static void follow(const bd_lanes *l) {
         }
 }
 
+BD_INLINE bd_mask load_int(const int *p) {
+    int64_t wide[BD_WIDTH];
+    bd_mask x;
+    for (int i = 0; i < BD_WIDTH; ++i) wide[i] = p[i];
+    memcpy(&x, wide, sizeof x);
+    return x;
+}
+
 /* Sums over the samples that stick and slip.  kept > 0 is the constant n_power, whose sums stay in registers. */
 BD_INLINE void sum(bd_lanes *l, const int kept) {
     const int n_power = kept ? kept : bd_n_power(l->n_harm);
@@ -150,8 +160,8 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
     bd_mask origin[N_VEC], stuck[N_VEC];
     bd_vec w_before[N_VEC], sum_stick[MOST_KEPT][N_VEC], sum_slip[MOST_KEPT][N_VEC];
     for (int v = 0; v < N_VEC; ++v) {
-        for (int i = 0; i < BD_WIDTH; ++i) origin[v][i] = l->origin[v * BD_WIDTH + i];
-        stuck[v] = (bd_mask){0};
+        origin[v] = load_int(l->origin + v * BD_WIDTH);
+        stuck[v] = bd_all_int(0);
         w_before[v] = bd_load(l->w + v * BD_WIDTH);
         for (int n = 0; n < kept; ++n) sum_stick[n][v] = sum_slip[n][v] = zero;
     }
@@ -160,14 +170,14 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
         for (int v = 0; v < N_VEC; ++v) {
             const range r = range_at(l, k, v);
             const bd_vec start = bd_select(r.closing, r.inside, w_before[v]);
-            const bd_mask plus = r.contact & (bd_mask)(start < r.lo), minus = r.contact & ~plus & (bd_mask)(start > r.hi);
+            const bd_mask plus = r.contact & bd_above(r.lo, start), minus = r.contact & ~plus & bd_above(start, r.hi);
             const bd_mask stick = r.contact & ~plus & ~minus, ending = stuck[v] & ~stick, set = ~stick | r.closing;
             if (bd_any(ending)) {
                 for (int n = 0; n < kept; ++n) bd_store(l->stick + n * BD_LANES + v * BD_WIDTH, sum_stick[n][v]);
                 end_stretches(l, v, ending, w_before[v], origin[v]);
             }
             w_before[v] = bd_load(l->path + k * BD_LANES + v * BD_WIDTH);
-            origin[v] = (set & ((bd_mask){0} + k)) | (~set & origin[v]);
+            origin[v] = (set & bd_all_int(k)) | (~set & origin[v]);
             stuck[v] = stick;
             const bd_vec sticking = bd_select(stick, one, zero);
             const bd_vec slipping = bd_select(plus, one, bd_select(minus, zero - one, zero));
@@ -181,10 +191,10 @@ BD_INLINE void sum(bd_lanes *l, const int kept) {
                 bd_store(to_slip, bd_load(to_slip) + power[n] * slipping);
             }
             for (int i = 0; l->state && i < BD_WIDTH; ++i)
-                l->state[k * BD_LANES + v * BD_WIDTH + i] = (unsigned char)(stick[i]   ? BD_STICK
-                                                                            : plus[i]  ? BD_SLIP_PLUS
-                                                                            : minus[i] ? BD_SLIP_MINUS
-                                                                                       : BD_OPEN);
+                l->state[k * BD_LANES + v * BD_WIDTH + i] = (unsigned char)(bd_entry_int(stick, (size_t)i)   ? BD_STICK
+                                                                            : bd_entry_int(plus, (size_t)i)  ? BD_SLIP_PLUS
+                                                                            : bd_entry_int(minus, (size_t)i) ? BD_SLIP_MINUS
+                                                                                                             : BD_OPEN);
         }
     }
     for (int v = 0; v < N_VEC; ++v) {
@@ -226,7 +236,7 @@ void BD_JOIN(bd_lanes_contact_, BD_VARIANT)(int n_power, int n_time, const doubl
     for (int n = 0; n < n_power * BD_LANES; ++n) E[n] = 0.0;
     for (int k = 0; k < n_time; ++k)
         for (int v = 0; v < N_VEC; ++v) {
-            const bd_vec in = bd_select((bd_mask)(bd_load(g + k * BD_LANES + v * BD_WIDTH) > zero), one, zero);
+            const bd_vec in = bd_select(bd_above(bd_load(g + k * BD_LANES + v * BD_WIDTH), zero), one, zero);
             for (int n = 0; n < n_power; ++n) {
                 double *e = E + n * BD_LANES + v * BD_WIDTH;
                 bd_store(e, bd_load(e) + power[(size_t)k * (size_t)n_power + (size_t)n] * in);

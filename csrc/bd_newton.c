@@ -29,6 +29,8 @@
  * the change of phi over the length of the last step. */
 #include "bd_newton.h"
 
+#include "bd_clock.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -23,7 +23,8 @@
 
 bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int interpolate) {
     memset(work, 0, sizeof *work);
-    if (n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2) return BD_BAD_ARGUMENT;
+    work->kernel = bd_kernel_get();
+    if (!work->kernel || n_harm < 1 || n_harm > BD_MAX_HARM || n_time < 2 * n_harm + 2) return BD_BAD_ARGUMENT;
     const size_t n_coef = (size_t)bd_n_coef(n_harm), n_power = (size_t)bd_n_power(n_harm), k = (size_t)n_time;
     const size_t lanes = BD_LANES;
     const size_t n_double = k * n_power + 3 * n_coef * lanes + 6 * k * lanes + 4 * n_power * lanes + 3 * n_power +
@@ -37,7 +38,6 @@ bd_status bd_sampled_create(bd_sampled_work *work, int n_harm, int n_time, int i
     }
     work->n_harm = n_harm;
     work->n_time = n_time;
-    work->kernel = bd_kernel_get();
     double *p = work->memory;
     work->power = p, p += k * n_power;
     work->x = p, p += 3 * n_coef * lanes;

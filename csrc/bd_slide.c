@@ -23,24 +23,12 @@ enum { N_VEC = BD_LANES / BD_WIDTH };
 #define EDGE 1e-12 /* relative distance at which T counts as on the edge of the disk */
 #define LN2 0.69314718055994530942
 
-BD_INLINE bd_vec root(bd_vec x) {
-#if BD_WIDTH == 8
-    return (bd_vec)_mm512_sqrt_pd((__m512d)x);
-#elif BD_WIDTH == 4
-    return (bd_vec)_mm256_sqrt_pd((__m256d)x);
-#elif defined(__SSE2__)
-    return (bd_vec)_mm_sqrt_pd((__m128d)x);
-#else
-    return (bd_vec){__builtin_sqrt(x[0]), __builtin_sqrt(x[1])};
-#endif
-}
-
-BD_INLINE bd_mask all_int(int64_t i) { return (bd_mask){0} + i; }
-
 /* Whole numbers of small size to doubles and back, by the digits of a number near 2^52 + 2^51. */
-BD_INLINE bd_vec to_double(bd_mask i) { return (bd_vec)(i + all_int(0x4338000000000000)) - bd_all(6755399441055744.0); }
-BD_INLINE bd_mask to_int(bd_vec x) { return (bd_mask)(x + bd_all(6755399441055744.0)) - all_int(0x4338000000000000); }
-BD_INLINE bd_vec power_of_two(bd_mask i) { return (bd_vec)((i + all_int(1023)) << 52); }
+BD_INLINE bd_vec to_double(bd_mask i) {
+    return bd_of_bits(i + bd_all_int(0x4338000000000000)) - bd_all(6755399441055744.0);
+}
+BD_INLINE bd_mask to_int(bd_vec x) { return bd_bits(x + bd_all(6755399441055744.0)) - bd_all_int(0x4338000000000000); }
+BD_INLINE bd_vec power_of_two(bd_mask i) { return bd_of_bits((i + bd_all_int(1023)) << 52); }
 
 /* 1 - exp(-x) for x >= 0, to rounding of itself. */
 BD_INLINE bd_vec lost(bd_vec x) {
@@ -50,7 +38,7 @@ BD_INLINE bd_vec lost(bd_vec x) {
                                     to_double(k) * bd_all(1.90821492927058770002e-10));
     bd_vec sum = bd_all(1.0 / 14.0);
     for (int n = 13; n >= 2; --n) sum = (bd_all(1.0) + y * sum) * bd_all(1.0 / n);
-    const bd_vec share = power_of_two(all_int(0) - k), grown = y + y * y * sum;
+    const bd_vec share = power_of_two(bd_all_int(0) - k), grown = y + y * y * sum;
     return (bd_all(1.0) - share) - share * grown;
 }
 
@@ -62,11 +50,11 @@ BD_INLINE bd_inverse mean_inverse(bd_vec R0, bd_vec R1, const int tangent) {
     const bd_vec one = bd_all(1.0), two = bd_all(2.0), zero = bd_all(0.0);
     const bd_vec ratio = bd_min(bd_max(R1 / R0, bd_all(1e-290)), bd_all(1e290));
     /* the power of two next to the ratio */
-    const bd_mask n = (((bd_mask)(ratio * bd_all(1.4142135623730951)) >> 52) & all_int(0x7ff)) - all_int(1023);
-    const bd_vec near = R1 * power_of_two(all_int(0) - n), S = R0 + near, z = (near - R0) / S, z2 = z * z;
+    const bd_mask n = ((bd_bits(ratio * bd_all(1.4142135623730951)) >> 52) & bd_all_int(0x7ff)) - bd_all_int(1023);
+    const bd_vec near = R1 * power_of_two(bd_all_int(0) - n), S = R0 + near, z = (near - R0) / S, z2 = z * z;
     bd_vec A = bd_all(1.0 / 25.0), B = bd_all(24.0 / 25.0);
     for (int k = 11; k >= 0; --k) A = bd_all(1.0 / (2 * k + 1)) + z2 * A;
-    const bd_mask same = (bd_mask)(n == all_int(0));
+    const bd_mask same = bd_equal_int(n, bd_all_int(0));
     const bd_vec dR = bd_select(same, one, R1 - R0);
     bd_inverse o = {bd_select(same, two * A / S, (to_double(n) * bd_all(LN2) + two * z * A) / dR), zero, zero};
     if (!tangent) return o;
@@ -88,7 +76,8 @@ typedef struct {
 } way;
 
 BD_INLINE way way_of(const bd_vec *D, bd_vec R_e, bd_vec R1, const int tangent) {
-    way w = {.length = bd_max(root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)), .inverse = mean_inverse(R_e, R1, tangent)};
+    way w = {.length = bd_max(bd_root(D[0] * D[0] + D[1] * D[1]), bd_all(1e-300)),
+             .inverse = mean_inverse(R_e, R1, tangent)};
     for (int i = 0; i < 2; ++i) w.a[i] = D[i] / w.length;
     w.p = lost(w.length * w.inverse.L);
     return w;
@@ -165,8 +154,8 @@ BD_INLINE way load_way(const bd_slide *l, int at, const int tangent) {
 BD_INLINE void close_step(step *o, bd_mask *slipping, bd_mask closing, bd_vec t, bd_vec g0, bd_vec g1, bd_vec mu, bd_vec R1,
                           const bd_vec *s, const bd_vec *dp, const bd_vec *p0, const bd_vec *p1, int interpolate,
                           const int tangent) {
-    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), rest = one - t, chord = root(dp[0] * dp[0] + dp[1] * dp[1]);
-    const bd_mask slips = closing & ~(bd_mask)(rest * chord <= R1);
+    const bd_vec one = bd_all(1.0), zero = bd_all(0.0), rest = one - t, chord = bd_root(dp[0] * dp[0] + dp[1] * dp[1]);
+    const bd_mask slips = closing & ~bd_at_least(R1, rest * chord);
     const bd_vec dg = g1 - g0, factor = bd_all(interpolate ? 1.0 : 0.0) / (dg * dg),
                  inverse = one / bd_max(chord, bd_all(1e-300));
     *slipping |= slips;
@@ -195,12 +184,12 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
     const bd_vec p0[2] = {bd_load(l->x + at0), bd_load(l->y + at0)}, p1[2] = {bd_load(l->x + at1), bd_load(l->y + at1)};
     const bd_vec dp[2] = {p1[0] - p0[0], p1[1] - p0[1]}, g0 = bd_load(l->g + at0), g1 = bd_load(l->g + at1);
     const bd_vec R0 = bd_load(l->R + at0), R1 = bd_load(l->R + at1), dR = R1 - R0, mu = bd_load(l->mu + v * BD_WIDTH);
-    const bd_mask open = ~(bd_mask)(g1 > zero), closing = ~open & ~(bd_mask)(g0 > zero), contact = ~open & ~closing;
-    const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]}, size = root(T[0] * T[0] + T[1] * T[1]);
-    const bd_mask edge = (bd_mask)(size >= R0 * bd_all(1.0 - EDGE));
+    const bd_mask open = ~bd_above(g1, zero), closing = ~open & ~bd_above(g0, zero), contact = ~open & ~closing;
+    const bd_vec T[2] = {p0[0] - s[0], p0[1] - s[1]}, size = bd_root(T[0] * T[0] + T[1] * T[1]);
+    const bd_mask edge = bd_at_least(size, R0 * bd_all(1.0 - EDGE));
     const bd_vec along = T[0] * dp[0] + T[1] * dp[1], end[2] = {p1[0] - s[0], p1[1] - s[1]};
-    const bd_mask direct = contact & edge & (bd_mask)(along > size * dR);
-    const bd_mask slips = direct | (contact & ~(bd_mask)(root(end[0] * end[0] + end[1] * end[1]) <= R1));
+    const bd_mask direct = contact & edge & bd_above(along, size * dR);
+    const bd_mask slips = direct | (contact & ~bd_at_least(R1, bd_root(end[0] * end[0] + end[1] * end[1])));
     bd_mask slipping = slips;
     *sticks = contact & ~slips;
     if (bd_any(slips) && !bd_any(slips & ~direct)) {
@@ -209,11 +198,11 @@ BD_INLINE bd_mask take_step(const bd_slide *l, int k0, int k1, int v, const bd_v
         slip_step(o, &w, e, zero, R0, R1, mu, dp, p1, tangent);
     } else if (bd_any(slips)) {
         const bd_vec a = dp[0] * dp[0] + dp[1] * dp[1] - dR * dR, b = along - R0 * dR;
-        const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = root(bd_max(b * b - a * c, zero));
+        const bd_vec c = bd_select(edge, zero, (size - R0) * (size + R0)), h = bd_root(bd_max(b * b - a * c, zero));
         const bd_vec late =
-            bd_select((bd_mask)(b >= zero), bd_select((bd_mask)(b + h > zero), (zero - c) / (b + h), zero), (h - b) / a);
+            bd_select(bd_at_least(b, zero), bd_select(bd_above(b + h, zero), (zero - c) / (b + h), zero), (h - b) / a);
         const bd_vec tau = bd_select(direct, zero, bd_min(one, bd_max(zero, late))), rest = one - tau;
-        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = root(Te[0] * Te[0] + Te[1] * Te[1]);
+        const bd_vec Te[2] = {T[0] + tau * dp[0], T[1] + tau * dp[1]}, size_e = bd_root(Te[0] * Te[0] + Te[1] * Te[1]);
         const bd_vec e[2] = {Te[0] / size_e, Te[1] / size_e}, R_e = R0 + tau * dR, D[2] = {rest * dp[0], rest * dp[1]};
         const way w = way_of(D, R_e, R1, tangent);
         slip_step(o, &w, e, tau, R_e, R1, mu, dp, p1, tangent);
@@ -242,12 +231,12 @@ BD_INLINE void keep(bd_slide *l, int k, int v, const step *o, const bd_vec *s, b
     double *to = l->step + at;
     bd_store(to, s[0]);
     bd_store(to + n, s[1]);
-    const bd_mask open = ~(bd_mask)(bd_load(l->g + at) > bd_all(0.0));
+    const bd_mask open = ~bd_above(bd_load(l->g + at), bd_all(0.0));
     for (int i = 0; i < BD_WIDTH; ++i)
-        l->kind[at + i] = (unsigned char)(open[i]     ? BD_STEP_OPEN
-                                          : sticks[i] ? BD_STEP_STICK
-                                          : slips[i]  ? BD_STEP_SLIP
-                                                      : BD_STEP_CLOSE);
+        l->kind[at + i] = (unsigned char)(bd_entry_int(open, (size_t)i)     ? BD_STEP_OPEN
+                                          : bd_entry_int(sticks, (size_t)i) ? BD_STEP_STICK
+                                          : bd_entry_int(slips, (size_t)i)  ? BD_STEP_SLIP
+                                                                            : BD_STEP_CLOSE);
     if (!tangent) return;
     to += 2 * n;
     for (int i = 0; i < 2; ++i)
@@ -326,17 +315,17 @@ double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, c
                                       int *which);
 double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                       int *which) {
-    bd_vec most = bd_all(-__builtin_inf()), place = bd_all(0.0);
+    bd_vec most = bd_all(-INFINITY), place = bd_all(0.0);
     for (int k = 0; k < n; k += BD_WIDTH) {
         const bd_vec dx = bd_load(x + k) - bd_all(s[0]), dy = bd_load(y + k) - bd_all(s[1]);
-        const bd_vec far = root(dx * dx + dy * dy) - bd_load(R + k);
-        const bd_mask more = (bd_mask)(far > most);
+        const bd_vec far = bd_root(dx * dx + dy * dy) - bd_load(R + k);
+        const bd_mask more = bd_above(far, most);
         choose(&most, more, far);
         choose(&place, more, bd_all((double)k));
     }
-    int best = 0;
-    for (int i = 1; i < BD_WIDTH; ++i)
-        if (most[i] > most[best]) best = i;
-    *which = (int)place[best] + best;
-    return most[best];
+    size_t best = 0;
+    for (size_t i = 1; i < BD_WIDTH; ++i)
+        if (bd_entry(most, i) > bd_entry(most, best)) best = i;
+    *which = (int)bd_entry(place, best) + (int)best;
+    return bd_entry(most, best);
 }

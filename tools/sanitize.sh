@@ -10,12 +10,14 @@ for cc in gcc clang; do
   "$cc" build-probe.c -llapack -lblas -o /dev/null 2>/dev/null || { echo "missing: LAPACK for the C tests (liblapack-dev)"; exit 1; }
   "$cc" -fsanitize=address,undefined build-probe.c -o /dev/null 2>/dev/null || { echo "skipped: $cc has no sanitizer runtime"; continue; }
   tried=1
-  dir=builddir-sanitize-$cc
-  rm -rf "$dir"
-  CC=$cc meson setup "$dir" -Dctests=true -Dlapack=system -Dbuildtype=debugoptimized -Db_ndebug=false \
-    -Db_sanitize=address,undefined -Db_lundef=false >"$dir.log" 2>&1 || { cat "$dir.log"; exit 1; }
-  rm -f "$dir.log"
-  meson compile -C "$dir" >/dev/null
-  ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 meson test -C "$dir" --print-errorlogs
+  for plain in false true; do # the second time without extensions of the compiler
+    dir=builddir-sanitize-$cc-plain-$plain
+    rm -rf "$dir"
+    CC=$cc meson setup "$dir" -Dctests=true -Dlapack=system -Dbuildtype=debugoptimized -Db_ndebug=false -Dplain=$plain \
+      -Db_sanitize=address,undefined -Db_lundef=false >"$dir.log" 2>&1 || { cat "$dir.log"; exit 1; }
+    rm -f "$dir.log"
+    meson compile -C "$dir" >/dev/null
+    ASAN_OPTIONS=detect_leaks=1 UBSAN_OPTIONS=halt_on_error=1:print_stacktrace=1 meson test -C "$dir" --print-errorlogs
+  done
 done
 [ "$tried" = 1 ] || { echo "missing: a compiler with sanitizers"; exit 1; }

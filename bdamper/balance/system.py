@@ -20,6 +20,7 @@ from bdamper import _core
 from bdamper.contact.laws import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, Sampled, check_evaluation
 from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
+from bdamper.util.cost import operations
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -55,7 +56,8 @@ class Correction:
     rank_deficiency : int
         Directions that the equations leave undetermined, held by least norm.
     shares : tuple of three floats
-        Shares of the cycle that stick, slip and are open, averaged over the points with friction.
+        Shares of the cycle that stick, slip and are open at ``y``, averaged over the points with friction; NaN where the
+        core has not evaluated it.
     orientation : int
         Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
     """
@@ -67,7 +69,7 @@ class Correction:
     residual: float
     condition: float
     rank_deficiency: int
-    shares: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shares: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     orientation: int = 0
 
 
@@ -150,7 +152,7 @@ class HarmonicSystem:
     @property
     def work_done(self) -> float:
         """Million operations of the core so far."""
-        return float(self.work @ np.array(self.core.cost[3:]))
+        return float(self.work @ operations(self.core.cost))
 
     def limited(self, work: float) -> HarmonicSystem:
         """The same equations; corrections end without success when so many million operations have been spent on them."""
@@ -162,7 +164,7 @@ class HarmonicSystem:
     def iterations_left(self) -> int:
         """What is left of the limit, in iterations as they have been so far."""
         done = self.work_done
-        each = max(float(self.work[:3].sum()), done / max(self.core.cost[4], 1))
+        each = max(float(self.work[:3].sum()), done / max(self.core.cost.jacobians, 1))
         return int(max(self.allowed - done, 0.0) / each)
 
     @property
@@ -326,10 +328,12 @@ class HarmonicSystem:
             if self.spent:
                 return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
             max_iterations = min(max_iterations, self.iterations_left)
-        status, iterations, residual, _, _, condition, rank, shares, orientation = self.core.correct(
+        c = self.core.correct(
             y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
         )
-        return Correction(status, y, tangent, iterations, residual, condition, len(y) - rank, shares, orientation)
+        return Correction(
+            c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation
+        )
 
     @cached_property
     def response_parts(self) -> tuple[NDArray, NDArray]:
@@ -368,11 +372,12 @@ class HarmonicSystem:
         Correction, slope and curvature of ln(amplitude)
         """
         y, tangent = np.array(y, float), np.array(tangent, float)
-        status, iterations, residual, slope, curvature, rank, shares = self.core.peak(
+        p = self.core.peak(
             y, tangent, scale, self.row_scale, *self.response_parts, tolerance, max_iterations, curvature, place_tolerance,
             max_step,
         )  # fmt: skip
-        return Correction(status, y, tangent, iterations, residual, 0.0, len(y) - rank, shares), slope, curvature
+        correction = Correction(p.status, y, tangent, p.iterations, p.residual, 0.0, len(y) - p.rank, p.shares)
+        return correction, p.slope, p.curvature
 
     def correct_at(
         self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
@@ -381,12 +386,6 @@ class HarmonicSystem:
         normal = np.zeros(self.n_unknowns + 1)
         normal[-1] = 1.0
         return self.correct(np.append(u, omega), normal, scale, tolerance, max_iterations, line_search)
-
-    def shares(self) -> NDArray:
-        """(n_points, 5) shares of the cycle at the latest evaluation: stick, slip (t1), stick, slip (t2), open."""
-        out = np.empty((self.n_points, 5))
-        self.core.shares(out)
-        return out
 
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""

@@ -5,9 +5,7 @@ The response is sampled in equal steps of phase around each resonance, and its m
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +18,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, CostMeter
+from bdamper.util.cost import Cost, Stopwatch
 
 
 @one_thread
@@ -78,7 +76,7 @@ def linear_curve(
     settings : dict
     model_hash : str
     """
-    meter = CostMeter(time.perf_counter())
+    watch = Stopwatch()
     low, high = frequency
     omega = np.linspace(low, high, 201)
     unbounded = []
@@ -120,7 +118,7 @@ def linear_curve(
         preload=preload,
         status="complete",
         reason="linear" + "".join(f", unbounded at {f:.6g} Hz: no damping" for f in infinite),
-        cost=replace(Cost(), seconds=meter.read(time.perf_counter()).seconds),
+        cost=Cost(**watch.read()),
         settings=settings,
         model_hash=model_hash,
     )

@@ -14,7 +14,6 @@ import itertools
 import json
 import os
 import pickle
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
@@ -30,7 +29,7 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost
+from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable, plain
 from bdamper.util.plotting import Plottable
@@ -352,7 +351,7 @@ class _Job:
     model: Callable[..., Model] | None = None
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        start = time.perf_counter()
+        watch = Stopwatch()
         status, values = "done", {}
         cost: Cost | None = None
         try:
@@ -370,8 +369,8 @@ class _Job:
                 cost = values.pop("cost")
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
             status = f"failed: {error}"
-        seconds = time.perf_counter() - start
-        return {"status": status, "values": values, "seconds": seconds, "cost": asdict(cost or Cost(seconds=seconds))}
+        spent = watch.read()
+        return {"status": status, "values": values, "seconds": spent["seconds"], "cost": asdict(cost or Cost(**spent))}
 
 
 _jobs: dict[str, _Job] = {}

@@ -6,7 +6,6 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field, fields, replace
@@ -33,7 +32,7 @@ from bdamper.problem.effects import Effects, whole_harmonics
 from bdamper.problem.settings import Settings, check_history
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost
+from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.repr import brief, short
 
@@ -329,7 +328,7 @@ class Problem(Settings):
         factors = self.load_history if history is None else check_history(history, "history")
         key = (preload, *factors)
         if key not in self._states:
-            start = time.perf_counter()
+            watch = Stopwatch()
             force, shift = self.damper_load
             system = StaticSystem(
                 self.static_basis.omega2,
@@ -350,14 +349,14 @@ class Problem(Settings):
                 self._states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self._states[key] = replace(state, cost=Cost(seconds=time.perf_counter() - start))
+                    self._states[key] = replace(state, cost=Cost(**watch.read()))
                     return self._states[key]
             for factor in factors:
                 state = static_state(system, factor * preload, start=state)
                 if not state.converged:
                     break
             assert state is not None
-            self._states[key] = replace(state, cost=Cost(time.perf_counter() - start, iterations=state.iterations))
+            self._states[key] = replace(state, cost=Cost(**watch.read(), iterations=state.iterations))
         return self._states[key]
 
     def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:

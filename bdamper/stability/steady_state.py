@@ -14,7 +14,6 @@ slowest mode.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ from bdamper.problem.problem import Problem
 from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost
+from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.progress import each
@@ -210,7 +209,7 @@ def march_until_settled(
     """
     if periods < FEWEST:
         raise SettingError(f"periods: expected at least {FEWEST}, found {periods}")
-    begin = time.perf_counter()
+    watch = Stopwatch()
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY)
     if isinstance(start, Motion):
         motion = start
@@ -248,7 +247,7 @@ def march_until_settled(
         status="interrupted" if stopped else "settled" if abs(change) <= STILL else "still moving",
         reason=f"estimated change of the mean still to come {100.0 * change:+.2g} %, memory {memory:.3g} periods",
         motion=motion,
-        cost=replace(ring.cost, seconds=time.perf_counter() - begin),
+        cost=replace(ring.cost, **watch.read()),
         model_hash=model_hash,
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -28,8 +30,11 @@ class Cost:
     ----------
     seconds : float
         Wall-clock time in all.
+    processor, core_processor : float
+        Processor seconds of the thread that did the work: in all, and in the C core.  0 in files of versions that did not
+        count them.
     contact, assembly, algebra : float
-        Seconds in the C core: contact forces, modal sums and products, linear algebra.
+        Wall-clock seconds in the C core: contact forces, modal sums and products, linear algebra.
     evaluations, jacobians, factorisations : int
     iterations, failed_steps : int
     least_norm : int
@@ -42,6 +47,8 @@ class Cost:
     """
 
     seconds: float = 0.0
+    processor: float = 0.0
+    core_processor: float = 0.0
     contact: float = 0.0
     assembly: float = 0.0
     algebra: float = 0.0
@@ -64,22 +71,48 @@ class Cost:
         return max(0.0, self.seconds - self.core)
 
     def __str__(self) -> str:
+        processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (
-            f"{self.seconds:.3f} s: contact {self.contact:.3f}, assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, "
-            f"Python {self.python:.3f}; {self.evaluations} evaluations, {self.iterations} iterations, "
-            f"{self.failed_steps} failed steps"
+            f"{self.seconds:.3f} s{processor}: contact {self.contact:.3f}, "
+            f"assembly {self.assembly:.3f}, algebra {self.algebra:.3f}, Python {self.python:.3f}; "
+            f"{self.evaluations} evaluations, {self.iterations} iterations, {self.failed_steps} failed steps"
         )
+
+
+def operations(counts: Any) -> NDArray:
+    """(4,) evaluations, Jacobians, factorisations, solutions by least norm, as :attr:`Counted.work` weighs them."""
+    return np.array([counts.evaluations, counts.jacobians, counts.factorisations, counts.least_norm], float)
+
+
+@dataclass(frozen=True)
+class Stopwatch:
+    """Wall-clock and processor time of the calling thread since it was made."""
+
+    start: float = field(default_factory=time.perf_counter)
+    processor_start: float = field(default_factory=time.thread_time)
+
+    def read(self) -> dict[str, Any]:
+        """Seconds and processor seconds, as fields of :class:`Cost`."""
+        return {
+            "seconds": time.perf_counter() - self.start,
+            "processor": time.thread_time() - self.processor_start,
+        }
+
+
+def _summed(costs: Sequence[Any], name: str) -> Any:
+    return sum(getattr(c, name) for c in costs)
 
 
 @dataclass
 class CostMeter:
-    """Sums the cost of several systems that serve one result."""
+    """Sums the cost of several systems that serve one result, in the thread that made the meter."""
 
     start: float
-    systems: list[tuple[Counted, tuple[float, ...]]] = field(default_factory=list)
+    systems: list[tuple[Counted, Any]] = field(default_factory=list)
     iterations: int = 0
     failed_steps: int = 0
     parts: list[Cost] = field(default_factory=list)
+    processor_start: float = field(default_factory=time.thread_time)
 
     def add(self, cost: Cost) -> None:
         """Count in what a part of the work, done while this meter ran, has metered by itself."""
@@ -91,20 +124,23 @@ class CostMeter:
     @property
     def work(self) -> float:
         """Million operations so far."""
-        total = sum(p.work for p in self.parts)
+        total = _summed(self.parts, "work")
         for system, before in self.systems:
-            total += float(system.work @ (np.array(system.core.cost[3:]) - before[3:]))
+            total += float(system.work @ (operations(system.core.cost) - operations(before)))
         return float(total)
 
+    def _in_core(self, name: str) -> Any:
+        """Sum of one of the core's counts."""
+        return sum(getattr(system.core.cost, name) - getattr(before, name) for system, before in self.systems)
+
     def read(self, now: float) -> Cost:
-        total = np.zeros(7)
-        for system, before in self.systems:
-            total += np.array(system.core.cost) - np.array(before)
-        for p in self.parts:
-            counts = p.evaluations, p.jacobians, p.factorisations, p.least_norm
-            total += np.array([p.contact, p.assembly, p.algebra, *counts])
-        c, a, g = (float(t) for t in total[:3])
-        e, j, f, least = (int(t) for t in total[3:])
-        iterations = self.iterations + sum(p.iterations for p in self.parts)
-        failed = self.failed_steps + sum(p.failed_steps for p in self.parts)
-        return Cost(now - self.start, c, a, g, e, j, f, iterations, failed, least, self.work)
+        shared = "contact", "assembly", "algebra", "evaluations", "jacobians", "factorisations", "least_norm"
+        return Cost(
+            seconds=now - self.start,
+            processor=time.thread_time() - self.processor_start,
+            core_processor=self._in_core("processor") + _summed(self.parts, "core_processor"),
+            iterations=self.iterations + _summed(self.parts, "iterations"),
+            failed_steps=self.failed_steps + _summed(self.parts, "failed_steps"),
+            work=self.work,
+            **{name: self._in_core(name) + _summed(self.parts, name) for name in shared},
+        )

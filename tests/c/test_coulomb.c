@@ -189,10 +189,10 @@ static void test_lanes(void) {
 /* All builds of the inner loop move the sliders alike, and through whole steps of slip as the closed form says. */
 static void test_slide(void) {
     enum { N = 64, SIZE = N * BD_LANES };
-    static double memory[3][(4 + 7 + 18) * SIZE];
-    static unsigned char kind[3][SIZE];
-    bd_slide l[3];
-    const bd_kernel *kernel[3];
+    static double memory[BD_MOST_KERNELS][(4 + 7 + 18) * SIZE];
+    static unsigned char kind[BD_MOST_KERNELS][SIZE];
+    bd_slide l[BD_MOST_KERNELS];
+    const bd_kernel *kernel[BD_MOST_KERNELS];
     const int n = bd_kernel_all(kernel);
     int slips = 0, opens = 0, closes = 0, sticks = 0;
     for (int v = 0; v < n; ++v) {

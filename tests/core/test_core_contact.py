@@ -270,6 +270,18 @@ class TestArguments:
         with pytest.raises(ValueError, match=r"^F: .*writable"):
             _core.evaluate_contact(**{**self.good, "F": F})
 
+    @pytest.mark.parametrize(("first", "second"), [("x", "F"), ("kt", "F"), ("w", "F"), ("x", "J"), ("F", "J")])
+    def test_outputs_have_memory_of_their_own(self, first, second):
+        memory, arguments = np.zeros(100), dict(self.good)
+        for name, start in ((first, 0), (second, arguments[first].size - 1)):
+            arguments[name] = memory[start : start + arguments[name].size].reshape(arguments[name].shape)
+        with pytest.raises(ValueError, match=f"^{second}: expected memory of its own, found that of {first}$"):
+            _core.evaluate_contact(**arguments)
+
+    def test_samples_have_no_effect_on_the_exact_evaluation(self):
+        with pytest.raises(ValueError, match=r"^n_time: expected none beside evaluation 0"):
+            _core.evaluate_contact(**self.good, n_time=64)
+
     def test_number_of_samples(self):
         with pytest.raises(ValueError, match=r"^n_time: expected 8 to"):
             _core.evaluate_contact(**self.good, evaluation=1, n_time=7)

@@ -34,7 +34,7 @@ def solved_systems(count=8):
     while found < count:
         system = _core.System(**random_arrays(rng, (2, 3, 2), 4, constraint_points=1))
         out, y, tangent = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
-        if out[0] == CONVERGED:
+        if out.status == CONVERGED:
             found += 1
             yield system, out, y, tangent
 
@@ -43,8 +43,8 @@ def test_converged_points_satisfy_the_equations():
     for system, out, y, _ in solved_systems():
         r, _, _ = evaluate_system(system, y[:-1], y[-1])
         assert np.abs(r).max() <= 1e-11
-        assert out[2] == np.abs(r).max()
-        assert out[6] == system.n_unknown + 1
+        assert out.residual == np.abs(r).max()
+        assert out.rank == system.n_unknown + 1
 
 
 def test_mean_shares_are_those_of_the_points_with_friction():
@@ -55,11 +55,11 @@ def test_mean_shares_are_those_of_the_points_with_friction():
         arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
         system = _core.System(**arrays)
         out, y, _ = solve(system, np.append(0.3 * rng.normal(size=system.n_unknown), rng.uniform(0.4, 2.0)))
-        if out[0] != CONVERGED:
+        if out.status != CONVERGED:
             continue
         X, F, each = np.empty((4, 3, 5)), np.empty((4, 3, 5)), np.empty((4, 5))
         assert system.contact(y[:-1].copy(), X, F, each) == 0
-        mean = np.array(out[7])
+        mean = np.array(out.shares)
         rubs = arrays["mu"] > 0.0
         basis = np.array([np.ones_like(theta), np.cos(theta), np.sin(theta), np.cos(2 * theta), np.sin(2 * theta)])
         load = arrays["n0"][:, None] + arrays["kn"][:, None] * (X[:, 2] @ basis)
@@ -68,6 +68,20 @@ def test_mean_shares_are_those_of_the_points_with_friction():
         assert mean[1] == pytest.approx(each[rubs][:, [1, 3]].mean(), abs=1e-12)
         opened += mean[2] > 0.1
     assert opened >= 3
+
+
+def test_shares_are_those_of_the_call():
+    """A call that evaluates nothing does not report what an earlier one found."""
+    system, out, y, _ = next(solved_systems(1))
+    assert sum(out.shares) == pytest.approx(1.0, abs=1e-12)
+    failed, _, _ = solve(system, np.full_like(y, np.nan))
+    assert failed.status == NOT_FINITE
+    assert np.isnan(failed.shares).all()
+    empty = [np.ones((4, 3, 5)), np.ones((4, 3, 5)), np.ones((4, 5))]
+    assert system.contact(np.full(len(y) - 1, np.nan), *empty) == NOT_FINITE
+    assert all(np.isnan(x).all() for x in empty)
+    again, _, _ = solve(system, y)
+    assert again.shares == pytest.approx(out.shares, abs=1e-9)
 
 
 def test_tangent_is_the_null_vector():
@@ -87,7 +101,7 @@ def test_correction_stays_in_the_plane_of_scaled_unknowns():
         normal /= np.linalg.norm(normal)
         predicted = y + 0.02 * normal * scale
         out, corrected, turned = solve(system, predicted, normal, scale)
-        assert out[0] == CONVERGED
+        assert out.status == CONVERGED
         assert abs(normal @ ((corrected - predicted) / scale)) < 1e-12
         assert np.linalg.norm(turned) == pytest.approx(1.0, abs=1e-13)
         assert turned @ normal > 0.0
@@ -101,7 +115,7 @@ def test_quadratic_convergence_without_events():
         start = y.copy()
         start[:-1] += 1e-4 * rng.normal(size=len(y) - 1)
         out, _, _ = solve(system, start, line_search=False)
-        if out[0] == CONVERGED and out[1] <= 3:
+        if out.status == CONVERGED and out.iterations <= 3:
             seen += 1
     assert seen >= 6
 
@@ -131,13 +145,13 @@ def test_least_norm_leaves_a_neutral_position_alone():
     system = _core.System(**neutral_arrays())
     for mean in (-3.0, 0.0, 0.3, 20.0):
         out, y, tangent = solve(system, [mean, -2.0, 0.3, 2.0])
-        assert out[0] == CONVERGED
-        assert out[6] == 3  # one direction short
-        assert system.cost[6] > 0  # solved by least norm, and counted so
+        assert out.status == CONVERGED
+        assert out.rank == 3  # one direction short
+        assert system.cost.least_norm > 0  # solved by least norm, and counted so
         assert y[0] == pytest.approx(mean, abs=1e-12)
         assert tangent[0] == pytest.approx(0.0, abs=1e-12)
     out, _, _ = solve(system, [0.3, -2.0, 0.3, 2.0], least_norm=False)
-    assert out[0] == SINGULAR
+    assert out.status == SINGULAR
 
 
 def test_a_mean_row_of_rounding_noise_does_not_steer_newton():
@@ -145,7 +159,7 @@ def test_a_mean_row_of_rounding_noise_does_not_steer_newton():
     for excitation in np.linspace(4.0, 9.0, 11):
         system = _core.System(**neutral_arrays(excitation))
         out, y, _ = solve(system, [0.3, -2.0, 0.3, 2.0], iterations=12)
-        assert out[0] == CONVERGED
+        assert out.status == CONVERGED
         X = np.hypot(y[1], y[2])
         T = np.arccos(1 - 2 / X)
         stiffness, loss = (T - np.sin(2 * T) / 2) / np.pi, 4 / (np.pi * X) * (1 - 1 / X)
@@ -157,21 +171,19 @@ def test_failures_are_statuses():
     system = _core.System(**random_arrays(rng, (2, 3), 4))
     n = system.n_unknown
     start = np.append(rng.normal(size=n), 1.0)
-    assert solve(system, start, iterations=0)[0][0] == NOT_CONVERGED
+    assert solve(system, start, iterations=0)[0].status == NOT_CONVERGED
     out, _, _ = solve(system, np.append(np.full(n, np.nan), 1.0))
-    assert out[0] == NOT_FINITE
-    assert np.isinf(out[2])
-    scales = np.ones(n)
-    scales[0] = np.nan  # a residual that is not a number stays one, wherever it stands
-    y, tangent = start.copy(), np.zeros(n + 1)
-    border = np.eye(n + 1)[n]
-    out = system.correct(y, border, np.ones(n + 1), scales, tangent, 1e9, 0)
-    assert out[0] == NOT_CONVERGED
-    assert np.isnan(out[2])
+    assert out.status == NOT_FINITE
+    assert np.isinf(out.residual)
+    # a residual that is not a number stays one: infinitely many times no support
+    ramp = {"ramp": np.ones(n), "omega": 1.0, "support": np.zeros((n, n))}
+    out, _, _ = solve(system, np.append(start[:-1], 0.0), **ramp)
+    assert out.status == NOT_CONVERGED
+    assert np.isnan(out.residual)
     empty = random_arrays(rng, (0, 1), 0)
     empty["stiffness"][:] = empty["mass"][:] = empty["damping"][:] = 0.0
     out, _, _ = solve(_core.System(**empty), [0.0, 0.0, 1.0])  # 0 x = force
-    assert out[0] in (SINGULAR, NOT_CONVERGED, DIVERGED)
+    assert out.status in (SINGULAR, NOT_CONVERGED, DIVERGED)
 
 
 def test_ramp_is_a_factor_on_part_of_the_excitation():
@@ -184,7 +196,7 @@ def test_ramp_is_a_factor_on_part_of_the_excitation():
     system = _core.System(**arrays)
     for factor in (0.2, 1.0, 1.7):
         out, y, tangent = solve(system, np.append(0.1 * rng.normal(size=n), factor), ramp=ramp, omega=omega)
-        assert out[0] == CONVERGED
+        assert out.status == CONVERGED
         assert y[-1] == factor
         scaled = dict(arrays, force=arrays["force"] + (factor - 1.0) * ramp)
         r, J, _ = evaluate_system(_core.System(**scaled), y[:-1], omega)
@@ -204,7 +216,7 @@ def test_support_fades_out():
         out, y, tangent = solve(
             system, np.append(0.1 * rng.normal(size=n), s), ramp=ramp, omega=omega, support=support
         )
-        assert out[0] == CONVERGED
+        assert out.status == CONVERGED
         r, J, _ = evaluate_system(system, y[:-1], omega)
         assert np.abs(r + (1.0 - s) * ramp + (1.0 / s - 1.0) * support @ y[:-1]).max() < 1e-10
         by_factor = -ramp - support @ y[:-1] / s**2
@@ -223,6 +235,6 @@ def test_condition_does_not_depend_on_units():
     for name in ("stiffness", "mass", "damping", "kt", "kn", "n0", "force"):
         other[name] = s * arrays[name]
     out_s, y_s, _ = solve(_core.System(**other), start, row_scale=np.full(8, 1 / s))
-    assert out[0] == out_s[0] == CONVERGED
+    assert out.status == out_s.status == CONVERGED
     np.testing.assert_allclose(y_s, y, rtol=0, atol=1e-9)
-    assert out_s[5] == pytest.approx(out[5], rel=1e-6)
+    assert out_s.condition == pytest.approx(out.condition, rel=1e-6)

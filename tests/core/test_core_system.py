@@ -1,6 +1,8 @@
 """Residual and Jacobian of the harmonic balance equations against the NumPy oracle and finite differences."""
 
+import re
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -99,9 +101,6 @@ def test_contact_gives_the_forces_in_the_residual():
     for p in range(4):
         expected = oracle.contact(X[p], o["kt"][p], o["kn"][p], o["mu"][p], o["n0"][p], o["w"][p])
         np.testing.assert_allclose(F[p], expected, rtol=0, atol=1e-11)
-    again = np.full((4, 5), np.nan)
-    system.shares(again)
-    np.testing.assert_array_equal(again, share)
 
 
 def test_arguments_are_copied():
@@ -167,7 +166,7 @@ def test_sizes_are_checked():
         _core.System(**GOOD, evaluation=1, n_time=4)
     with pytest.raises(ValueError, match="number of harmonics: expected 1 to 64, found 0"):
         _core.System(**{**GOOD, "n_mode": np.array([2], np.intc)})
-    with pytest.raises(ValueError, match="expected 1 to 30000 unknowns"):
+    with pytest.raises(ValueError, match=r"^n_mode: expected 1 to 30000 unknowns"):
         _core.System(**{**GOOD, "n_mode": np.zeros(2, np.intc)})
 
 
@@ -193,6 +192,118 @@ def test_wrong_arrays_of_evaluate_are_named(place, name, value):
         system.evaluate(*arguments)
 
 
+CORRECT = {
+    "y": np.zeros(9), "normal": np.ones(9), "scale": np.ones(9), "row_scale": np.ones(8), "tangent": np.zeros(9),
+    "tolerance": 1e-9, "max_iterations": 10, "ramp": np.ones(8), "omega": 1.0, "support": np.eye(8),
+}  # fmt: skip
+PEAK = {
+    "y": np.zeros(9), "tangent": np.ones(9) / 3, "scale": np.ones(9), "row_scale": np.ones(8), "re": np.ones(8),
+    "im": np.zeros(8), "tolerance": 1e-9, "max_iterations": 10, "curvature": -1.0, "place_tolerance": 1e-6, "max_step": 0.1,
+}  # fmt: skip
+EVALUATE = {"u": np.zeros(8), "omega": 1.0, "r": np.zeros(8), "J": np.zeros((8, 8)), "r_omega": np.zeros(8)}
+CONTACT = {"u": np.zeros(8), "X": np.zeros((3, 3, 3)), "F": np.zeros((3, 3, 3)), "share": np.zeros((3, 5))}
+METHODS = {"correct": CORRECT, "peak": PEAK, "evaluate": EVALUATE, "contact": CONTACT}
+OUTPUTS = {
+    "correct": ("y", "tangent"),
+    "peak": ("y", "tangent"),
+    "evaluate": ("r", "J", "r_omega"),
+    "contact": ("X", "F", "share"),
+}
+
+
+def call(method, arguments):
+    """One method with copies of its arguments; contact takes them by place only."""
+    function = getattr(_core.System(**GOOD), method)
+    return function(*arguments.values()) if method == "contact" else function(**arguments)
+
+
+def sharing():
+    """Every output of every method with every other array."""
+    for method, outputs in OUTPUTS.items():
+        arrays = [name for name, value in METHODS[method].items() if isinstance(value, np.ndarray)]
+        for i, first in enumerate(arrays):
+            yield from ((method, first, second) for second in arrays[i + 1 :] if first in outputs or second in outputs)
+
+
+@pytest.mark.parametrize(("method", "first", "second"), list(sharing()))
+def test_outputs_that_share_memory_are_refused(method, first, second):
+    arguments = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in METHODS[method].items()}
+    assert call(method, dict(arguments)) is not None
+    a, b = arguments[first], arguments[second]
+    memory = np.zeros(a.size + b.size - 1)  # they have one number in common
+    for view, name in ((memory[: a.size], first), (memory[a.size - 1 :], second)):
+        shape = arguments[name].shape
+        view[...] = 1.0
+        arguments[name] = view.reshape(shape)
+        assert np.shares_memory(arguments[name], memory)
+    before = memory.copy()
+    with pytest.raises(ValueError, match=rf"^{second}: expected memory of its own, found that of {first}$"):
+        call(method, arguments)
+    np.testing.assert_array_equal(memory, before)
+
+
+def test_inputs_may_share_memory_and_outputs_may_touch():
+    system, memory = _core.System(**GOOD), np.zeros(17)
+    assert system.evaluate(memory[:8], 1.0, memory[8:16]) == 0
+    same = np.full(9, 0.5)
+    peak = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in PEAK.items()}
+    assert system.peak(**{**peak, "scale": same, "row_scale": same[:8], "re": same[:8]}).status >= 0
+
+
+@pytest.mark.parametrize(
+    ("method", "name", "value", "expected"),
+    [
+        ("correct", "tolerance", np.nan, "a finite positive number, found nan"),
+        ("correct", "tolerance", 0.0, "a finite positive number, found 0.0"),
+        ("correct", "rank_tolerance", np.nan, "a finite non-negative number, found nan"),
+        ("correct", "max_iterations", -1, "at least 0, found -1"),
+        ("correct", "omega", None, "a number beside ramp, found None"),
+        ("peak", "tolerance", np.inf, "a finite positive number, found inf"),
+        ("peak", "max_iterations", -1, "at least 0, found -1"),
+        ("peak", "curvature", 0.0, "a finite negative number, found 0.0"),
+        ("peak", "curvature", np.nan, "a finite negative number, found nan"),
+        ("peak", "place_tolerance", np.nan, "a finite positive number, found nan"),
+        ("peak", "max_step", -1.0, "a finite positive number, found -1.0"),
+    ],
+)
+def test_wrong_numbers_are_named(method, name, value, expected):
+    with pytest.raises(ValueError, match=f"^{name}: expected {expected}$"):
+        call(method, {**METHODS[method], name: value})
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("name", ["scale", "row_scale"])
+@pytest.mark.parametrize("method", ["correct", "peak"])
+def test_wrong_scales_are_named(method, name, value):
+    scale = METHODS[method][name].copy()
+    scale[3] = value
+    found = re.escape(str(value))
+    with pytest.raises(ValueError, match=f"^{name}: expected finite positive numbers, found {found} at flat index 3$"):
+        call(method, {**METHODS[method], name: scale})
+
+
+@pytest.mark.parametrize(
+    ("method", "name"),
+    [(method, name) for method, names in (("correct", ("normal", "ramp", "support")), ("peak", ("tangent", "re", "im")))
+     for name in names],
+)
+def test_arrays_that_are_not_finite_are_named(method, name):
+    value = METHODS[method][name].copy()
+    value.flat[2] = np.nan
+    with pytest.raises(ValueError, match=f"^{name}: expected finite numbers, found nan at flat index 2$"):
+        call(method, {**METHODS[method], name: value})
+
+
+@pytest.mark.parametrize("name", ["support", "omega"])
+def test_an_argument_without_effect_is_refused(name):
+    alone = {k: v for k, v in CORRECT.items() if k not in ("ramp", "omega", "support")}
+    assert call("correct", alone).status >= 0
+    with pytest.raises(ValueError, match=f"^{name}: expected beside ramp only, without which it has no effect$"):
+        call("correct", {**alone, name: CORRECT[name]})
+    with pytest.raises(ValueError, match=r"^n_time: expected none beside evaluation 0 \(exact\), found 64$"):
+        _core.System(**GOOD, n_time=64)
+
+
 @pytest.mark.parametrize(
     ("place", "name"), [(0, "y"), (1, "normal"), (2, "scale"), (3, "row_scale"), (4, "tangent")]
 )
@@ -206,7 +317,7 @@ def test_wrong_arrays_of_correct_are_named(place, name):
     with pytest.raises(ValueError, match=r"^ramp: expected shape"):
         system.correct(*arguments, 1e-9, 10, ramp=np.zeros(2))
     with pytest.raises(ValueError, match=r"^support: expected shape \(8, 8\)"):
-        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(8), support=np.zeros((8, 2)))
+        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(8), omega=1.0, support=np.zeros((8, 2)))
 
 
 def test_a_point_that_is_not_finite_is_a_status():
@@ -272,7 +383,7 @@ def test_corrector_in_threads_gives_the_serial_results():
     def solve(k):
         y, tangent = starts[k].copy(), np.zeros(n + 1)
         out = system.correct(y, at_frequency, np.ones(n + 1), np.ones(n), tangent, 1e-10, 40, True)
-        return out[0], y, tangent
+        return out.status, y, tangent
 
     serial = [solve(k) for k in range(12)]
     assert sum(status == 0 for status, _, _ in serial) >= 6
@@ -292,8 +403,30 @@ def test_cost_is_counted():
     system = _core.System(**GOOD)
     evaluate_system(system, np.zeros(8), 1.0)
     system.evaluate(np.zeros(8), 1.0, np.zeros(8))
-    contact, assembly, algebra, evaluations, jacobians, factorisations, least_norm = system.cost
-    assert (evaluations, jacobians, factorisations, least_norm) == (2, 1, 0, 0)
-    assert contact > 0.0
-    assert assembly > 0.0
-    assert algebra == 0.0
+    cost = system.cost
+    assert (cost.evaluations, cost.jacobians, cost.factorisations, cost.least_norm) == (2, 1, 0, 0)
+    assert cost.contact > 0.0
+    assert cost.assembly > 0.0
+    assert cost.algebra == 0.0
+    assert cost.processor > 0.0
+
+
+def test_processor_time_is_that_of_the_work():
+    """A System that waits for another thread's call costs no processor time."""
+    rng = np.random.default_rng(10)
+    system = _core.System(**random_arrays(rng, (3, 4, 3), 300))
+    n = system.n_unknown
+    u = rng.normal(size=n)
+    begin = time.thread_time()
+    for _ in range(20):
+        system.evaluate(u, 0.9, np.empty(n), np.empty((n, n)))
+    assert 0.5 < system.cost.processor / (time.thread_time() - begin) <= 1.0
+    before = system.cost.processor
+    began = time.process_time()
+
+    def work(i):
+        for _ in range(20):
+            system.evaluate(u, 0.9, np.empty(n), np.empty((n, n)))
+
+    run_together(work, 4)
+    assert system.cost.processor - before <= 1.05 * (time.process_time() - began)

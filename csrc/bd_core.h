@@ -1,0 +1,68 @@
+/* What the files of the extension module share: checks of arguments, named results, the module's state. */
+#ifndef BD_CORE_H
+#define BD_CORE_H
+
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+
+#define NPY_NO_DEPRECATED_API NPY_1_25_API_VERSION
+#define PY_ARRAY_UNIQUE_SYMBOL bdamper_core_numpy
+#ifndef BD_CORE_IMPORTS_NUMPY
+#define NO_IMPORT_ARRAY
+#endif
+#include <numpy/arrayobject.h>
+
+#include "bd_newton.h"
+
+typedef struct {
+    bd_lapack lapack;
+    PyTypeObject *counts, *corrected, *peak; /* struct sequences */
+} core_state;
+
+/* ---- arguments (bd_core_arguments.c) ---- */
+
+/* The arrays of one call so far. */
+typedef struct {
+    int n;
+    struct {
+        const char *name, *start, *end;
+        int output;
+    } array[16]; /* as many as System() has */
+} core_arguments;
+
+typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range;
+enum { BD_INPUT, BD_OUTPUT };
+
+/* Data of a C-contiguous, aligned array of that type and shape, or NULL with an exception that names the argument.  An
+ * output that shares memory with another array of the call is refused. */
+void *core_array(core_arguments *arguments, PyObject *object, const char *name, int type, const char *type_name, int n_dim,
+                 const npy_intp *shape, int output);
+double *core_doubles(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
+                     int output);
+double *core_vector(core_arguments *arguments, PyObject *object, const char *name, npy_intp n, int output);
+
+/* An input whose n numbers are all in a range. */
+double *core_numbers(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape,
+                     core_range range);
+
+/* Whether n numbers are in a range; if not, with an exception that names them. */
+int core_check_numbers(const double *x, npy_intp n, const char *name, core_range range);
+int core_check_number(double x, const char *name, core_range range);
+
+int core_check_n_harm(npy_intp n_harm);
+int core_check_evaluation(int evaluation, int n_time, int n_harm);
+int core_check_law(int law, int evaluation);
+int core_check_slider(const double *w, int law);
+int core_check_kernel(void); /* whether the environment asks for one that this machine runs */
+PyObject *core_kernel_names(void);
+
+/* 0, with an exception, for a status that stands for wrong arguments or lack of memory. */
+int core_check_status(bd_status status);
+
+/* ---- parts of the module ---- */
+
+extern PyType_Spec core_system_spec; /* bd_core_system.c */
+int core_add_results(PyObject *module, core_state *state);
+PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
+
+#endif
