@@ -13,18 +13,21 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.static import StaticSystem, static_state
+from bdamper.contact.static import static_state
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
+P = TypeVar("P", bound=Problem)
 
-def prescribe_preload(problem: Problem, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> Problem:
-    """The same study with prescribed normal loads and gaps at rest; use it with ``preload=0``.
+
+def prescribe_preload(problem: P, loads: Mapping[str, float | NDArray], *, settled: bool = True) -> P:
+    """The same problem with prescribed normal loads and gaps at rest; use it with ``preload=0``.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ def prescribe_preload(problem: Problem, loads: Mapping[str, float | NDArray], *,
 
     Returns
     -------
-    Study
+    Problem or Study, as given
         With a model whose gaps (``Interface.gap``, negative for interference) produce the loads.
 
     Raises
@@ -72,19 +75,7 @@ def prescribe_preload(problem: Problem, loads: Mapping[str, float | NDArray], *,
             raise SettingError(f"prescribed loads: expected no free body (or settled=False), found {free}")
         basis = problem.static_basis
         # a normal spring that is all but missing keeps N at its prescribed value while the structure moves
-        soft = StaticSystem(
-            basis.omega2,
-            basis.G.real,
-            problem.tangential_stiffness,
-            1e-12 * kn,
-            problem.friction,
-            target,
-            np.zeros(len(basis.omega2)),
-            np.zeros((len(kn), 3)),
-            np.zeros(len(basis.omega2)),
-            problem.bonded_points,
-        )
-        state = static_state(soft, 0.0)
+        state = static_state(replace(problem.static_system, kn=1e-12 * kn, n0=target), 0.0)
         if not state.converged:
             raise SettingError(f"prescribed loads: expected a structure that can carry them at rest, found: {state.note}")
         n0 = target - kn * (basis.G.real @ state.q)[:, 2]

@@ -28,7 +28,7 @@ from bdamper.model.coarsening import unite_contact_points, united_gap, united_st
 from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.model.loads import Excitation, Response, direction_vector
 from bdamper.model.model import ContactStiffness
-from bdamper.problem.effects import Effects, whole_harmonics
+from bdamper.problem.effects import Effects
 from bdamper.problem.settings import Settings, check_history
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -107,13 +107,13 @@ class Problem(Settings):
         SettingError
             If a value does not fit.
         """
-        changed = {name for name, value in settings.items() if value is not getattr(self, name)}
+        changed = {name for name, value in settings.items() if value is not getattr(self, name, None)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
         out = copy(self)
         for name, value in settings.items():
             object.__setattr__(out, name, value)
-        object.__setattr__(out, "harmonics", whole_harmonics(out.harmonics))
+        object.__setattr__(out, "harmonics", Effects.of(out).harmonics)  # checks them
         for name in ("bases", "_modal_bases", "response_rows"):
             out.__dict__.pop(name, None)
         check_evaluation(out.evaluation, out.harmonic_numbers[-1])
@@ -203,6 +203,7 @@ class Problem(Settings):
 
     @cached_property
     def contact(self) -> Contact:
+        """Contact stiffness by the method asked for, with residual modes if it has any."""
         method = self.contact_stiffness
         if isinstance(method, str) and method == "model":
             missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
@@ -233,10 +234,12 @@ class Problem(Settings):
 
     @cached_property
     def point_stiffness(self) -> NDArray:
+        """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
     @cached_property
     def point_gaps(self) -> NDArray:
+        """(n_points,) initial distance of the surfaces, m; negative for interference."""
         given = {} if self.gap is None else validate.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
         parts = []
         for name in self.coupling.interfaces:
@@ -271,6 +274,7 @@ class Problem(Settings):
 
     @cached_property
     def tangential_stiffness(self) -> NDArray:
+        """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is no friction."""
         return self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None]
 
     @cached_property
@@ -281,8 +285,11 @@ class Problem(Settings):
 
     @cached_property
     def damper_load(self) -> tuple[NDArray, NDArray]:
+        """Per newton of preload: modal force (n_modes,), and motion of the points that the modes do not carry (n_points,
+        3)."""
         force, shift = self.coupling.load()
-        return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
+        return np.pad(force, (0, self.static_basis.n_modes
+        - len(force))), shift
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
@@ -298,6 +305,7 @@ class Problem(Settings):
 
     @cached_property
     def response_rows(self) -> list[NDArray]:
+        """(n_modes,) rows that give the response, for each harmonic from the mean on."""
         place = self.response_location
         direction = direction_vector(place.direction, "response direction")
         rows = [
@@ -308,6 +316,23 @@ class Problem(Settings):
         return rows
 
     # ---- static ----
+
+    @cached_property
+    def static_system(self) -> StaticSystem:
+        """The static contact problem under the load on the damper."""
+        force, shift = self.damper_load
+        return StaticSystem(
+            stiffness=self.static_basis.omega2,
+            G=self.static_basis.G.real,
+            kt=self.tangential_stiffness,
+            kn=self.point_stiffness[:, 2],
+            mu=self.friction,
+            n0=-self.point_stiffness[:, 2] * self.point_gaps,
+            force=force,
+            shift=shift,
+            constant_force=np.zeros_like(force),
+            bonded=self.bonded_points,
+        )
 
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
@@ -329,19 +354,7 @@ class Problem(Settings):
         key = (preload, *factors)
         if key not in self._states:
             watch = Stopwatch()
-            force, shift = self.damper_load
-            system = StaticSystem(
-                self.static_basis.omega2,
-                self.static_basis.G.real,
-                self.tangential_stiffness,
-                self.point_stiffness[:, 2],
-                self.friction,
-                -self.point_stiffness[:, 2] * self.point_gaps,
-                force,
-                shift,
-                np.zeros_like(force),
-                self.bonded_points,
-            )
+            system = self.static_system
             state = None
             if len(factors) == 1:
                 # always from one and the same load, so that results do not depend on what was asked before

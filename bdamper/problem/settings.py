@@ -31,7 +31,7 @@ BLADE_MODES = 10
 
 @dataclass(frozen=True, eq=False)
 class Settings:
-    """Settings of an analysis of one model.
+    """What the user chooses about one model.
 
     Parameters
     ----------
@@ -217,14 +217,17 @@ class Settings:
 
     @property
     def response_location(self) -> Response:
+        """Where and along which direction the response is asked for: at the excitation by default."""
         return self.response or Response(self.excitation.location, self.excitation.direction)
 
     def interface_names(self) -> tuple[str, ...]:
+        """Interfaces that take part, constraint planes only if they are asked for."""
         return tuple(
             name for name, face in self.model.interfaces.items() if self.constraints or face.kind == "friction"
         )
 
     def friction_by_interface(self) -> dict[str, float]:
+        """Friction coefficient of each interface that takes part; none on constraint planes."""
         out = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
@@ -251,6 +254,13 @@ class Settings:
         return {*self.harmonic_numbers, *([0] if self.bias else [])}
 
     def record(self, options: Any = None) -> dict[str, Any]:
+        """All settings as results keep them: numbers, texts, lists and mappings of these.
+
+        Parameters
+        ----------
+        options : dataclass, optional
+            Of the continuation, kept beside them.
+        """
         given = self.contact_stiffness
         out: dict[str, Any] = {
             "engine_order": int(self.engine_order),
@@ -303,4 +313,5 @@ def _plain(value: Any) -> Any:
 
 
 def check_history(history: Sequence[float], name: str) -> tuple[float, ...]:
+    """Load factors, checked: at least one, none negative."""
     return tuple(validate.numbers(f"{name}, load factors", history, least=0.0).tolist())

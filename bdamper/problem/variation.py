@@ -1,4 +1,4 @@
-"""A study with one of its settings changed, by name: what sweeps, samples and sensitivities have in common.
+"""A problem with settings changed by name, as sweeps, samples and sensitivities change them.
 
 Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
 (``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and three factors on what is not a single
@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
+P = TypeVar("P", bound=Problem)
 FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
 
 
@@ -37,7 +38,7 @@ _KEPT = {
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
 }
-"""Parts of a study, made once and kept, that a change of a setting leaves as they are."""
+"""Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
 
 
 def setting_names(problem: Problem) -> list[str]:
@@ -54,8 +55,8 @@ def check_name(problem: Problem, name: str) -> None:
         raise SettingError(f"setting to vary: expected one of {setting_names(problem)}, found '{name}'")
 
 
-def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
-    """The study with settings replaced by name.
+def vary(problem: P, settings: Mapping[str, Any]) -> P:
+    """The problem with settings replaced by name.
 
     Parameters
     ----------
@@ -65,15 +66,15 @@ def vary(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     Raises
     ------
     SettingError
-        If there is no setting of that name, or the study refuses its value.
+        If there is no setting of that name, or its value does not fit.
     """
     for name in settings:
         check_name(problem, name)
     return _with_kept_parts(problem, _varied(problem, settings), list(settings))
 
 
-def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
-    """Hands over what need not be made again."""
+def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
+    """Hands the parts on that need not be made again."""
     if new is old or not all(name in _KEPT for name in names):
         return new
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
@@ -92,7 +93,7 @@ def _with_kept_parts(old: Problem, new: Problem, names: list[str]) -> Problem:
     return new
 
 
-def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
+def _varied(problem: P, settings: Mapping[str, Any]) -> P:
     plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
     if plain:
         problem = problem.with_(**plain)
@@ -107,7 +108,7 @@ def _varied(problem: Problem, settings: Mapping[str, Any]) -> Problem:
     return problem
 
 
-def _scaled(problem: Problem, name: str, factor: float) -> Problem:
+def _scaled(problem: P, name: str, factor: float) -> P:
     factor = validate.number(name, factor, above=0.0)
     if name == "contact_stiffness_factor":
         return replace(problem, contact_stiffness_factor=factor * problem.contact_stiffness_factor)
@@ -120,7 +121,7 @@ def _scaled(problem: Problem, name: str, factor: float) -> Problem:
 
 
 def _as_checked(model: Model) -> Model:
-    """Notes that a model made from a checked one need not be checked again."""
+    """A model made from a checked one need not be checked again."""
     object.__setattr__(model, "_checked", True)
     return model
 

@@ -1,0 +1,75 @@
+"""A problem makes its parts once, hands them on where they stay the same, and a study is a problem with methods."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.continuation.track import track
+from bdamper.problem.problem import Problem
+from bdamper.problem.variation import vary
+
+SETTINGS = {"engine_order": 5, "friction_coefficient": 0.4}
+PRELOAD, INTERVAL = 2000.0, (345.0, 360.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return bd.reference_model("bladed_disk", 9)
+
+
+@pytest.fixture(scope="module")
+def problem(model):
+    return Problem(model, bd.Excitation("tip"), **SETTINGS)
+
+
+def test_a_study_is_a_problem_with_methods(model, problem):
+    study = bd.Study(model, bd.Excitation("tip"), **SETTINGS)
+    assert isinstance(study, Problem) and not hasattr(problem, "track")
+    ours, theirs = study.track(PRELOAD, INTERVAL), track(problem, PRELOAD, INTERVAL)
+    assert np.array_equal(ours.unknowns, theirs.unknowns)
+
+
+def test_other_harmonics_share_what_does_not_depend_on_them(problem):
+    state = problem.static(PRELOAD)
+    three = problem.with_(harmonics=3)
+    assert three.harmonic_numbers == (1, 2, 3) and problem.harmonic_numbers == (1,)
+    assert three.coupling is problem.coupling and three.static(PRELOAD) is state
+    assert three.n_unknowns > problem.n_unknowns and len(three.response_rows) == 4
+    plain = replace(problem, harmonics=3)
+    u = np.random.default_rng(1).normal(size=three.n_unknowns) * 1e-6
+    ours, theirs = (p.system(PRELOAD).evaluate(u, 2e3)[0] for p in (three, plain))
+    assert np.array_equal(ours, theirs)
+
+
+@pytest.mark.parametrize(
+    "setting", [{"friction_coefficient": 0.2}, {"blade_modes": 4}, {"bias": False}, {"contact_stiffness_factor": 0.5}]
+)
+def test_other_settings_are_those_of_a_new_problem(model, problem, setting):
+    ours = problem.with_(**setting)
+    theirs = Problem(model, bd.Excitation("tip"), **{**SETTINGS, **setting})
+    assert ours.record() == theirs.record() != problem.record()
+    u = np.random.default_rng(2).normal(size=theirs.n_unknowns) * 1e-6
+    assert np.array_equal(*(p.system(PRELOAD).evaluate(u, 2e3)[0] for p in (ours, theirs)))
+
+
+def test_wrong_settings_are_refused_by_name(problem):
+    with pytest.raises(bd.SettingError, match="friction_coefficient"):
+        problem.with_(friction_coefficient=-1.0)
+    with pytest.raises(bd.SettingError, match="harmonics"):
+        problem.with_(harmonics=0)
+
+
+def test_settings_that_are_varied_keep_the_type(model, problem):
+    study = bd.Study(model, bd.Excitation("tip"), **SETTINGS)
+    assert type(vary(study, {"excitation.amplitude": 2.0})) is bd.Study
+    assert type(vary(problem, {"friction_coefficient": 0.1})) is Problem
+
+
+def test_results_tell_the_settings_that_a_tolerance_chose(problem):
+    three = problem.with_(harmonics=3)
+    assert problem.matching(three.record()) is problem  # nothing was chosen
+    chosen = problem.matching(three.record() | {"chosen": {}})
+    assert chosen.harmonic_numbers == (1, 2, 3)
+    assert chosen.static(PRELOAD) is problem.static(PRELOAD)
