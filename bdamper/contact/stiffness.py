@@ -260,12 +260,7 @@ def contact_stiffness(
         return _with_residual_modes(coupling, method, friction)
     if not isinstance(method, str):
         return Contact(_from_user(coupling, method))
-    residual = coupling.residual_flexibility(1)
-    out = {}
-    for name in coupling.interfaces:
-        rows = coupling.rows(name)
-        block = slice(3 * rows.start, 3 * rows.stop)
-        out[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+    out = _unit_tractions(coupling)
     if method == "eq4":
         forces, left_out = paper_contact(coupling, friction)
         for name in _friction_faces(coupling):
@@ -288,17 +283,23 @@ def _with_residual_modes(coupling: Coupling, options: ResidualModes, friction: N
     has_load = any(body.load is not None and np.any(body.load.generalised) for body in coupling.model.bodies.values())
     static = _forces_for_paper(coupling, friction) if has_load and options.patterns != "all" else None
     residual_set = ResidualSet.make(coupling, friction, options, static)
-    D = residual_set.flexibility
+    out = {}
+    for name, rest in _unit_tractions(coupling).items():
+        here = residual_set.flexibility[coupling.rows(name)]
+        k = np.divide(1.0, here, out=rest.stiffness.copy(), where=here > 0.0)
+        out[name] = ContactStiffness(k, "residual_modes")
+    return Contact(out, residual_set)
+
+
+def _unit_tractions(coupling: Coupling) -> dict[str, ContactStiffness]:
+    """Stiffness of every interface under a uniform traction, with the residual flexibility of the fundamental."""
     residual = coupling.residual_flexibility(1)
     out = {}
     for name in coupling.interfaces:
         rows = coupling.rows(name)
         block = slice(3 * rows.start, 3 * rows.stop)
-        rest = unit_traction(residual[block, block], coupling.model.interfaces[name].area).stiffness
-        here = D[rows]
-        k = np.divide(1.0, here, out=rest.copy(), where=here > 0.0)
-        out[name] = ContactStiffness(k, "residual_modes")
-    return Contact(out, residual_set)
+        out[name] = unit_traction(residual[block, block], coupling.model.interfaces[name].area)
+    return out
 
 
 def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArray]:

@@ -17,7 +17,7 @@ Static flexibility transforms with the same ``P``: what the retained modes of a 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -175,18 +175,26 @@ class Coupling:
             start += n
         raise KeyError(interface)
 
-    def _basis(self, body: Body, harmonic: int) -> tuple[ModalBasis, bool, int]:
+    def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
+        """Bodies that move, each with its basis of a harmonic and its retained modes."""
+        for body in self.model.bodies.values():
+            if body.kind != "ground":
+                yield body, self._basis(body, harmonic), np.asarray(self.modes[body.name])
+
+    def _nodal_diameter(self, harmonic: int) -> tuple[int, bool]:
+        return self.model.folded_nodal_diameter(self.engine_order * (1 if self.single_basis else harmonic))
+
+    def _basis(self, body: Body, harmonic: int) -> ModalBasis:
         if body.kind == "free":
-            return body.bases[0], False, 0
-        order = self.engine_order * (1 if self.single_basis else harmonic)
-        d, conjugate = self.model.folded_nodal_diameter(order)
+            return body.bases[0]
+        d, conjugate = self._nodal_diameter(harmonic)
         if d not in body.bases:
             raise SettingError(
                 f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
                 f"{d}, the model has {sorted(body.bases)}; use fewer harmonics, or single_basis=True to describe every "
                 "harmonic by the modes of the first"
             )
-        return body.bases[d], conjugate, d
+        return body.bases[d].conjugate() if conjugate else body.bases[d]
 
     def _placed(self, body: Body, array: NDArray, harmonic: int) -> NDArray:
         """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body."""
@@ -215,17 +223,10 @@ class Coupling:
         coordinates: list[Coordinate] = []
         omega2, damping, G = [], [], []
         diameter = 0
-        for body in self.model.bodies.values():
-            if body.kind == "ground":
-                continue
-            basis, conjugate, d = self._basis(body, harmonic)
+        for body, basis, keep in self._moving(harmonic):
             if body.kind == "constrained":
-                diameter = d
-            keep = self.modes[body.name]
-            modes = basis.contact_modes[..., keep]
-            if conjugate:
-                modes = modes.conj()
-            placed = self._placed(body, modes, harmonic)
+                diameter, _ = self._nodal_diameter(harmonic)
+            placed = self._placed(body, basis.contact_modes[..., keep], harmonic)
             if harmonic == 0:  # the mean is real; with a single basis the real part of the modes describes it
                 placed = placed.real.astype(complex)
             G.append(placed)
@@ -250,17 +251,10 @@ class Coupling:
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """(3, n_modes) motion along X, Y, Z of a named location by the modal coordinates of one harmonic."""
         place = self.model.locations[location]
-        columns = []
-        for body in self.model.bodies.values():
-            if body.kind == "ground":
-                continue
-            keep = self.modes[body.name]
-            basis, conjugate, _ = self._basis(body, harmonic)
-            if body.name == place.body:
-                modes = basis.locations[location][:, keep]
-                columns.append(modes.conj() if conjugate else modes)
-            else:
-                columns.append(np.zeros((3, len(keep))))
+        columns = [
+            basis.locations[location][:, keep] if body.name == place.body else np.zeros((3, len(keep)))
+            for body, basis, keep in self._moving(harmonic)
+        ]
         return np.concatenate(columns, axis=1)
 
     def residual_flexibility(self, harmonic: int) -> NDArray:
@@ -273,21 +267,18 @@ class Coupling:
         """
         n = 3 * self.n_points
         out = np.zeros((n, n), complex)
-        for body in self.model.bodies.values():
-            if body.kind == "ground" or not body.ports:
+        for body, basis, keep in self._moving(harmonic):
+            if not body.ports:
                 continue
-            basis, conjugate, d = self._basis(body, harmonic)
             if basis.flexibility is None:
+                d = 0 if body.kind == "free" else self._nodal_diameter(harmonic)[0]
                 raise ModelError(
                     f"body '{body.name}': contact stiffness needs its static flexibility at nodal diameter {d}, which "
                     "the model does not have; give contact_stiffness as numbers instead"
                 )
-            keep = np.asarray(self.modes[body.name])
             keep = keep[basis.omega2[keep] > 0.0]
             modes = basis.contact_modes[..., keep].reshape(basis.flexibility.shape[0], len(keep))
             residual = basis.flexibility - (modes / basis.omega2[keep]) @ modes.conj().T
-            if conjugate:
-                residual = residual.conj()
             m = residual.shape[0] // 3
             half = self._placed(body, residual.reshape(m, 3, 3 * m), harmonic).reshape(n, 3 * m)
             out += self._placed(body, half.conj().T.reshape(m, 3, n), harmonic).reshape(n, n).conj().T
@@ -303,13 +294,9 @@ class Coupling:
         omega2, damping_ratio : (n,) float
         """
         G, omega2, ratio = [], [], []
-        for body in self.model.bodies.values():
-            if body.kind == "ground":
-                continue
-            basis, conjugate, _ = self._basis(body, harmonic)
-            rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), self.modes[body.name])
-            modes = basis.contact_modes[..., rest]
-            placed = self._placed(body, modes.conj() if conjugate else modes, harmonic)
+        for body, basis, keep in self._moving(harmonic):
+            rest = np.setdiff1d(np.flatnonzero(basis.omega2 > 0.0), keep)
+            placed = self._placed(body, basis.contact_modes[..., rest], harmonic)
             G.append(placed.reshape(3 * self.n_points, len(rest)))
             omega2.append(basis.omega2[rest])
             ratio.append(basis.damping_ratio[rest])
@@ -322,10 +309,7 @@ class Coupling:
         """
         force = []
         displacement = np.zeros((self.n_points, 3))
-        for body in self.model.bodies.values():
-            if body.kind == "ground":
-                continue
-            keep = np.asarray(self.modes[body.name])
+        for body, _, keep in self._moving(0):
             if body.load is None:
                 force.append(np.zeros(len(keep)))
                 continue

@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -73,6 +73,15 @@ class ModalBasis:
     @property
     def n_modes(self) -> int:
         return len(self.omega2)
+
+    def conjugate(self) -> ModalBasis:
+        """The basis of the wave ``N - d``, if this is that of ``d``."""
+        return replace(
+            self,
+            contact_modes=self.contact_modes.conj(),
+            locations={name: modes.conj() for name, modes in self.locations.items()},
+            flexibility=None if self.flexibility is None else self.flexibility.conj(),
+        )
 
 
 @brief
