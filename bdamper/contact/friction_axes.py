@@ -1,13 +1,13 @@
 """Tangential directions along which 1-D friction elements act: contact axes, or the major directions of the motion.
 
-Two independent 1-D elements describe a planar motion best along its own principal axes (the paper's "major directions").
-They are those of the ellipse that the point draws in the contact plane when it sticks, with ``u`` the complex amplitudes of
-its tangential motion:
+Two independent 1-D elements describe a planar motion best along its own principal axes, the major directions of the
+paper's friction model (section 3).  They are those of the ellipse that the point draws in the contact plane when it
+sticks, with ``u`` the complex amplitudes of its tangential motion:
 
     S = Re(u u^H),     tan(2 angle) = 2 S_12/(S_11 - S_22).
 
-The stiffness along turned axes is the diagonal of the turned tensor; what couples the axes where ``kt_1 != kt_2`` is left
-out, as two independent elements must.
+The stiffness along turned axes is the diagonal of the turned tensor; the term that couples the axes where ``kt_1 != kt_2``
+is left out, since the two elements are independent.
 """
 
 from __future__ import annotations

@@ -4,14 +4,14 @@ A point that stays closed has the two-sided normal spring ``n0 + kn v``.  It is 
 
     n0 + kn v = max(n0 + kn v, 0) - max(-n0 - kn v, 0),
 
-so a second point with the normal turned round joins the first; it carries no force, and costs next to nothing, unless the
+so a second point with the opposite normal is added to the first; it carries no force, and takes hardly any time, unless the
 contact would open.  Friction acts where there is pressure, ``|T| <= mu max(n0 + kn v, 0)``.
 
 With a constant friction limit the core has laws of its own, which keep the static normal load and a two-sided normal
 spring.
 
 Friction points that are open in the static state stay open: they are left out.  Bonded points neither open nor slip in any
-case, and remain what they are.
+case, and remain as they are.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from bdamper.contact.static import OPEN, PreloadState
 from bdamper.model.coupling import HarmonicBasis
 
 CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
-"""The law of constant normal load that stands for each law of variable load."""
+"""The law of constant normal load that replaces each law of variable load."""
 
 
 def without_separation(
@@ -47,7 +47,7 @@ def without_separation(
     state : PreloadState
         Static state: decides which points are closed, and the constant normal load.
     friction_points : (n_points,) bool
-        The points that the assumption is about; constraint planes remain one-sided.
+        The points to which the assumption applies; constraint planes remain one-sided.
     constant_load : bool
         The friction limit keeps its static value.
 

@@ -1,6 +1,6 @@
-r"""Residual modes: what the retained modes leave out, as a few more modal coordinates.
+r"""Residual modes: the flexibility that the retained modes leave out, as a few more modal coordinates.
 
-A force :math:`F` at the contact points moves them by :math:`-R F` more than the retained modes say, :math:`R` the residual
+A force :math:`F` at the contact points moves them by :math:`-R F` more than the retained modes give, :math:`R` the residual
 flexibility (:mod:`bdamper.model.coupling`).  A contact element can carry a diagonal :math:`D` of it only.  The rest,
 :math:`E = R - D`, is projected onto a few force patterns :math:`W`,
 

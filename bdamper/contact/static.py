@@ -5,16 +5,16 @@ The mean equations of the harmonic balance without vibration, paper section 3.1:
     K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
 
-The load grows in steps from a small fraction to its full value. Within a step every point has a state (stick, slip in
-one of two senses, open, for each tangential direction); the equations are then linear, and the states are updated from
-the law until they repeat themselves. At the first step all points that touch are taken as stuck, and again where the
-states of the step before lead nowhere. Sliders are carried from step to step, so the result depends on the history of
-loading, as friction does. Bonded points always stick, with springs that push and pull.
+The load grows in steps from a small fraction to its full value.  Within a step every point has a state for each
+tangential direction (stick, slip in one of two senses, open); the equations are then linear, and the law updates the states
+until they no longer change.  At the first step all points that touch are taken as stuck, and again where the states of the
+step before do not lead to a solution.  Every step starts from the sliders of the step before, so the result depends on the
+history of loading, as friction does.  Bonded points always stick, with springs that push and pull.
 
-Friction acts along each of the two contact axes on its own here, whatever law the vibration follows: the states are those
-of lines, which is what keeps the equations linear between their changes. Where a point slips along both axes its friction
-may then be larger than ``mu N``, by up to the root of two, and under the coupled law the slider that it leaves behind is
-not admissible; the evaluation of that law takes such a slider to the edge of what is (``csrc/bd_coulomb.c``).
+Friction acts along each of the two contact axes independently here, whatever law the vibration follows; this keeps the
+equations linear between changes of state.  Where a point slips along both axes its friction may then be larger than
+``mu N``, by up to the root of two, and its slider is not admissible under the coupled law; the evaluation of that law moves
+such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
 """
 
 from __future__ import annotations
@@ -118,9 +118,10 @@ class PreloadState:
 
 
 SHORTER = 0.5 ** np.arange(1, 10)
-"""Parts of a Newton step that are tried where all of it does not help."""
+"""Fractions of a Newton step that are tried where the full step does not reduce the residual."""
 STALLS = 6
-"""Steps in a row of which no part helps until an iteration is given up.  Of 1478 that converge one had more than 4."""
+"""Consecutive steps without a reduction of the residual after which an iteration stops.  Of 1478 iterations that converge
+one has more than 4."""
 
 
 def limited_forces(level: NDArray, trial: NDArray, mu: NDArray) -> tuple[NDArray, NDArray]:
@@ -230,7 +231,7 @@ def _step(
         return system.stiffness * q + G.T @ F.ravel() - force, new_status
 
     def residuals(q: NDArray) -> tuple[NDArray, NDArray]:
-        """At several (n, n_modes), to the last bit as one by one: rounding tells the states of points at their limit."""
+        """The same at several q (n, n_modes), bit for bit: rounding decides the states of points at their limit."""
         x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
         F, new_status = _forces(system, x, w)
         r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
@@ -278,8 +279,8 @@ def _creep(
 ) -> tuple[NDArray, NDArray, int, float]:
     """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
 
-    For steps in which no set of states repeats itself.  ``D`` is the stiffness with every point closed and stuck, so a
-    unit of time is the time constant; implicit steps that grow while Newton converges fast.
+    Used for load steps in which the updates of the states do not come to rest.  ``D`` is the stiffness with every point
+    closed and stuck, so the unit of time is the time constant; the implicit steps grow while Newton converges fast.
 
     Returns
     -------

@@ -1,6 +1,7 @@
-r"""Static contact with friction on the full flexibility, condensed to the contact points, with a certificate.
+r"""Static contact forces with friction of the full model, condensed to the contact points, with a certificate.
 
-With the flexibility :math:`R` of both sides, the rigid-body motion :math:`\eta` of free bodies and the displacement
+These are the forces F of Eqs (4) and (10) of the paper, which come from a finite element contact analysis there.  With
+the flexibility :math:`R` of both sides, the rigid-body motion :math:`\eta` of free bodies and the displacement
 :math:`x_0` per newton of load, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces and the forces
 :math:`F = (T_1, T_2, N)` satisfy
 
@@ -13,7 +14,7 @@ With the flexibility :math:`R` of both sides, the rigid-body motion :math:`\eta`
 read :math:`F = \mathrm{law}(x + F/k)` with the law of an elastic contact element of any stiffness :math:`k > 0`, which
 cancels: piecewise linear equations for :math:`(F, \eta)`, solved by Newton's method on the states of the points, with the
 load in steps where that is needed.  Where Newton's method finds no set of states, as when a body tilts before it touches
-elsewhere, the body creeps into its next state with the sliders carried along (:meth:`_Solver.creep`); :math:`w` is then the
+elsewhere, the body creeps into its next state and the sliders follow (:meth:`_Solver.creep`); :math:`w` is then the
 position of the last step of that motion.  :class:`Certificate` measures the conditions themselves.
 
 With friction there may be several states (:func:`distinct_states`), or none: then no forces within friction balance the
@@ -233,7 +234,7 @@ class _Solver:
         max_iterations: int,
         max_steps: int = 200,
     ) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
-        r"""State at which a creeping motion ends, sliders carried along.
+        r"""State at which a creeping motion ends; the sliders follow the slip.
 
         .. math:: x = \Psi\eta + P x_0 - R F - S \dot F,\qquad \Psi^T F + D \dot\eta = P f
 
@@ -406,9 +407,9 @@ def force_bounds(n: int) -> list[tuple[float | None, float | None]]:
 
 
 def least_imbalance(problem: StaticContactProblem) -> float:
-    """What the best forces with ``N >= 0``, ``|T| <= mu N`` miss of the load, relative to its largest component.
+    """Smallest imbalance of forces with ``N >= 0``, ``|T| <= mu N`` and the load, relative to its largest component.
 
-    A linear program; zero if statics allows an equilibrium, however the surfaces deform.
+    A linear program gives it; zero means that statics allows an equilibrium, however the surfaces deform.
     """
     n, m = len(problem.gap), problem.rigid.shape[1]
     if not np.any(problem.load):
@@ -443,9 +444,9 @@ def _refuse_without_equilibrium(problem: StaticContactProblem, load: float) -> N
 def distinct_states(
     problem: StaticContactProblem, load: float, *, starts: int = 8, seed: int = 0, tolerance: float = 1e-12
 ) -> list[StaticContactSolution]:
-    """Certified states under one load, all with the sliders where they are without load, from random starts.
+    """Certified states under one load, all with the sliders at their places without load, from random starts.
 
-    More than one shows that friction leaves the state open; that only one was found does not show that there is no other.
+    More than one shows that friction does not determine the state; one alone does not show that there is no other.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Contact stiffness: the flexibility that the retained modes leave out, concentrated at the contact points.
+"""Contact stiffness (paper, section 2.2): the flexibility that the retained modes leave out, at the contact points.
 
 Every method starts from the residual flexibility ``R_res`` of both sides of an interface (:mod:`bdamper.model.coupling`),
 patch-averaged displacement for patch-averaged force, and looks for a positive diagonal.
@@ -10,11 +10,11 @@ patch-averaged displacement for patch-averaged force, and looks for a positive d
     Paper, Eqs (1)-(11).  With the contact forces ``F`` of the static contact problem under the centrifugal load, the
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
-    into the stiffness: it enters the analysis as what it is, an initial distance of the surfaces.)
+    into the stiffness: it enters the analysis as an initial distance of the surfaces.)
     The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.static_forces`) or from the
     user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the
     face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
-    the division says nothing; the value of ``"unit_traction"`` stands in, and the report counts it.
+    the quotient has no meaning; the value of ``"unit_traction"`` replaces it, and the report counts the point.
 
 ``"residual_modes"``
     A positive diagonal, a share of the point flexibility, and the rest in a few more modal coordinates
@@ -47,7 +47,7 @@ OUT_OF_BALANCE = 0.02
 OTHER_MODEL = 0.2
 """Largest difference of the user's displacements from the model's, relative to the deformation."""
 FAR = 10.0
-"""Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not believed."""
+"""Factor from the value of ``"unit_traction"`` beyond which the quotient of Eqs (4), (10) is not used."""
 SMALL_FORCE = 0.05
 """Share of the largest force component below which Eqs (4), (10) are not divided by it."""
 
@@ -55,7 +55,7 @@ SMALL_FORCE = 0.05
 @brief
 @dataclass(frozen=True)
 class StiffnessReport:
-    """How the stiffness of one interface came about.
+    """Summary of the stiffness of one interface.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""How a damper sits: maps of pressure, gap and state over its faces, and what statics leaves open.
+r"""Statics of a wedge: maps of pressure, gap and state over its faces, and the range of its normal forces.
 
 A wedge between two rigid faces is statically indeterminate with friction: every set of contact forces with
 

@@ -1,12 +1,14 @@
 """From bodies to interfaces: the relative motion at all contact points as a function of modal coordinates.
 
-At harmonic ``l`` of engine order ``EO`` every sector repeats its neighbour with the phase ``l phi``,
-``phi = 2 pi EO/N`` (paper, Eqs (17), (18)).  A side of an interface that lies in sector ``s`` therefore moves as the
-port of the reference sector times ``exp(i l phi s)``, in contact axes that turn with the sector.  The columns of
+The motion of every body is a superposition of its modes (paper, Eq. (13)), and the relative motion of the two sides of an
+interface is their difference along the contact axes (Eq. (14)).  At harmonic ``l`` of engine order ``EO`` every sector
+repeats its neighbour with the phase ``l phi``, ``phi = 2 pi EO/N`` (Eqs (17), (18)).  A side of an interface that lies in
+sector ``s`` therefore moves as the port of the reference sector times ``exp(i l phi s)``, in contact axes that turn with
+the sector.  The columns of
 
     G_l = D (P_b Phi_b - P_a Phi_a),     D = diag(1, 1, -1) at each point,
 
-give ``(u1, u2, v)_l = G_l q_l``; the phase is part of ``P``, and ``-G_l^H F_l`` is the modal contact force.
+give ``(u1, u2, v)_l = G_l q_l``; the phase is part of ``P``, and ``-G_l^H F_l`` is the modal contact force of Eq. (16).
 
 The wave ``l EO`` has the nodal diameter ``l EO mod N``; its modes are stored for ``d <= N/2`` and conjugated beyond.
 
@@ -143,7 +145,7 @@ class Coupling:
         Retained modes of each body.
     engine_order : int
     single_basis : bool
-        Use the modes of the fundamental's nodal diameter for every harmonic (the way of the paper).
+        Use the modes of the fundamental's nodal diameter for every harmonic, as the paper does.
     """
 
     model: Model

@@ -1,4 +1,4 @@
-"""The structure: bodies, their modes, and the interfaces at which they touch.
+"""The structure: bodies, their modes, and the interfaces at which they touch (paper, section 2.1).
 
 A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes first, then
 elastic ones) or the ground (rigid, without modes).  Its motion is a modal superposition, one modal basis for
@@ -243,7 +243,7 @@ class SurfaceMesh:
 @brief
 @dataclass(frozen=True)
 class Model(Plottable):
-    """Everything that is known of a structure before a study: see the module's docstring for conventions.
+    """A structure with all data that an analysis uses; the module's docstring states the conventions.
 
     ``plot`` draws bodies and contact points in 3-D (:func:`bdamper.plot.plot_model`).
 
