@@ -1,4 +1,4 @@
-r"""One blade that rubs on the ground: the simplest structure with friction, separation and many points.
+r"""Blade-to-ground damper (paper, section 4.2): one blade that rubs on the ground, with separation and many points.
 
 The blade of the reference sector with its disk segment, held at the bore and at the two cut faces of the
 segment as in a test block, touches a rigid ground with the right underside of its platform:

@@ -1,4 +1,4 @@
-r"""Input for CalculiX, a finite element program that shares nothing with this one, and its frequencies.
+r"""Input for CalculiX, an independent finite element program, and the frequencies that it finds.
 
 The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
 faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so

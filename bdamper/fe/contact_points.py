@@ -1,4 +1,4 @@
-"""Contact points of the reference model: rectangular patches of its plane faces (:mod:`bdamper.reduction.patches`).
+"""Contact points and contact axes of the reference model (paper, Figs. 1 and 3): rectangular patches of its plane faces.
 
 Contact axes, with a the angle of a face from the radial axis, in the axes of the damper (rows t1, t2, n)::
 

@@ -1,4 +1,4 @@
-r"""Dimensions of the reference sector and of its wedge damper, and the planes in which they touch.
+r"""Dimensions of the reference sector and of its wedge damper, and the contact planes (paper, Figs. 2 and 3).
 
 Axes of the blade: X tangential (toward the next sector), Y radial, Z along the axis.  One pitch is
 :math:`\gamma = 2\pi/N`.  The rotation

@@ -1,4 +1,4 @@
-"""The reference model: a bladed disk of 65 sectors with wedge dampers, from its own finite element meshes.
+"""The reference model (paper, section 4.1): a bladed disk of 65 sectors with wedge dampers, from finite element meshes.
 
 The blade (with its disk segment) touches two dampers, the damper two blades:
 
@@ -49,8 +49,8 @@ def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, en
 def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterable[Interface]) -> None:
     """The mean positions of the patches of ``body`` are the points of ``faces``.
 
-    Components along the contact axes do not change in a turn of points and axes together, so this holds at
-    once for a body that an interface meets in the neighbouring sector.
+    Components along the contact axes do not change when points and axes turn together, so this holds as well for a body
+    that an interface meets in the neighbouring sector.
     """
     expected = np.concatenate([np.einsum("pij,pj->pi", f.frame, f.points) for f in faces])
     distance = np.abs((contact @ body.nodes.ravel()).reshape(-1, 3) - expected).max()

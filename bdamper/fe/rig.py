@@ -1,4 +1,4 @@
-r"""A friction damping rig: one test blade with two wedge dampers between dummy blades, as an acyclic structure.
+r"""Test rig (paper, section 4.3): one test blade with two wedge dampers between dummy blades, an acyclic structure.
 
 A disk segment of three pitches carries the test blade in the middle and a dummy blade, that is shank and
 platform without airfoil, at each side.  The segment is held at the bore and at its two cut faces.  The

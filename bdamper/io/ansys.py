@@ -7,11 +7,12 @@ count words from the start of the file, or from that of a data set.  The first r
 the header of the kind of file; positions in it are those of the include files ``fdfull.inc`` and ``fdresu.inc`` that come
 with the program.
 
-Only what an import needs is read, with every length checked against the file: damaged files are refused, not followed.
+Only the records that an import needs are read, and every length is checked against the file, so that damaged files are
+refused.
 
 A ``.full`` file keeps rows for components that are fixed; they are empty but for a one and are dropped.  The modes of a
-cyclic analysis come as real shapes of the base sector, two for each wave; neither their pairing nor their direction is
-relied on (:mod:`bdamper.reduction.waves`).  They are scaled to a modal mass of one over base and duplicate sector, which
+cyclic analysis come as real shapes of the base sector, two for each wave; :mod:`bdamper.reduction.waves`
+finds their pairing and direction.  They are scaled to a modal mass of one over base and duplicate sector, which
 is what ``a + i b`` of a pair has over one sector.
 """
 
@@ -65,7 +66,7 @@ class _Binary:
         return self._record(word, item)[0]
 
     def run(self, word: int, count: int, item: str) -> Iterator[NDArray]:
-        """So many records one after another."""
+        """``count`` records one after another."""
         for k in range(count):
             values, word = self._record(word, f"{item}, record {k + 1} of {count}")
             yield values
@@ -166,7 +167,7 @@ class _Header:
 
 @dataclass(frozen=True)
 class FullMatrices:
-    """What a ``.full`` file holds.
+    """Matrices of a ``.full`` file.
 
     Parameters
     ----------

@@ -4,8 +4,8 @@
 value) over the free components that ``.dof`` lists (``node.component``).  With ties of cyclic symmetry in the deck,
 ``CYCMPC=INACTIVE`` keeps them out of the matrices.
 
-A cyclic ``.frd`` has for each mode the blocks DISP and DISPI, real and imaginary part of a travelling wave whose direction
-is not relied on here, scaled to a modal mass of one over the sector.  Positions in it have six digits: take the mesh from
+A cyclic ``.frd`` has for each mode the blocks DISP and DISPI, real and imaginary part of a travelling wave of either
+direction, scaled to a modal mass of one over the sector.  Positions in it have six digits: take the mesh from
 the input file where there is one.
 """
 
@@ -186,7 +186,7 @@ class _Deck:
                 )
 
     def body(self) -> FEBody:
-        """What the deck says, as a body without matrices."""
+        """The deck as a body without matrices."""
         if not self.numbers:
             raise mismatch(str(self.source), "*NODE with at least one node", "none")
         # A node given twice is the same node; the last one counts, as in the program.
@@ -242,7 +242,7 @@ class _Deck:
 def read_inp(path: FilePath) -> FEBody:
     """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
 
-    Names of sets are in capitals.  Steps, loads and materials are not looked at.
+    Names of sets are in capitals.  Steps, loads and materials are ignored.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""What another program knows of one body: nodes, elements, sets, matrices, modes, as numbers in its own units.
+"""Data of one body from another program: nodes, elements, sets, matrices and modes, as numbers in its own units.
 
-Loaders fill these classes and :func:`bdamper.io.build_model` makes a model of them.  Nothing here is converted: units,
-axes and phases are settled where the model is built.
+The readers fill these classes and :func:`bdamper.io.build_model` makes a model of them.  Nothing here is converted: units,
+axes and phases are converted where the model is built.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class Modes:
     numbers : (n_nodes,) int
         Node numbers of the rows of ``shapes``.
     shapes : (n_nodes, 3, n_modes) float or complex
-        Travelling waves (complex) or standing ones (real); neither direction, nor pairing, nor length is relied on.
+        Travelling waves (complex) or standing ones (real), of any direction, pairing and length.
     modal_mass : (n_modes,) float, optional
         Of each mode over one sector, in the file's unit of mass, as the file or the user states it; for standing waves,
         that of ``a + i b`` for a pair ``a, b``.  Not needed where a mass matrix is at hand.
@@ -138,7 +138,7 @@ class FEBody:
     nodes : (n_nodes, 3) float
         Positions.
     stiffness, mass : (n_eq, n_eq) sparse or None
-        None for the route that knows modes only.
+        None if only modes are known.
     dofs : (n_eq, 2) int or None
         Node number and component (1, 2, 3) of each row of the matrices; None for three rows a node in the order of
         ``numbers``.  Components without a row count as fixed.
@@ -157,7 +157,7 @@ class FEBody:
     source : str
         File or program, for messages and the report.
     notes : tuple of str
-        What a loader left out or changed.
+        Parts that a reader left out or changed.
     """
 
     numbers: NDArray

@@ -1,4 +1,4 @@
-"""What an import read, made and checked: one page of text and a picture."""
+"""Report of an import: what was read, made and checked, as one page of text and a picture."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bdamper.util.repr import brief
 @brief
 @dataclass(frozen=True)
 class FaceSummary:
-    """One interface as it was found.
+    """Figures of one interface of an imported model.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class ImportReport(Plottable):
     Parameters
     ----------
     sources : mapping of body to str
-        What was read.
+        Files and numbers of nodes, elements and equations.
     frequencies : mapping of nodal diameter to (n,) float, Hz
         Lowest frequencies of the sector.
     damper_frequencies : (n,) float, Hz
@@ -61,7 +61,7 @@ class ImportReport(Plottable):
     checks : tuple of str
         Checks made and passed, with figures.
     missing : tuple of str
-        What the model does not have, and what to do about it.
+        Quantities that the model does not have, and what to do about it.
     """
 
     sources: dict[str, str]

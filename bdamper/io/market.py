@@ -1,6 +1,6 @@
 """Real matrices from Matrix Market files.
 
-A small reader of its own, because the common one does not survive damaged files.  The first line names object, format,
+The package has a reader of its own, since the common one crashes on damaged files.  The first line names object, format,
 field and symmetry; comments start with ``%``; then come the sizes, then one entry a line, or the numbers by columns.
 """
 

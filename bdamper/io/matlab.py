@@ -1,6 +1,6 @@
 """Real matrices from MATLAB files of version 5 to 7.2.
 
-A small reader of its own, because the common one does not survive damaged files.  After a header of 128 bytes come data
+The package has a reader of its own, since the common one crashes on damaged files.  After a header of 128 bytes come data
 elements: a type and a length (eight bytes, or four for data of at most four bytes), then the data, padded to eight bytes.
 An element of type 15 holds others, compressed by zlib; one of type 14 is an array: flags with its class, dimensions,
 name, then numbers by columns, or rows, column pointers and numbers of a sparse one.
@@ -28,7 +28,7 @@ _LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 10
 
 
 def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
-    """All real two-dimensional matrices of a file, by name; other variables are passed over.
+    """All real two-dimensional matrices of a file, by name; other variables are skipped.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Numbers that no machine has: mistaken units are suspected and named."""
+"""Plausibility of sizes, densities, wave speeds and frequencies: values that no machine has point to mistaken units."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ DAMPER_SIZE = (1e-3, 10.0)
 """Extent of a damper over that of the sector."""
 
 RADIAL_ANGLE = 15.0
-"""Angle (degrees) between ``radial`` and the middle of a narrow sector that passes for a matter of its shape."""
+"""Largest angle (degrees) between ``radial`` and the middle of a narrow sector: a lean of the blade explains so much."""
 
 OVERRIDE = "pass check_units=False if they are right"
 
@@ -42,7 +42,7 @@ RIGID_TOLERANCE = 3e-3
 
 
 def ratio_in_words(ratio: float) -> str | None:
-    """What a ratio of two frequencies that should be equal looks like; None if like nothing in particular."""
+    """Mistake that explains a ratio of two frequencies that should be equal; None if there is none."""
     candidates = {
         "2 pi: hertz against radians per second": 2.0 * np.pi,
         "1/(2 pi): radians per second against hertz": 0.5 / np.pi,
@@ -84,7 +84,7 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
 def check_frequencies_against(
     frequencies: Mapping[int, NDArray], expected: Mapping[int, Sequence[float]], name: str, source: str
 ) -> str:
-    """Compare with what the user knows; the text of the check."""
+    """Compare with frequencies (Hz) that the user knows, and return the text of the check."""
     worst = 0.0
     for d, values in expected.items():
         if d not in frequencies:
@@ -95,7 +95,7 @@ def check_frequencies_against(
 
 
 def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
-    """A stiffness matrix of a free body resists no rigid motion of its nodes.
+    """Check that the stiffness matrix of a free body resists no rigid motion of its nodes.
 
     Energies are compared with those of three stretches about the same centre, so the measure is a strain: positions that
     are one percent too long show as 0.01, positions rounded to six digits as some 1e-4.
@@ -126,7 +126,7 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
 
 
 def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
-    """A damper is smaller than the sector, but not a thousand times: both bodies come in the same unit of length."""
+    """Check that both bodies come in the same unit of length: a damper is not a thousand times smaller than the sector."""
     ratio = damper.size / max(blade.size, 1e-300)
     if not DAMPER_SIZE[0] <= ratio <= DAMPER_SIZE[1]:
         raise mismatch(
@@ -138,7 +138,7 @@ def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
 
 
 def check_radial(body: PreparedBody, n_blades: int) -> None:
-    """The sector stands where ``radial`` points, which only a sector narrower than a half circle can tell."""
+    """Check that a sector narrower than a half circle stands where ``radial`` points."""
     pitch = 360.0 / n_blades
     limit = max(pitch, RADIAL_ANGLE)
     nodes = body.nodes[body.used]
@@ -158,7 +158,7 @@ def check_radial(body: PreparedBody, n_blades: int) -> None:
 
 
 def check_not_swapped(body: PreparedBody) -> None:
-    """A mass matrix resists a translation of all nodes; a stiffness matrix does not, but where it is held."""
+    """Tell the matrices apart: a mass matrix resists any translation of all nodes, a stiffness matrix where it is held."""
     along = np.tile(np.eye(3), (len(body.nodes), 1))
     stiffness, mass = (
         float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
@@ -175,8 +175,9 @@ def check_not_swapped(body: PreparedBody) -> None:
 def wave_speed(body: PreparedBody) -> float:
     """Speed (m/s) of longitudinal waves in the material: the energy of a uniform stretch against the mass.
 
-    ``u^T K u = (lambda + 2 mu) V`` for the displacements ``u`` of a unit strain along one axis, ``1^T M 1 = rho V``.  The
-    least over the axes, about the middle of the nodes without rows: what they hold is strained more.
+    ``u^T K u = (lambda + 2 mu) V`` for the displacements ``u`` of a unit strain along one axis, ``1^T M 1 = rho V``.  It
+    is the least over the axes, about the middle of the nodes without rows, since material that they hold is strained
+    more.
     """
     structure = body.structure
     held = body.fixed(None).any(axis=1)

@@ -1,4 +1,4 @@
-r"""From the numbers of another program to a body in the agreed axes and units, with checks on the way.
+r"""From the numbers of another program to a body in SI units and in the axes of a model, with checks.
 
 Positions become :math:`x' = s Q (x - x_0)` with the rows of Q the axes X, Y, Z of a model (Z the axis of rotation, Y the
 blade, X = Y x Z) in the axes of the file and s the unit of length; matrices become :math:`Q_n K Q_n^T` with a block of
@@ -121,7 +121,7 @@ class PreparedBody:
     Parameters
     ----------
     name : str
-        For messages.
+        Its name in the model and in messages.
     given : FEBody
     place : Placement
     checks : list of str
@@ -271,7 +271,7 @@ class PreparedBody:
         return np.array([np.cross(radial, [0.0, 0.0, 1.0]), radial, [0.0, 0.0, 1.0]])
 
     def check_repeated(self) -> None:
-        """Nodes at the same place are usually a mesh that was not merged."""
+        """Refuse nodes at the same place: they are usually a mesh that was not merged."""
         used = self.used
         pairs = cKDTree(self.nodes[used]).query_pairs(1e-9 * max(self.size, 1e-30), output_type="ndarray")
         if len(pairs):
@@ -382,7 +382,7 @@ class PreparedBody:
     def fixed(self, held: NDArray | None) -> NDArray:
         """Mask (n_nodes, 3) of the fixed components, in the axes of the model; ``held`` are node indices."""
         absent = self._table[1].copy() if self.given.stiffness is not None else np.zeros((len(self.nodes), 3), bool)
-        # Nodes that no matrix knows at all (of another body, of a plane of reference) are left out with the fixed ones.
+        # Nodes without any row (of another body, of a plane of reference) count as fixed.
         partly = absent.any(axis=1) & ~absent.all(axis=1)
         q = np.abs(self.place.rotation)
         plain = bool(np.all((q < 1e-9) | (q > 1 - 1e-9)))

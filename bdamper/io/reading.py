@@ -1,4 +1,4 @@
-"""One clear error for whatever goes wrong while a file of another program is read."""
+"""Errors while a file of another program is read: all of them become one ModelError that names the file."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from pathlib import Path
 
 from bdamper.util.errors import BdamperError, mismatch
 
-# What damaged input makes parsers and libraries raise.  Programming errors (AttributeError, NameError) of this package
-# are let through; libraries that raise those too are wrapped with ``library=True``.
+# Exceptions that damaged input causes in parsers and libraries.  Programming errors of this package (AttributeError,
+# NameError) pass unchanged; libraries that raise those too are read with ``library=True``.
 _CAUSES = (
     ValueError,
     IndexError,

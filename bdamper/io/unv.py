@@ -1,8 +1,8 @@
 """Universal files (UNV, UFF): nodes (15, 2411), elements (2412), modes (55, 2414), measured functions (58).
 
-Read by pyuff (extra ``bdamper[unv]``), but for elements: 2412 spreads the nodes of elements of second order over several
-lines.  Numbers in these files have single precision as a rule: modes are good to some 1e-6.  Nothing in them says which
-nodal diameter a mode has, so the caller does.
+pyuff (extra ``bdamper[unv]``) reads them, except for elements: 2412 spreads the nodes of elements of second order over
+several lines.  Numbers in these files have single precision as a rule: modes are good to some 1e-6.  They do not
+state the nodal diameter of a mode, so the caller gives it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Fewer contact points on a face, by uniting neighbouring patches.
+"""Fewer contact points on a face: neighbouring patches are united.
 
 The patches of a face are split by area, along the longer direction first, until there are as many groups as asked for.  A
 group moves with the area-weighted mean ``m = A u`` of its patches, and a force on it is spread over them by ``A^H``: its

@@ -23,7 +23,7 @@ def misfit(
     ----------
     interface : Interface
     angle, axial_angle : float, rad
-        The gap grows by so much along t1, along t2.
+        Slope of the gap along t1, along t2.
     crowning, axial_crowning : float, m
         The gap grows quadratically from the middle of the face to its outermost points along t1, along t2 by this height;
         negative for a hollow face.

@@ -3,7 +3,7 @@
 Items are named as in the model file, so that the same message serves for a file and for a model in memory:
 ``model: /bodies/damper/nd000/omega2: expected ..., found ...``.
 
-What is not obvious:
+Conditions that need an explanation:
 
 * **Rigid-body modes.**  Let the columns of ``B`` be the exact rigid motions at the contact points and
   locations, translations divided by ``sqrt(mass)`` and rotations about the principal axes divided by
@@ -74,7 +74,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
     """
     if not isinstance(model, Model):
         raise mismatch(where, "a Model", type(model).__name__)
-    with np.errstate(all="ignore"):  # absurd numbers shall fail a check, not warn on the way to it
+    with np.errstate(all="ignore"):  # numbers out of range fail a check, without a warning before it
         _check_head(model, where)
         for name, interface in model.interfaces.items():
             _check_interface(interface, model, f"{where}: /interfaces/{name}")

@@ -1,4 +1,4 @@
-r"""One sector of a cyclic structure at one nodal diameter.
+r"""One sector of a cyclic structure at one nodal diameter (cyclic symmetry: paper, Eq. (17)).
 
 A travelling wave of nodal diameter d has :math:`u^{(k+1)} = R\,u^{(k)} e^{i\varphi}`, :math:`\varphi = 2\pi
 d/N`, with R the rotation that carries sector k onto sector k+1 (see :func:`bdamper.model.model.turn`).  The right
@@ -36,7 +36,7 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
     Raises
     ------
     ValueError
-        If the diagonal shows that it is none; SuperLU does not survive an empty row in its symmetric mode.
+        If its diagonal is not positive; SuperLU crashes on an empty row in its symmetric mode.
     """
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
@@ -206,7 +206,7 @@ class CyclicSector:
         return self._lu
 
     def release(self) -> None:
-        """Forget the factorisation (by far the largest object here); it is made again when needed."""
+        """Delete the factorisation (by far the largest object here); it is made again when needed."""
         self._lu = None
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:

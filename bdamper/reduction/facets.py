@@ -3,8 +3,8 @@
 A facet lists its corners in turn, seen from outside counter-clockwise, then, in elements of second order, the node
 between corners ``c`` and ``c + 1`` for each ``c``.  So 3, 4, 6 and 8 nodes tell the kind.
 
-Programs agree on the order of the corners of tetrahedra, wedges and hexahedra, and not on that of the nodes between
-them: these are found by their place.  The sense of rotation follows from the element, which lies inside.
+Programs agree on the order of the corners of tetrahedra, wedges and hexahedra, but not on that of the nodes between them:
+these are found by their positions.  The sense of rotation follows from the element, which lies inside.
 """
 
 from __future__ import annotations

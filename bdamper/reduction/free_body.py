@@ -1,8 +1,9 @@
 r"""The free body: rigid-body modes, elastic modes, and the elastic receptance with inertia relief.
 
-Rigid modes are three translations and three rotations about the centre of gravity, made orthonormal in the
-mass matrix: :math:`\Psi^T M \Psi = I`.  A load on a free body accelerates it; what remains after the inertia
-forces of that rigid motion are subtracted is self-equilibrated,
+The displacement of a free body is a rigid-body motion and an elastic deformation (paper, Eqs (5) to (7)).  Rigid modes
+are three translations and three rotations about the centre of gravity, made orthonormal in the mass matrix:
+:math:`\Psi^T M \Psi = I`.  A load on a free body accelerates it; what remains after the inertia forces of that rigid
+motion are subtracted is self-equilibrated,
 
 .. math:: P^T f, \qquad P = I - \Psi\Psi^T M,
 

@@ -40,7 +40,7 @@ _WEIGHTS = np.array([0.225] + 3 * [(155 - np.sqrt(15)) / 1200] + 3 * [(155 + np.
 _SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
 
 SMALL_CELL = 0.02
-"""Share of a grid cell below which what a face covers of it is added to the neighbouring patch."""
+"""Covered share of a grid cell below which its covered part is added to the neighbouring patch."""
 
 
 @dataclass(frozen=True)
@@ -293,7 +293,7 @@ class _Piece:
 
 
 def _pieces(flat_a: _Flat, flat_b: _Flat | None) -> list[_Piece]:
-    """What the facets of both faces have in common."""
+    """Intersections of the facets of both faces."""
     if flat_b is None:
         return [_Piece(corner, k, -1) for k, corner in enumerate(flat_a.corner)]
     out = []
@@ -356,7 +356,7 @@ def patches_on_rectangles(
     facets : Facets
         Any part of the surface that contains the patches; facets out of the plane of a patch are left out.
     what : str
-        What messages call the surface.
+        Name of the surface in messages.
 
     Raises
     ------
@@ -437,7 +437,7 @@ def patches_on_faces(
     frame : (3, 3) float, optional
         Rows t1, t2, n; by default those of `mean_frame` of face a.
     what : (str, str)
-        What messages call the faces.
+        Names of the faces in messages.
 
     Raises
     ------
@@ -486,7 +486,7 @@ def patches_on_faces(
 
 
 def _without_small(cells: list[list[_Piece]], full: float, n_2: int) -> list[list[_Piece]]:
-    """Cells that a face hardly covers are joined to the nearest one that it does."""
+    """Join cells of which a face covers hardly anything to the nearest of the others."""
     area = np.array([sum(polygon_area(p.polygon) for p in cell) for cell in cells])
     kept = np.flatnonzero(area > SMALL_CELL * full)
     if len(kept) == 0:

@@ -1,4 +1,4 @@
-"""A finite element body as far as a reduction needs it: nodes, stiffness and mass."""
+"""The data of a finite element body that a reduction needs: nodes, stiffness and mass."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-r"""Travelling waves from modes whose phase nobody vouches for.
+r"""Travelling waves from modes of other programs, whose phase convention is not known.
 
-Programs differ in the sign of the phase, in the side from which they count sectors, and in how they split a wave into
-real shapes.  What decides is the sector itself: with the matching nodes of its two faces, :math:`x_R = R x_L`, a wave of
-nodal diameter d toward +X satisfies
+Programs differ in the sign of the phase, in the direction in which they count sectors, and in how they split a wave into
+real shapes.  The faces of the sector decide: at their matching nodes, :math:`x_R = R x_L`, a wave of nodal diameter d
+toward +X satisfies (paper, Eq. (17))
 
 .. math:: u(x_R) = e^{+ 2\pi i d/N} R\,u(x_L) .
 
@@ -39,7 +39,7 @@ class Waves:
     shapes : (3 n_nodes, n) complex, or float for d = 0 and N/2
         With the length that the file gave them.
     mismatch : (n,) float
-        What is left of the phase condition, relative to the size on the faces.
+        Largest violation of the phase condition, relative to the size on the faces.
     turned : int
         Waves that went the other way in the file.
     combined : int
@@ -54,7 +54,7 @@ class Waves:
 
 
 def _difference(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, d: int) -> NDArray:
-    """(k, n) what is left of the phase condition on the faces."""
+    """(k, n) violation of the phase condition on the faces."""
     u = shapes.reshape(-1, 3, shapes.shape[1])
     phase = np.exp(2j * np.pi * d / n_sectors)
     carried = np.einsum("ij,njm->nim", turn(2.0 * np.pi / n_sectors), u[left])
@@ -93,7 +93,7 @@ def travelling_waves(
         raise ValueError(f"nodal diameter {d}: expected 0 to {n // 2} with {n} sectors")
     size = np.linalg.norm(np.concatenate([shapes.reshape(-1, 3, len(frequency))[s] for s in (left, right)]), axis=(0, 1))
     whole = np.linalg.norm(shapes, axis=0)
-    # A mode that leaves the faces at rest says nothing about the phase; compare with what it moves elsewhere then.
+    # A mode that leaves the faces at rest does not determine the phase; its size elsewhere is the scale then.
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
         return _standing(frequency, shapes, left, right, n, d, size, tolerance)
@@ -132,7 +132,7 @@ def travelling_waves(
 def _standing(
     frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n: int, d: int, size: NDArray, tolerance: float
 ) -> Waves:
-    """Nodal diameters 0 and N/2: make each shape as real as it is, and check the faces."""
+    """Nodal diameters 0 and N/2: remove the common phase of each shape, and check the faces."""
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
         shapes = shapes * np.exp(-0.5j * np.angle(square))
