@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody, Modes
-from bdamper.io.measurement import Measurement
+from bdamper.io.measured import Measurement
 from bdamper.io.reading import reading
 from bdamper.util.errors import BdamperError, mismatch
 

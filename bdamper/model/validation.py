@@ -85,8 +85,7 @@ def check_model(model: Model, *, where: str = "model") -> None:
         _check_locations(model, where)
         for name, body in model.bodies.items():
             _check_body(body, model, f"{where}: /bodies/{name}")
-        _check_contact(model, where)
-        _check_static(model, where)
+        _check_on_interfaces(model, where)
         _check_meshes(model, where)
         _check_provenance(model, where)
 
@@ -391,21 +390,16 @@ def _is_positive_definite(matrix: NDArray) -> bool:
 
 
 def _check_real(basis: ModalBasis, item: str) -> None:
-    arrays = {"modes": basis.contact_modes}
-    arrays.update({f"locations/{name}": values for name, values in basis.locations.items()})
-    size = max(np.abs(values).max(initial=0.0) for values in arrays.values())
-    _check_imaginary(arrays, size, item)
-    if basis.flexibility is not None:
-        size = np.abs(basis.flexibility).max(initial=0.0)
-        _check_imaginary({"flexibility": basis.flexibility}, size, item)
-
-
-def _check_imaginary(arrays: Mapping[str, NDArray], size: float, item: str) -> None:
-    for key, values in arrays.items():
-        largest = np.abs(values.imag).max(initial=0.0)
-        if not largest <= REAL_TOLERANCE * size:
-            found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
-            raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
+    modes = {"modes": basis.contact_modes}
+    modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
+    flexibility = {} if basis.flexibility is None else {"flexibility": basis.flexibility}
+    for arrays in (modes, flexibility):
+        size = max((np.abs(values).max(initial=0.0) for values in arrays.values()), default=0.0)
+        for key, values in arrays.items():
+            largest = np.abs(values.imag).max(initial=0.0)
+            if not largest <= REAL_TOLERANCE * size:
+                found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
+                raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
 
 def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
@@ -501,32 +495,24 @@ def _check_same_products(exact: NDArray, given: NDArray, size: float, item: str)
 # Optional parts
 
 
-def _check_on_interface(name: str, model: Model, item: str) -> int:
-    """The interface to which an optional part belongs exists; its number of points."""
-    if name not in model.interfaces:
-        raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
-    return model.interfaces[name].n_points
-
-
-def _check_contact(model: Model, where: str) -> None:
+def _check_on_interfaces(model: Model, where: str) -> None:
+    """Contact stiffness and static solutions: each belongs to an interface and has numbers for its points."""
+    kinds = {"contact": ContactStiffness, "static": StaticContact}
+    arrays = {"contact": ("stiffness",), "static": ("force", "displacement_a", "displacement_b")}
+    for group, kind in kinds.items():
+        for name, part in getattr(model, group).items():
+            item = f"{where}: /{group}/{name}"
+            _check_type(part, kind, item)
+            if name not in model.interfaces:
+                raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
+            for key in arrays[group]:
+                _check_array(getattr(part, key), (model.interfaces[name].n_points, 3), f"{item}/{key}")
     for name, contact in model.contact.items():
         item = f"{where}: /contact/{name}"
-        _check_type(contact, ContactStiffness, item)
-        n = _check_on_interface(name, model, item)
         _check_one_of(contact.source, SOURCES, f"{item}/@source")
-        _check_array(contact.stiffness, (n, 3), f"{item}/stiffness")
         _check_all(contact.stiffness >= 0, contact.stiffness, "numbers >= 0", f"{item}/stiffness")
         if contact.fallback is not None:
-            _check_array(contact.fallback, (n, 3), f"{item}/fallback", "bool")
-
-
-def _check_static(model: Model, where: str) -> None:
-    for name, static in model.static.items():
-        item = f"{where}: /static/{name}"
-        _check_type(static, StaticContact, item)
-        n = _check_on_interface(name, model, item)
-        for key in ("force", "displacement_a", "displacement_b"):
-            _check_array(getattr(static, key), (n, 3), f"{item}/{key}")
+            _check_array(contact.fallback, contact.stiffness.shape, f"{item}/fallback", "bool")
 
 
 def _check_meshes(model: Model, where: str) -> None:
@@ -554,13 +540,6 @@ def _check_provenance(model: Model, where: str) -> None:
     for key, value in model.provenance.items():
         if not isinstance(key, str) or not isinstance(value, str):
             raise mismatch(item, "texts", f"{key!r}: {value!r}")
-        if key == "" or "\0" in key + value or _has_surrogates(key + value):
+        text = key + value
+        if key == "" or "\0" in text or text.encode(errors="ignore").decode() != text:
             raise mismatch(item, "named texts that UTF-8 can hold, without NUL", f"{key!r}: {value!r}")
-
-
-def _has_surrogates(text: str) -> bool:
-    try:
-        text.encode()
-    except UnicodeEncodeError:
-        return True
-    return False

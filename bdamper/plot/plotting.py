@@ -29,8 +29,7 @@ from bdamper.effects.advice import Advice
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip
 from bdamper.io.import_report import ImportReport
-from bdamper.io.measured import Fit, Measured, goodness_of_fit
-from bdamper.io.measurement import Measurement
+from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.model.model import Model
 from bdamper.peaks.optimal import OptimalCurve
 from bdamper.stability.steady_state import SettledResponse
