@@ -1,0 +1,103 @@
+"""A root of a function of one variable between two places where its sign differs.
+
+Secants through the ends of the bracket, where the value at an end that stays twice is reduced so that the bracket closes
+from both sides (Anderson and Bjoerck, BIT 13 (1973), 253-264; a refinement of Illinois' method, of order 1.7 on smooth
+functions).  A function that jumps through zero has its root at the jump; where a trial is not half the value that it
+replaces, the middle of the bracket comes next.
+
+The search stops on the step of the secant through the last two trials: once it is within the tolerance, the last trial is
+the root, however wide the bracket still is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+MOST_TRIALS = 80
+
+
+class Root(NamedTuple):
+    """Where the search for a root ended.
+
+    Parameters
+    ----------
+    at, value : float
+        Place of the last evaluation and the function there.
+    step : float
+        Of the secant through the last two trials, or the bracket if that is less: about the error.
+    trials : int
+        Evaluations of the function.
+    """
+
+    at: float
+    value: float
+    step: float
+    trials: int
+
+
+def find_root(
+    function: Callable[[float], float],
+    low: tuple[float, float],
+    high: tuple[float, float],
+    tolerance: float,
+    most_trials: int = MOST_TRIALS,
+) -> Root:
+    """Root of a function within a bracket, by secants.
+
+    Parameters
+    ----------
+    function : callable
+        May jump; it is evaluated at least once.
+    low, high : (place, value)
+        Ends of the bracket in ascending order, with values of different signs.
+    tolerance : float
+        On the place.
+    most_trials : int
+
+    Returns
+    -------
+    Root
+
+    Raises
+    ------
+    ValueError
+        If the values at the ends have the same sign.
+    """
+    (a, f_a), (b, f_b) = low, high
+    if f_a * f_b > 0.0:
+        raise ValueError(f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}")
+    sign = 1.0 if f_b > f_a else -1.0
+    true_a, true_b = f_a, f_b  # f_a and f_b are what the secant takes them for
+    kept = ""  # the end that stayed in the trial before
+    before, f_before = (a, f_a) if abs(f_a) < abs(f_b) else (b, f_b)
+    x = _secant(a, f_a, b, f_b)
+    for trials in range(1, most_trials + 1):
+        f = function(x)
+        step = abs(f * (x - before) / (f - f_before)) if f != f_before else b - a
+        before, f_before = x, f
+        if sign * f < 0.0:
+            level = abs(f) > 0.5 * abs(true_a)
+            f_b *= _weight(f, true_a) if kept == "b" else 1.0
+            a, f_a, true_a, kept = x, f, f, "b"
+        else:
+            level = abs(f) > 0.5 * abs(true_b)
+            f_a *= _weight(f, true_b) if kept == "a" else 1.0
+            b, f_b, true_b, kept = x, f, f, "a"
+        if level or b - a < step:  # a function that is level and jumps has no use for its secant
+            step = b - a
+        if step <= tolerance:
+            break
+        x = 0.5 * (a + b) if level else _secant(a, f_a, b, f_b)
+    return Root(before, f_before, step, trials)
+
+
+def _weight(new: float, old: float) -> float:
+    """Factor on the value at the end that stays, from the values at the other end that moves."""
+    return 1.0 - new / old if abs(new) < abs(old) else 0.5
+
+
+def _secant(a: float, f_a: float, b: float, f_b: float) -> float:
+    """Root of the line through two points whose values differ in sign; the middle if rounding puts it outside."""
+    x = (a * f_b - b * f_a) / (f_b - f_a) if f_b != f_a else a
+    return x if a < x < b else 0.5 * (a + b)
