@@ -206,8 +206,7 @@ def _stuck_static(coupling: Coupling, basis: HarmonicBasis, R: NDArray, kept: ND
     load, shift = coupling.load()
     if not np.any(load):
         return None
-    size = np.sqrt(np.diag(R))
-    factor = check_definite(R, what)
+    factor, size = check_definite(R, what), np.sqrt(np.diag(R))
     G = scipy.linalg.solve_triangular(factor, basis.G / size[:, None], lower=True)
     s = scipy.linalg.solve_triangular(factor, shift.ravel()[kept] / size, lower=True)
     # (Omega^2 + G^T R^-1 G) q = f - G^T R^-1 s

@@ -103,8 +103,7 @@ def bladed_disk(
         Without contact stiffness (``contact`` is empty).  The rigid translations of the damper are along its own
         tangential, radial and axial direction; everything else is in the axes of blade 0.
     """
-    if fe is None:
-        fe = SectorFE(density=MeshDensity.preset(mesh))
+    fe = fe or SectorFE(density=MeshDensity.preset(mesh))
     g = fe.geometry
     if nodal_diameters is None:
         nodal_diameters = needed_nodal_diameters(g.n_blades, engine_order, harmonics)

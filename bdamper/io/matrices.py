@@ -43,17 +43,16 @@ def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
         if kind == ".npy":
             return square_matrix(np.load(source, allow_pickle=False), str(source))
         if kind == ".mat":
-            return square_matrix(_from_mat(source, name), str(source))
+            content = read_mat(source)
+            return square_matrix(content[_chosen(list(content), name, source)], str(source))
         if kind in (".mtx", ".mm"):
-            with open(source, "rb") as file:
-                head = file.read(14)
-            if head.lower() == b"%%matrixmarket":
+            if _is_market(source):
                 return square_matrix(read_market(source), str(source))
             return read_abaqus_matrix(source)[0]
         raise mismatch(str(source), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
 
 
-def _from_npz(source: os.PathLike[str], name: str | None) -> sp.spmatrix | NDArray:
+def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
     with np.load(source, allow_pickle=False) as archive:
         names = list(archive)
         if name is None and {"format", "shape", "data"} <= set(names):
@@ -61,23 +60,22 @@ def _from_npz(source: os.PathLike[str], name: str | None) -> sp.spmatrix | NDArr
             for count in np.atleast_1d(shape).tolist():
                 check_count(count, f"{source}: shape", "a count")
             return sp.load_npz(source)
-        if name is None and len(names) == 1:
-            name = names[0]
-        if name not in names:
-            wanted = "the name of an array" if name is None else f"an array '{name}'"
-            raise mismatch(str(source), wanted, f"the arrays {names}")
-        return archive[name]
+        return archive[_chosen(names, name, source)]
 
 
-def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
-    content = read_mat(source)
-    names = list(content)
+def _chosen(names: list[str], name: str | None, source: Path) -> str:
+    """The name that was asked for, or the only one there is."""
     if name is None and len(names) == 1:
-        name = names[0]
-    if name not in names:
-        wanted = "the name of a real matrix" if name is None else f"a real matrix '{name}'"
-        raise mismatch(str(source), wanted, f"the matrices {names}")
-    return content[name]
+        return names[0]
+    if name is None or name not in names:
+        wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
+        raise mismatch(str(source), wanted, f"the arrays {names}")
+    return name
+
+
+def _is_market(source: Path) -> bool:
+    with open(source, "rb") as file:
+        return file.read(14).lower() == b"%%matrixmarket"
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
@@ -281,10 +279,8 @@ def read_arrays(
 
 def _with_table(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
     with reading(path, "a matrix") as source:
-        if source.suffix.lower() == ".mtx":
-            with open(source, "rb") as file:
-                if file.read(14).lower() != b"%%matrixmarket":
-                    return read_abaqus_matrix(source)
+        if source.suffix.lower() == ".mtx" and not _is_market(source):
+            return read_abaqus_matrix(source)
     return read_matrix(path), None
 
 

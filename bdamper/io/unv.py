@@ -26,7 +26,6 @@ _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
 # corners, then the top like the bottom; the places of the corners are enough, the others follow from their positions.
 _QUADRATIC = {118: (10, (0, 2, 4, 9)), 113: (15, (0, 2, 4, 9, 11, 13)), 116: (20, (0, 2, 4, 6, 12, 14, 16, 18))}
-_SUPPORTED = (15, 55, 58, 2411, 2412, 2414)
 
 
 def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
@@ -92,9 +91,9 @@ def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FE
 
 def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, NDArray] | None:
     """Number, frequency (Hz), modal mass (0 if unknown), nodes and shape (n, 3) of a normal or complex mode."""
+    if data.get("analysis_type") not in (2, 3, 7):
+        return None
     if data["type"] == 55:
-        if data.get("analysis_type") not in (2, 3, 7):
-            return None
         keys = ("r1", "r2", "r3")
         if data["analysis_type"] == 2:
             frequency, mass = float(data["freq"]), float(data["modal_m"])
@@ -102,8 +101,6 @@ def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, 
             frequency, mass = abs(data["eig"]) / (2.0 * np.pi), 0.0
         number = int(data["mode_n"])
     else:
-        if data.get("analysis_type") not in (2, 3, 7):
-            return None
         if data.get("dataset_location") != 1:
             return None
         keys = ("x", "y", "z")

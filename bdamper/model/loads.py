@@ -26,6 +26,11 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     return vector / np.linalg.norm(vector)
 
 
+def _check_place(place: Excitation | Response, what: str) -> None:
+    validate.instance(f"{what} location", place.location, str, "the name of a location")
+    direction_vector(place.direction, f"{what} direction")
+
+
 @dataclass(frozen=True)
 class Excitation:
     """A travelling-wave force of engine-order type on every blade.
@@ -45,8 +50,7 @@ class Excitation:
     phase: float = 0.0
 
     def __post_init__(self) -> None:
-        validate.instance("excitation location", self.location, str, "the name of a location")
-        direction_vector(self.direction, "excitation direction")
+        _check_place(self, "excitation")
         object.__setattr__(self, "amplitude", validate.number("excitation amplitude", self.amplitude, least=0.0, unit="N"))
         object.__setattr__(self, "phase", validate.number("excitation phase", self.phase, unit="rad"))
 
@@ -65,5 +69,4 @@ class Response:
     direction: str | tuple[float, float, float] = "tangential"
 
     def __post_init__(self) -> None:
-        validate.instance("response location", self.location, str, "the name of a location")
-        direction_vector(self.direction, "response direction")
+        _check_place(self, "response")

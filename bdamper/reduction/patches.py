@@ -162,12 +162,17 @@ def serendipity(xi: NDArray) -> NDArray:
     return np.hstack([corners, bottom, right, top, left])
 
 
+def _bilinear(xi: NDArray) -> NDArray:
+    """Shape functions (m, 4) of the corners of the quadrilateral."""
+    return 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
+
+
 def _shape(xi: NDArray, n_nodes: int) -> NDArray:
     """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
     if n_nodes == 8:
         return serendipity(xi)
     if n_nodes == 4:
-        return 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
+        return _bilinear(xi)
     if n_nodes == 3:
         return xi
     return np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
@@ -181,10 +186,9 @@ def _inverse_map(corner: NDArray, x: NDArray) -> NDArray:
         return np.column_stack([1.0 - st.sum(axis=1), st])
     xi = np.zeros_like(x)
     for _ in range(20):
-        shape = 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
         d_xi = 0.25 * _SIGNS[:, 0] * (1 + xi[:, 1:] * _SIGNS[:, 1]) @ corner
         d_eta = 0.25 * _SIGNS[:, 1] * (1 + xi[:, :1] * _SIGNS[:, 0]) @ corner
-        r = x - shape @ corner
+        r = x - _bilinear(xi) @ corner
         det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
         step = np.stack(
             [
