@@ -1,4 +1,4 @@
-"""Contact points: laws, stiffness, static preload, and what statics says of a wedge.
+"""Contact points: laws, stiffness, static preload, and the range of forces in a wedge.
 
 In: a :class:`bdamper.model.coupling.Coupling` and friction coefficients.  Out: `contact_stiffness` by Eqs (1) to (11) of
 the paper and by other methods, with residual modes where they are asked for; `static_state`, the quasi-static contact

@@ -10,7 +10,7 @@ which is exact for every force in the span of :math:`W`, Hermitian, and positive
 :math:`S = W^H E W` is.  With coordinates :math:`a` it is a relative motion :math:`x = G q + E W a` and an energy
 :math:`\tfrac12 a^H S a`: further modal columns :math:`E W` with the modal stiffness :math:`S`.  The modes left out have
 inertia too.  To second order in frequency they answer with
-:math:`R + \omega^2 R_2`, :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over those that the model knows, and the coordinates
+:math:`R + \omega^2 R_2`, :math:`R_2 = \sum \phi\,\Omega^{-4} \phi^H` over those in the model, and the coordinates
 represent it with the modal mass :math:`W^H R_2 W`; without known modes they are massless.  Stiffness and mass are made
 diagonal together.
 
@@ -56,7 +56,7 @@ class ResidualModes:
     share : float
         Of the point flexibility that stays at the contact point, at most.
     inertia : bool
-        Give the coordinates the mass of the left-out modes that the model knows.
+        Give the coordinates the mass of those left-out modes that the model has.
     """
 
     patterns: int | Literal["all"] = 12

@@ -279,7 +279,7 @@ def _creep(
 ) -> tuple[NDArray, NDArray, int, float]:
     """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
 
-    Used for load steps in which the updates of the states do not come to rest.  ``D`` is the stiffness with every point
+    Used for load steps in which the updates of the states do not end.  ``D`` is the stiffness with every point
     closed and stuck, so the unit of time is the time constant; the implicit steps grow while Newton converges fast.
 
     Returns

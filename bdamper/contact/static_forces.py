@@ -18,7 +18,7 @@ elsewhere, the body creeps into its next state and the sliders follow (:meth:`_S
 position of the last step of that motion.  :class:`Certificate` measures the conditions themselves.
 
 With friction there may be several states (:func:`distinct_states`), or none: then no forces within friction balance the
-load, and the error says by how much they miss it.
+load, and the error gives the smallest imbalance.
 """
 
 from __future__ import annotations

@@ -85,7 +85,7 @@ def bladed_disk(
     n_damper_modes : int
         Modes of the damper, the six rigid ones included.
     engine_order, harmonics : int
-        Decide which nodal diameters are stored, unless ``nodal_diameters`` says it.
+        Decide which nodal diameters are stored, unless ``nodal_diameters`` is given.
     damping_ratio : float
         Of all elastic modes.
     nodal_diameters : tuple of int, optional

@@ -29,7 +29,7 @@ LARGEST_DISTANCE = 0.2
 """Distance of two faces, or gap between them, over the width of what they have in common."""
 FRAME_TOLERANCE = 1e-6
 MOST_POINTS = 400
-"""Contact points on one face: a study with more than some 200 is no longer one of seconds."""
+"""Contact points on one face; a study with more than some 200 takes minutes."""
 
 
 @brief

@@ -71,7 +71,7 @@ def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fi
         _check_positive(body, d, basis.omega2)
     body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
-        body.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the body has no more to give")
+        body.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
     body.checks += compare_modes(body, built, ring)
     return built
 

@@ -5,8 +5,8 @@ a file with h5py alone.  The reader checks the container: which groups and datas
 units.  The numbers are checked by :func:`~bdamper.model.validation.check_model`, for files and for models built in memory
 alike.
 
-A file stands for itself: links to other files, external storage and virtual datasets are refused, and so is every name
-that the format does not know, since a misspelt optional dataset would otherwise go unnoticed.  Additional attributes are
+A file holds all its data: links to other files, external storage and virtual datasets are refused, and so is every name
+that is not part of the format, since a misspelt optional dataset would otherwise go unnoticed.  Additional attributes are
 ignored.
 """
 

@@ -63,7 +63,7 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
     Raises
     ------
     ModelError
-        If they do not agree; a ratio that looks like a mistaken unit is named.
+        If they do not agree; the message names a mistaken unit that explains the ratio.
     """
     n = min(len(found), len(expected))
     if n == 0:
@@ -84,7 +84,7 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
 def check_frequencies_against(
     frequencies: Mapping[int, NDArray], expected: Mapping[int, Sequence[float]], name: str, source: str
 ) -> str:
-    """Compare with frequencies (Hz) that the user knows, and return the text of the check."""
+    """Compare with frequencies (Hz) from another source, and return the text of the check."""
     worst = 0.0
     for d, values in expected.items():
         if d not in frequencies:

@@ -69,7 +69,7 @@ def reading(path: str | os.PathLike[str], expected: str, library: bool = False) 
             raise
         raise mismatch(str(source), expected, _text(error)) from error
     except SystemExit as error:
-        raise mismatch(str(source), expected, "the library gave up") from error
+        raise mismatch(str(source), expected, "the library ended the program") from error
 
 
 def _text(error: BaseException) -> str:
