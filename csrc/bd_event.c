@@ -5,67 +5,20 @@
  *     w <- clip(w, lo, hi),   lo = u - (mu/kt)(n0 + kn v),   hi = u + (mu/kt)(n0 + kn v)      in contact
  *     w = u                                                                                open
  *
- * lo and hi are trigonometric polynomials.  The roots of n0 + kn v, of lo' and of hi' cut the period into pieces over
- * which contact does not change and lo and hi are monotone, so that in a piece w can only be pushed by one of them, from
- * a single onset on:
- *
- *     lo rises above w       slip+ from the onset to the end of the piece (T = +mu N)
- *     hi falls below w       slip-                                        (T = -mu N)
- *     otherwise              stick
- *
- * The map of w over one period is a composition of clips, hence itself a clip and idempotent: one period of marching
- * over the ends of the pieces gives the settled slider, a second one visits the pieces and sums the integrals.  A point
- * that neither slips nor opens keeps the slider that it was given, or, where that one is outside of
- * [max lo, min hi], is carried to the nearer end of this interval.
+ * lo and hi are trigonometric polynomials.  The roots of n0 + kn v, of lo' and of hi', the events, cut the period into pieces
+ * through which the slider marches (bd_march.c).  A point that neither slips nor opens keeps the slider that it was given, or,
+ * where that one is outside of [max lo, min hi], is carried to the nearer end of this interval.
  *
  * With a constant normal load the bounds are u -+ mu load/kt, and the contact stays closed.
  *
  * What costs nothing is found first: a swing bounded by the sum of the amplitudes, then by samples, of which a function
  * exceeds the largest by h^2/8 max|f''| at most, shows most of the points that never slip, or never open, without any root.
- *
- * The slider remembers the instant theta* that set it, and so does its derivative (b the basis at theta*):
- *
- *     set by lo (end of slip+)    dw = b.du - (mu kn/kt) b.dv        lo' = 0 there, so theta* may move freely
- *     set by hi (end of slip-)    dw = b.du + (mu kn/kt) b.dv
- *     set by closing              dw = b.du - (u'/v') b.dv           theta* moves by -b.dv/v'
- *     never set                   dw = 0
  */
 #include "bd_event.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-
-enum { GIVEN, SET_BY_LO, SET_BY_HI, SET_BY_CLOSING };
-enum { CONTACT = 1, LO_RISES = 2, HI_FALLS = 4 };
-enum { NOTHING = -1 }; /* besides bd_state */
-
-typedef struct {
-    int kind;
-    int event; /* index of the instant that set it */
-    double w;
-} slider;
-
-/* One direction of one point, as seen while marching. */
-typedef struct {
-    int n_harm, n_coef, n_power;
-    int n_event;
-    int n_lift;            /* events 0 .. n_lift-1 are lift-offs and closings */
-    int n_lo;              /* then n_lo extrema of lo, the rest are extrema of hi; */
-    int common;            /* 1: lo and hi have the same extrema, listed once */
-    double r;              /* mu kn/kt, 0 under a constant load */
-    const double *lo, *hi; /* polynomials */
-    const double *dlo, *dhi;
-    bd_event_work *work;
-} direction;
-
-/* The part of the cycle that is being marched through. */
-typedef struct {
-    int state;
-    double start;
-    int at; /* work->power[at] belongs to its beginning */
-    slider held;
-} run;
 
 bd_status bd_event_create(bd_event_work *work, int n_harm) {
     memset(work, 0, sizeof *work);
@@ -123,35 +76,6 @@ void bd_event_destroy(bd_event_work *work) {
     memset(work, 0, sizeof *work);
 }
 
-/* x and y at exp(i theta) = z. */
-static void pair_at(int n_harm, const double *x, const double *y, const double *z, double *at_x, double *at_y) {
-    const double c = z[0], s = z[1];
-    double re = c, im = s, sum_x = x[0], sum_y = y[0];
-    for (int l = 1; l <= n_harm; ++l) {
-        sum_x += x[2 * l - 1] * re + x[2 * l] * im;
-        sum_y += y[2 * l - 1] * re + y[2 * l] * im;
-        const double next = re * c - im * s;
-        im = re * s + im * c;
-        re = next;
-    }
-    *at_x = sum_x;
-    *at_y = sum_y;
-}
-
-/* Value of f somewhere between start and start + length, where f does not cross zero: in the middle; if f is small there,
- * because it touches zero, a clearer value is looked for. */
-static double clear_value(int n_harm, const double *f, double start, double length) {
-    static const double place[4] = {0.29, 0.67, 0.11, 0.87};
-    const int n_coef = bd_n_coef(n_harm);
-    double size = 0.0, value = bd_trig_value(n_harm, f, start + 0.5 * length);
-    for (int i = 0; i < n_coef; ++i) size += fabs(f[i]);
-    for (int i = 0; i < 4 && fabs(value) <= 1e-3 * size; ++i) {
-        const double other = bd_trig_value(n_harm, f, start + place[i] * length);
-        if (fabs(other) > fabs(value)) value = other;
-    }
-    return value;
-}
-
 /* Bound of h^2/8 max|x''| between samples of x. */
 static double between_samples(const bd_event_work *work, const double *x) {
     const double h = BD_TWO_PI / work->grid.n_time;
@@ -174,60 +98,12 @@ static void need_derivatives(bd_event_work *work, const double *x) {
     work->kernel->grid_values(n_coef, n_time, work->grid.basis, 3, work->ddx, work->ddmotion);
 }
 
-/* ---- parts of the cycle ---- */
-
-static void push_segment(bd_event_work *work, int d, double start, double end, int state) {
-    bd_segment *segment = work->segment[d];
-    const int n = work->n_segment[d];
-    if (n > 0 && segment[n - 1].state == state && segment[n - 1].end == start) {
-        segment[n - 1].end = end;
-    } else if (end > start) {
-        segment[n] = (bd_segment){start, end, state};
-        work->n_segment[d] = n + 1;
-    }
-}
-
-static void whole_cycle(bd_event_work *work, int d, int state) {
-    work->n_segment[d] = 0;
-    push_segment(work, d, 0.0, BD_TWO_PI, state);
-}
-
-static void reverse(bd_segment *s, int n) {
-    for (int i = 0, j = n - 1; i < j; ++i, --j) {
-        const bd_segment swap = s[i];
-        s[i] = s[j];
-        s[j] = swap;
-    }
-}
-
-/* Brings starts into [0, 2 pi), ascending: a march may begin anywhere. */
-static void arrange_segments(bd_event_work *work, int d) {
-    bd_segment *segment = work->segment[d];
-    int n = work->n_segment[d];
-    if (n > 1 && segment[n - 1].state == segment[0].state) { /* the march began inside a part */
-        segment[n - 1].end = segment[0].end + BD_TWO_PI;
-        --n;
-        memmove(segment, segment + 1, sizeof *segment * (size_t)n);
-        work->n_segment[d] = n;
-    }
-    int turned = 0; /* how many at the end lie in the next period */
-    for (int i = 0; i < n; ++i)
-        if (segment[i].start >= BD_TWO_PI) {
-            segment[i].start -= BD_TWO_PI;
-            segment[i].end -= BD_TWO_PI;
-            ++turned;
-        }
-    reverse(segment, n - turned);
-    reverse(segment + n - turned, turned);
-    reverse(segment, n);
-    if (turned > 0 && turned < n) segment[turned - 1].end = segment[turned].start; /* the same instant but for rounding */
-}
-
 /* ---- normal direction ---- */
 
-/* Whether n0 + kn v changes sign; where the bounds on the swing and the samples leave it open, -1. */
+/* Whether n0 + kn v changes sign in the cycle. */
 enum { CLOSED_ALWAYS, OPEN_ALWAYS, CHANGES };
 
+/* What bounds on the swing and samples tell of it; where they leave it open, CHANGES, and the roots will tell. */
 static int bound_contact(const bd_element *element, const double *v, bd_event_work *work) {
     const double level = element->n0 + element->kn * v[0], swing = element->kn * bd_trig_amplitude(work->n_harm, v);
     if (level <= -swing) return OPEN_ALWAYS; /* n0 = 0 without motion counts as open too: force and tangent are zero */
@@ -266,7 +142,8 @@ static int contact_follows_first(const bd_event_work *work, int n_lift) {
     int longest = 0;
     for (int e = 1; e < n_lift; ++e)
         if (lift_length(work, n_lift, e) > lift_length(work, n_lift, longest)) longest = e;
-    const double value = clear_value(work->n_harm, work->poly, work->theta[longest], lift_length(work, n_lift, longest));
+    const double value =
+        bd_march_clear_value(work->n_harm, work->poly, work->theta[longest], lift_length(work, n_lift, longest));
     return longest % 2 == 0 ? value > 0.0 : !(value > 0.0);
 }
 
@@ -285,7 +162,7 @@ static void integrate_contact(bd_event_work *work, int n_lift, int contact_first
 /* ---- events of one tangential direction ---- */
 
 /* lo, hi and their derivatives; returns whether bounds on their swing already prove that w stays inside. */
-static int make_bounds(const bd_element *element, int d, const double *u, const double *v, direction *dir) {
+static int make_bounds(const bd_element *element, int d, const double *u, const double *v, bd_direction *dir) {
     const int n_coef = dir->n_coef, constant = bd_law_is_constant(element->law);
     bd_event_work *work = dir->work;
     double *lo = work->poly + n_coef, *hi = lo + n_coef, *dlo = hi + n_coef, *dhi = dlo + n_coef;
@@ -309,7 +186,7 @@ static int make_bounds(const bd_element *element, int d, const double *u, const 
 }
 
 /* Extrema of lo and hi become events behind the lifts. */
-static void find_extrema(direction *dir, int d) {
+static void find_extrema(bd_direction *dir, int d) {
     bd_event_work *work = dir->work;
     const int n_time = work->grid.n_time, n_coef = dir->n_coef;
     double *dlo = work->poly + 3 * n_coef, *dhi = dlo + n_coef;
@@ -337,214 +214,28 @@ static void find_extrema(direction *dir, int d) {
                                               work->z + 2 * dir->n_event);
 }
 
-static void sort_events(direction *dir) {
+/* ---- one tangential direction ---- */
+
+/* lo and hi are constant: the slider is the given one clipped to [lo, hi]. */
+static void hold_constant(const bd_direction *dir, int d, const bd_element *element, bd_status_share *share) {
     bd_event_work *work = dir->work;
-    for (int i = 0; i < dir->n_event; ++i) {
-        int j = i;
-        for (; j > 0 && work->theta[work->order[j - 1]] > work->theta[i]; --j) work->order[j] = work->order[j - 1];
-        work->order[j] = i;
-    }
-}
-
-static double piece_end(const direction *dir, int i) {
-    const bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    return i + 1 < n ? work->theta[work->order[i + 1]] : work->theta[work->order[0]] + BD_TWO_PI;
-}
-
-/* Signs on every piece: evaluated inside the longest one, where they are clearest, and toggled from there at
- * each event, since every event is a change of sign of its own polynomial. */
-static void flag_pieces(direction *dir, const bd_element *element, const double *v) {
-    bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    int longest = 0, flags = 0;
-    double length = -1.0;
-    for (int i = 0; i < n; ++i) {
-        const double l = piece_end(dir, i) - work->theta[work->order[i]];
-        if (l > length) length = l, longest = i;
-    }
-    const double start = work->theta[work->order[longest]];
-    if (dir->n_lift == 0) {
-        flags |= CONTACT;
-    } else {
-        double *level = work->poly; /* n0 + kn v */
-        for (int i = 0; i < dir->n_coef; ++i) level[i] = element->kn * v[i];
-        level[0] += element->n0;
-        if (clear_value(dir->n_harm, level, start, length) > 0.0) flags |= CONTACT;
-    }
-    if (clear_value(dir->n_harm, dir->dlo, start, length) > 0.0) flags |= LO_RISES;
-    if (clear_value(dir->n_harm, dir->dhi, start, length) < 0.0) flags |= HI_FALLS;
-    work->piece[longest] = flags;
-    for (int k = 1; k < n; ++k) {
-        const int i = (longest + k) % n, event = work->order[i];
-        if (event < dir->n_lift)
-            flags ^= CONTACT;
-        else if (dir->common)
-            flags ^= LO_RISES | HI_FALLS;
-        else
-            flags ^= event < dir->n_lift + dir->n_lo ? LO_RISES : HI_FALLS;
-        work->piece[i] = flags;
-    }
-}
-
-/* ---- marching ---- */
-
-static slider clip_at_end(const direction *dir, slider s, int flags, int event) {
-    const bd_event_work *work = dir->work;
-    const double lo = work->lo[event], hi = work->hi[event];
-    if (!(flags & CONTACT)) return (slider){SET_BY_CLOSING, event, 0.5 * (lo + hi)};
-    if (s.w < lo) return (slider){SET_BY_LO, event, lo};
-    if (s.w > hi) return (slider){SET_BY_HI, event, hi};
-    return s;
-}
-
-/* The slider at the first event once the cycle has settled. */
-static slider settle(const direction *dir, double w) {
-    const bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    slider s = {GIVEN, -1, w};
-    for (int i = 0; i < n; ++i) s = clip_at_end(dir, s, work->piece[i], work->order[i + 1 < n ? i + 1 : 0]);
-    return s;
-}
-
-/* dw of a slider that was set at the beginning of the present part of the cycle. */
-static void hold(const direction *dir, const run *part) {
-    bd_event_work *work = dir->work;
-    const double *b = work->power[part->at] + 1;
-    if (!work->cycle.held_u) {
-        bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, NULL, NULL);
-        return;
-    }
-    double factor = part->held.kind == SET_BY_LO ? -dir->r : dir->r;
-    if (part->held.kind == SET_BY_CLOSING) {
-        /* u' = (lo' + hi')/2 and v' = (hi' - lo')/(2 r); sticking after it, |u'/v'| <= r */
-        double dlo, dhi;
-        pair_at(dir->n_harm, dir->dlo, dir->dhi, work->z + 2 * part->held.event, &dlo, &dhi);
-        factor = dhi > dlo ? -dir->r * fmax(-1.0, fmin(1.0, (dhi + dlo) / (dhi - dlo))) : 0.0;
-    }
-    for (int i = 0; i < dir->n_coef; ++i) work->origin_v[i] = factor * b[i];
-    bd_cycle_hold(&work->cycle, work->part + 1, part->held.w, b, work->origin_v);
-}
-
-/* The state changes at theta (exp(i theta) = z): sums of the part that ends, beginning of the next. */
-static void change(const direction *dir, int d, run *part, int state, double theta, const double *z, slider s,
-                   bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    double *from = work->power[part->at], *to = work->power[!part->at];
-    if (part->state == state) return;
-    bd_trig_powers_of(2 * dir->n_harm, z, to);
-    if (part->state != NOTHING) {
-        const double length = theta - part->start;
-        push_segment(work, d, part->start, theta, part->state);
-        if (part->state == BD_STICK) {
-            memset(work->part, 0, sizeof(double) * (size_t)dir->n_power);
-            bd_cycle_integrate(dir->n_harm, work->part, length, from, to, 1.0);
-            for (int n = 0; n < dir->n_power; ++n) work->cycle.stick[n] += work->part[n];
-            hold(dir, part);
-        } else if (part->state != BD_OPEN) {
-            bd_cycle_integrate(dir->n_harm, work->cycle.slip, length, from, to, part->state == BD_SLIP_PLUS ? 1.0 : -1.0);
-            share->slip[d] += length;
-        }
-    }
-    part->at = !part->at;
-    part->state = state;
-    part->start = theta;
-    part->held = s;
-}
-
-/* Where lo (hi) first meets w in a piece over which it rises (falls). */
-static double find_onset(const direction *dir, int plus, double w, double start, double end, double *z) {
-    double *bound = dir->work->poly; /* lo - w or hi - w */
-    memcpy(bound, plus ? dir->lo : dir->hi, sizeof(double) * (size_t)dir->n_coef);
-    bound[0] -= w;
-    if (dir->n_harm > 1) {
-        const double onset = bd_trig_bracketed_root(dir->n_harm, bound, start, end);
-        z[0] = cos(onset);
-        z[1] = sin(onset);
-        return onset;
-    }
-    /* cos(theta - phi) = k on the rising (falling) side */
-    const double size = hypot(bound[1], bound[2]), c = bound[1] / size, s = bound[2] / size;
-    const double k = fmax(-1.0, fmin(1.0, -bound[0] / size)), m = sqrt((1.0 - k) * (1.0 + k)) * (plus ? -1.0 : 1.0);
-    z[0] = c * k - s * m;
-    z[1] = s * k + c * m;
-    double onset = atan2(z[1], z[0]);
-    while (onset < start - 1e-9) onset += BD_TWO_PI;
-    while (onset > end + 1e-9) onset -= BD_TWO_PI;
-    return fmax(start, fmin(end, onset));
-}
-
-/* Walks through one piece and returns the slider at its end. */
-static slider march_piece(const direction *dir, int d, int i, double turn, slider s, run *part, bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    const int start = work->order[i], end = work->order[i + 1 < n ? i + 1 : 0], flags = work->piece[i];
-    const double *z = work->z + 2 * start, theta = work->theta[start] + turn;
-    if (!(flags & CONTACT)) {
-        change(dir, d, part, BD_OPEN, theta, z, s, share);
-        return clip_at_end(dir, s, flags, end);
-    }
-    const int set_now = s.event == start && s.kind != GIVEN;
-    const int plus_now = set_now && s.kind != SET_BY_HI && (flags & LO_RISES);
-    const int minus_now = set_now && s.kind != SET_BY_LO && (flags & HI_FALLS);
-    if (plus_now || minus_now) {
-        change(dir, d, part, plus_now ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, s, share);
-        return (slider){plus_now ? SET_BY_LO : SET_BY_HI, end, plus_now ? work->lo[end] : work->hi[end]};
-    }
-    const slider after = clip_at_end(dir, s, flags, end);
-    change(dir, d, part, BD_STICK, theta, z, s, share);
-    if (after.kind == s.kind && after.event == s.event) return s; /* nothing pushed it */
-    const int plus = after.kind == SET_BY_LO;
-    if (plus ? work->lo[start] >= s.w : work->hi[start] <= s.w) { /* at once: the slip had only paused */
-        change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, theta, z, after, share);
-        return after;
-    }
-    double at[2];
-    const double onset = find_onset(dir, plus, s.w, work->theta[start], piece_end(dir, i), at) + turn;
-    change(dir, d, part, plus ? BD_SLIP_PLUS : BD_SLIP_MINUS, onset, at, after, share);
-    return after;
-}
-
-/* The settled cycle from the event on that set its slider, so that every part begins where its slider was set. */
-static void march_cycle(const direction *dir, int d, slider s, bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    const int n = dir->n_event;
-    run part = {.state = NOTHING};
-    int first = 0;
-    while (work->order[first] != s.event) ++first;
-    for (int k = 0; k < n; ++k) {
-        const int i = first + k < n ? first + k : first + k - n;
-        s = march_piece(dir, d, i, first + k < n ? 0.0 : BD_TWO_PI, s, &part, share);
-    }
-    const int event = work->order[first];
-    change(dir, d, &part, NOTHING, work->theta[event] + BD_TWO_PI, work->z + 2 * event, s, share);
-    arrange_segments(work, d);
-}
-
-/* Without any event the motion is a constant: the slider is the given one clipped to [lo, hi]. */
-static void hold_constant(const direction *dir, int d, const bd_element *element, bd_status_share *share) {
-    bd_event_work *work = dir->work;
-    slider s = {GIVEN, -1, element->w[d]};
-    double factor = 0.0;
-    if (s.w < dir->lo[0])
-        s.w = dir->lo[0], s.kind = SET_BY_LO, factor = -dir->r;
-    else if (s.w > dir->hi[0])
-        s.w = dir->hi[0], s.kind = SET_BY_HI, factor = dir->r;
-    work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
+    const double lo = dir->lo[0], hi = dir->hi[0], given = element->w[d];
+    const double w = given < lo ? lo : given > hi ? hi : given;
     double *one = work->power[0];
     memset(one, 0, sizeof(double) * (size_t)dir->n_coef);
     memset(work->origin_v, 0, sizeof(double) * (size_t)dir->n_coef);
     one[0] = 1.0;
-    work->origin_v[0] = factor;
-    bd_cycle_hold(&work->cycle, work->cycle.stick + 1, s.w, s.kind == GIVEN ? NULL : one, work->origin_v);
-    whole_cycle(work, d, BD_STICK);
+    work->origin_v[0] = given < lo ? -dir->r : given > hi ? dir->r : 0.0;
+    work->cycle.stick[0] = work->cycle.stick[1] = BD_TWO_PI;
+    bd_cycle_hold(&work->cycle, work->cycle.stick + 1, w, w == given ? NULL : one, work->origin_v);
+    bd_march_whole(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }
 
 static void stay_stuck(const bd_element *element, int d, const double *u, bd_response *out, bd_status_share *share,
                        bd_event_work *work) {
     bd_element_stuck(element, work->n_harm, d, u, out);
-    whole_cycle(work, d, BD_STICK);
+    bd_march_whole(work, d, BD_STICK);
     share->stick[d] = 1.0;
 }
 
@@ -552,7 +243,7 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
                                bd_status_share *share, bd_event_work *work) {
     const int n_coef = bd_n_coef(work->n_harm);
     const double *u = x + d * n_coef, *v = x + 2 * n_coef;
-    direction dir = {
+    bd_direction dir = {
         .n_harm = work->n_harm, .n_coef = n_coef, .n_power = bd_n_power(work->n_harm), .n_lift = n_lift, .work = work};
     if (make_bounds(element, d, u, v, &dir)) {
         stay_stuck(element, d, u, out, share, work);
@@ -566,17 +257,10 @@ static void evaluate_direction(const bd_element *element, int d, int n_lift, con
         bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
         return;
     }
-    sort_events(&dir);
-    flag_pieces(&dir, element, v);
-    for (int e = 0; e < dir.n_event; ++e) pair_at(dir.n_harm, dir.lo, dir.hi, work->z + 2 * e, work->lo + e, work->hi + e);
-    const slider s = settle(&dir, element->w[d]);
-    if (s.kind == GIVEN) {
+    if (!bd_march_through(&dir, d, element, v, share)) {
         stay_stuck(element, d, u, out, share, work);
         return;
     }
-    march_cycle(&dir, d, s, share);
-    share->slip[d] /= BD_TWO_PI;
-    share->stick[d] = work->cycle.stick[0] / BD_TWO_PI;
     bd_cycle_friction(element, d, &work->cycle, u, v, out, work->scratch);
 }
 
@@ -594,7 +278,7 @@ static int evaluate_normal(const bd_element *element, const double *x, bd_respon
         bd_cycle_normal(element, work->n_harm, work->contact, v, out, work->scratch);
         return n_lift;
     }
-    if (bound == OPEN_ALWAYS || (bound == CHANGES && clear_value(work->n_harm, work->poly, 0.0, BD_TWO_PI) <= 0.0))
+    if (bound == OPEN_ALWAYS || (bound == CHANGES && bd_march_clear_value(work->n_harm, work->poly, 0.0, BD_TWO_PI) <= 0.0))
         share->open = 1.0;
     else
         bd_element_closed(element, work->n_harm, v, out);
@@ -617,7 +301,7 @@ void bd_event_evaluate(const bd_element *element, const double *x, bd_response *
     const int n_lift = evaluate_normal(element, x, out, share, work);
     for (int d = 0; d < 2; ++d) {
         if (element->law == BD_LAW_BONDED) stay_stuck(element, d, x + d * n_coef, out, share, work);
-        if (share->open == 1.0) whole_cycle(work, d, BD_OPEN);
+        if (share->open == 1.0) bd_march_whole(work, d, BD_OPEN);
         if (bd_element_rubs(element, d) && share->open < 1.0) evaluate_direction(element, d, n_lift, x, out, share, work);
     }
 }

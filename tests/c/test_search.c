@@ -19,7 +19,7 @@ static void test_ellipse_alone(double q, double angle, const double *end) {
     double error = INFINITY;
     for (int period = 0; period < 400 && search.state == BD_SEARCHING; ++period) {
         const double d[2] = {search.s[0] - end[0], search.s[1] - end[1]};
-        error = norm(d[0], d[1]);
+        error = bd_norm(d[0], d[1]);
         work.lanes.end[0] = end[0] + q * (cos(angle) * d[0] - sin(angle) * d[1]);
         work.lanes.end[BD_LANES] = end[1] + q * (sin(angle) * d[0] + cos(angle) * d[1]);
         go_on(&work, &search, 0);
