@@ -87,6 +87,7 @@ class TestAnswers:
         with ProcessPoolExecutor(2) as pool:
             assert answers(bd.sweep(study, over=OVER, frequency=INTERVAL, executor=pool)) == answers(serial)
 
+    @pytest.mark.slow
     def test_dask_gives_the_same(self, study, serial):
         distributed = pytest.importorskip("distributed", reason="dask.distributed is not installed")
         with (

@@ -46,6 +46,7 @@ def write_files(fe):
                 np.savetxt(f"{file}.csv", body.node_sets[key], fmt="%d")
 
 
+@pytest.mark.slow
 def test_page(tmp_path, monkeypatch, capsys):
     pyuff = pytest.importorskip("pyuff", reason="pyuff is not installed (extra bdamper[unv])")
     monkeypatch.chdir(tmp_path)

@@ -9,7 +9,7 @@ nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
-SLOW = {"contact_status", "test_rig"}
+SLOW = {"blade_to_ground", "contact_status", "optimal_damper", "test_rig"}
 
 
 def test_there_are_notebooks():

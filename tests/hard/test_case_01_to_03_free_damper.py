@@ -67,7 +67,7 @@ def test_case_02_without_planes_there_is_no_solution_and_it_says_so():
     assert study().track(50.0, (300.0, 310.0)).complete  # with planes there is
 
 
-@pytest.mark.parametrize("preload", [1.0, 20.0])
+@pytest.mark.parametrize("preload", [pytest.param(1.0, marks=pytest.mark.slow), 20.0])
 def test_case_03_preload_so_low_that_the_damper_nearly_flies(preload):
     s = study()
     curve = s.track(preload, (250.0, 400.0))

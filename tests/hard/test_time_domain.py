@@ -14,7 +14,7 @@ from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_osci
 from tests.models import acyclic_model, wedge_model
 
 
-def distance(n_harm, periods=90, steps=600):
+def distance(n_harm, periods=45, steps=600):
     system = two_oscillators(n_harm)
     p = max(followed(system, 1.0, 3.5, STUCK).points, key=lambda q: abs(system.response(q.y[:-1])[1]))
     return verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=periods, steps_per_period=steps)
@@ -62,12 +62,12 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert result.plot().get_xlabel() == "time, periods"
 
 
-def rig(law, evaluation="exact"):
+def rig(law, evaluation="exact", harmonics=5):
     """Two blades and a wedge that slips on them."""
     return bd.Study(
         acyclic_model(1, n_points=4, n_blade_modes=2),
         engine_order=0,
-        harmonics=5,
+        harmonics=harmonics,
         contact_stiffness=2e6,
         friction_coefficient=0.3,
         evaluation=evaluation,
@@ -78,29 +78,42 @@ def rig(law, evaluation="exact"):
 
 
 LAWS = {
-    "constant normal load": {"friction_law": "constant_normal_load"},
+    "constant normal load": {"friction_law": "constant_normal_load", "harmonics": 13},
     "constant load in a disk": {"friction_law": "coupled", "variable_normal_load": False, "evaluation": bd.Sampled(128)},
     "bonded": {"friction_law": "bonded"},
     "sampled": {"evaluation": bd.Sampled(128)},
 }
+# Some twice what the harmonics that are left out amount to: 4.2e-4 and 4.2e-3 under constant load, 9.8e-3 with five
+# harmonics of a variable load (6.0e-3 with nine, 2.2e-3 with thirteen).  The bonded structure is linear: what remains is
+# the error of the integration, 1.5e-4.
+DISTANCE = {"constant normal load": 1e-3, "constant load in a disk": 1e-2, "bonded": 1e-3, "sampled": 2e-2}
 
 
 @pytest.mark.parametrize("name", LAWS)
 def test_other_contact_laws_settle_where_harmonic_balance_says(name):
+    """The peak in time, and that no other law has it.
+
+    Under a constant normal load the motion has odd harmonics alone.  The equations with five or seven harmonics have
+    further branches with even ones, which the motion in time does not have.  They branch off within the interval, and
+    rounding decides which branch a curve follows.  With thirteen harmonics the curve passes none of them.
+    """
     law = dict(LAWS[name])
-    study = rig(law, law.pop("evaluation", "exact"))
+    harmonics = law.pop("harmonics", 5)
+    study = rig(law, law.pop("evaluation", "exact"), harmonics)
     curve = study.track(50.0, (290.0, 320.0))
     assert curve.complete
     if name != "bonded":
         assert curve.shares[curve.peak.index, 1] > 0.02  # it slips
     found = study.verify(curve, periods=12, steps_per_period=448)
-    assert found.distance < (1e-3 if name == "bonded" else 0.01)
+    assert found.distance < DISTANCE[name]
+    if name.startswith("constant"):
+        assert np.abs(found.expected[2::2]).max() < 1e-9 * np.abs(found.expected[1])
     # the motion of one law is none of the others
     if name == "sampled":
         return
     i = curve.peak.index
     omega = 2 * np.pi * curve.frequency[i]
-    of_another = rig({}).system(50.0)
+    of_another = rig({}, harmonics=harmonics).system(50.0)
     other = verify_solution(of_another, curve.unknowns[i], omega, 1, 0, periods=12, steps_per_period=448)
     assert other.distance > 3.0 * found.distance
     judged = stability_of_points(study.system(50.0), curve.unknowns[[i]], np.array([omega]))

@@ -681,7 +681,7 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
-@pytest.mark.parametrize("part", range(10))
+@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 2 else []) for i in range(10)])
 def test_structural_damage(saved, tmp_path, part):
     """500 cases in ten parts."""
     path = tmp_path / "damaged.h5"

@@ -146,6 +146,7 @@ def test_coexisting_peaks_are_told_apart_and_their_end_reported():
     assert len(beyond) < len(peaks)
 
 
+@pytest.mark.slow
 def test_jumps_at_low_preload_are_found():
     """Down to 10 N the highest peak changes three times; every complete tracking curve has the same highest peak."""
     model = bd.reference_model(contact_points=24)
@@ -427,7 +428,7 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         evaluation=bd.Sampled(128),
     )
     interval = (270.0, 380.0)
-    for friction in (0.38, 0.39, 0.40, 0.41, 0.42):
+    for friction in (0.38, 0.40, 0.42):
         s = replace(study, friction_coefficient=friction)
         peak, curve = s.peak(500.0, interval), s.track(500.0, interval)
         assert peak.converged
