@@ -4,6 +4,7 @@
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
+#   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
 #   make oldest    quick tests with the oldest supported dependencies
 #   make wheel     a wheel in an empty environment
@@ -24,7 +25,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize nastran oldest wheel clean prerequisites
+.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize kernels nastran oldest wheel clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -45,6 +46,9 @@ docs: $(VENV)/docs.stamp
 	$(call step,examples,$(PY) tools/run_examples.py)
 	$(call step,documentation,$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html)
 	@echo "docs/_build/html/index.html"
+
+kernels: $(VENV)/dev.stamp
+	$(call step,tests under other kernels,sh tools/test_kernels.sh)
 
 nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)

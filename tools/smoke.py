@@ -1,4 +1,4 @@
-"""One tracking curve by the installed package, away from its sources: `python smoke.py`; fails where something is missing."""
+"""One tracking curve by the installed package, away from its sources; fails where something is missing."""
 
 from importlib import metadata
 from pathlib import Path

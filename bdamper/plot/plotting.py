@@ -13,6 +13,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -31,7 +32,7 @@ from bdamper.effects.microslip import Microslip
 from bdamper.io.import_report import ImportReport
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.model.model import Model
-from bdamper.peaks.optimal import OptimalCurve
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification
 from bdamper.util import validate
@@ -579,7 +580,7 @@ def _plot_faces(
         for row in range(n_rows):
             block = values[row * n_faces : (row + 1) * n_faces]
             low, high = (float(f(np.concatenate(block) / unit)) for f in (np.nanmin, np.nanmax))
-            norm = plt.Normalize(low, high if high > low else low + 1.0)
+            norm = Normalize(low, high if high > low else low + 1.0)
             for column, ((name, points, frame), value) in enumerate(zip(places, block)):
                 ax = axes[row, column]
                 x, y, dx, dy = _face_coordinates(points, frame[0])

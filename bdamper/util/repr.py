@@ -16,7 +16,8 @@ LONGEST = 60
 
 def brief(cls: T) -> T:
     """Class decorator: the representation of a dataclass is its ``str``, or its items with arrays by their shapes alone."""
-    cls.__repr__ = _as_text if cls.__str__ is not object.__str__ else _as_items  # type: ignore[assignment]
+    prints_itself = any("__str__" in base.__dict__ for base in cls.__mro__[:-1])
+    cls.__repr__ = _as_text if prints_itself else _as_items  # type: ignore[assignment]
     return cls
 
 

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 import bdamper as bd
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
-from bdamper.stability.steady_state import FEWEST, repeats_after, settle, to_come
+from bdamper.stability.steady_state import FEWEST, march_until_settled, repeats_after, to_come
 from bdamper.stability.time_integration import Ring, amplitudes_of
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
@@ -28,7 +28,7 @@ def bilinear(stop):
 def marched(stop, omega, periods, steps=200):
     system = bilinear(stop)
     start = np.full(system.n_unknowns, 0.01)
-    return settle(system, omega, 1, 0, start, preload=0.0, periods=periods, steps_per_period=steps)
+    return march_until_settled(system, omega, 1, 0, start, preload=0.0, periods=periods, steps_per_period=steps)
 
 
 @pytest.mark.parametrize(("stop", "omega", "repeats"), [(3.0, 1.5, 1), (8.0, 3.0, 2), (80.0, 4.7, None)])
@@ -67,7 +67,9 @@ def test_linear_motion_settles_at_its_closed_form():
         1.0, 0.3, [[1.0]], [[0.0], [0.0], [1.0]], [0.1], [1.0], 2, kt=0.0, kn=3.0, mu=0.0, n0=5.0
     )  # fmt: skip
     for omega in (1.7, 2.4):
-        found = settle(system, omega, 1, 0, np.zeros(system.n_unknowns), preload=1.0, periods=40, steps_per_period=300)
+        found = march_until_settled(
+            system, omega, 1, 0, np.zeros(system.n_unknowns), preload=1.0, periods=40, steps_per_period=300
+        )
         assert (found.repeats_after, found.status) == (1, "settled")
         exact = 0.1 / (4.0 - omega**2 + 0.3j * omega)
         assert found.harmonics[-1, 1] == pytest.approx(exact, rel=1e-3)
@@ -77,9 +79,9 @@ def test_going_on_is_marching_longer():
     system = bilinear(80.0)
     start = np.full(system.n_unknowns, 0.01)
     options = {"preload": 0.0, "steps_per_period": 100}
-    whole = settle(system, 4.7, 1, 0, start, periods=40, **options)
-    first = settle(system, 4.7, 1, 0, start, periods=20, **options)
-    then = settle(system, 4.7, 1, 0, first.motion, periods=20, **options)
+    whole = march_until_settled(system, 4.7, 1, 0, start, periods=40, **options)
+    first = march_until_settled(system, 4.7, 1, 0, start, periods=20, **options)
+    then = march_until_settled(system, 4.7, 1, 0, first.motion, periods=20, **options)
     np.testing.assert_array_equal(np.vstack([first.harmonics, then.harmonics]), whole.harmonics)
 
 
@@ -88,7 +90,9 @@ def test_a_transient_is_not_taken_for_the_end():
     system = oscillator(
         1.0, 2e-4, [[1.0]], [[0.0], [0.0], [1.0]], [1e-3], [1.0], 1, kt=0.0, kn=3.0, mu=0.0, n0=50.0
     )  # fmt: skip
-    found = settle(system, 2.0, 1, 0, np.zeros(system.n_unknowns), preload=0.0, periods=32, steps_per_period=200)
+    found = march_until_settled(
+        system, 2.0, 1, 0, np.zeros(system.n_unknowns), preload=0.0, periods=32, steps_per_period=200
+    )
     assert found.status == "still moving"
     assert found.memory == pytest.approx(2.0 / (np.pi * 2e-4))
     assert found.to_come > 1.0

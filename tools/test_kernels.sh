@@ -1,0 +1,35 @@
+#!/bin/sh
+# Tests of the core under each build of its inner loops, and the tests that rounding touches under two kernels of OpenBLAS.
+# What this processor does not run is skipped and named.
+set -eu
+cd "$(dirname "$0")/.."
+python=.venv/bin/python
+runs=$($python -c 'from bdamper import _core; print(*_core.kernels())')
+has() { case " $runs " in *" $1 "*) true ;; *) echo "skipped: $2, which needs $1, on this processor"; false ;; esac }
+
+for kernel in plain generic avx2 avx512; do
+  has $kernel "the $kernel kernel of the core" || continue
+  echo "== core under its $kernel kernel"
+  BDAMPER_KERNEL=$kernel $python -m pytest -q -n auto -m "not slow" tests/core
+  for dir in builddir-sanitize-gcc builddir-sanitize-clang; do
+    [ -d $dir ] || { echo "skipped: C tests of $dir, which make sanitize builds"; continue; }
+    BDAMPER_KERNEL=$kernel .venv/bin/meson test -C $dir --no-rebuild --quiet --print-errorlogs
+  done
+done
+
+for pair in Haswell:avx2 SkylakeX:avx512; do
+  type=${pair%:*}
+  has ${pair#*:} "OpenBLAS as on $type" || continue
+  echo "== tests that rounding touches, OpenBLAS as on $type"
+  export OPENBLAS_CORETYPE=$type
+  $python - <<'END'
+import os
+
+import scipy.linalg  # noqa: F401
+import threadpoolctl
+
+found = {(one["internal_api"], one["architecture"]) for one in threadpoolctl.threadpool_info() if one["user_api"] == "blas"}
+assert found == {("openblas", os.environ["OPENBLAS_CORETYPE"])}, f"BLAS that does not follow OPENBLAS_CORETYPE: {found}"
+END
+  $python -m pytest -q -n auto -m "rounding and not slow"
+done
