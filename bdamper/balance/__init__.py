@@ -1,1 +1,6 @@
-"""Harmonic balance: the equations of one preload, assembled and solved by the C core."""
+"""Harmonic balance: the equations of one preload, evaluated and solved by the C core.
+
+In come bases of the harmonics, contact points and loads; out come residual, Jacobian, Newton corrections and linear
+responses.  Others use :class:`~bdamper.balance.system.HarmonicSystem`, the only access to the core, and the linear
+resonances of :mod:`bdamper.balance.linear`.
+"""

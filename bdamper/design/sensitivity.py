@@ -1,4 +1,4 @@
-"""Derivatives of a peak with respect to the preload and to settings (equations as functions of one setting)."""
+"""Derivatives of a peak with respect to the preload and to settings; equations as functions of one setting."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def peak_sensitivities(
     ----------
     problem : Problem
     peak : Peak
-        Of this study, at ``peak.parameter`` newtons of preload.
+        Of this problem, at a preload of ``peak.parameter`` newtons.
     parameters : sequence of str
         "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
     options : PeakOptions
@@ -39,8 +39,8 @@ def peak_sensitivities(
     Raises
     ------
     SettingError
-        If the peak is not converged or lies at a corner, and with sampled evaluation: events between samples make the
-        amplitude a rippled function of frequency, with tops that move by ripples.
+        If the peak is not converged or lies at a corner, or the evaluation is sampled: events between samples make the
+        amplitude a rippled function of frequency, whose maxima move from ripple to ripple.
     """
     validate.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
     check_options(options)

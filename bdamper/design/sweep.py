@@ -1,9 +1,7 @@
-"""Design studies: one question asked of many variants of a study, on any executor, with results that survive a crash.
+"""Sweeps: one question asked of many variants of a problem, on any executor, with results that survive a crash.
 
-Every point is computed from the study and its own settings alone, so results do not depend on order, workers or
-interruptions.  With a results file each finished point is appended to it at once, as one line of JSON, and forced to disk;
-a run that is killed leaves at most a torn last line, which the next run cuts off.  The first line identifies the study,
-the settings and the question: a file of another one is refused.
+Every point is computed from the problem and its own settings alone, so results do not depend on order, workers or
+interruptions.  Finished points can be kept in a file (:mod:`bdamper.design.results_file`).
 """
 
 from __future__ import annotations
@@ -12,18 +10,18 @@ import contextlib
 import hashlib
 import itertools
 import json
-import os
 import pickle
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future, as_completed
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.model import Model, _feed
+from bdamper.design.results_file import ResultsFile, as_line
+from bdamper.model.model import Model, feed_digest
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, vary
@@ -31,22 +29,23 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.hdf5 import Storable, plain
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.versions import HERE, Versions
+from bdamper.util.versions import HERE
 
 Values = Mapping[str, Any]
 Task = Callable[[Problem, float | None], Values]
-"""The question: a study and a preload (None if the sweep has none) to named numbers, texts or lists of numbers.
+"""The question: a function of a problem and a preload (None if the sweep has none) that returns named numbers, texts or
+lists of numbers.
 
-An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts them.  One named ``"cost"``
-that is a :class:`bdamper.util.cost.Cost` is kept apart, as the cost of the point.
+An answer named ``"warning"`` is a text, empty where nothing is left open; the result counts those that are not.  An answer
+named ``"cost"`` that is a :class:`bdamper.util.cost.Cost` is kept as the cost of the point.
 """
 
 
 def _check_place(task: PeakTask | OptimalTask) -> None:
-    """Where peaks are looked for."""
+    """Whether the mode and the interval of frequency in which a task looks for peaks are valid."""
     validate.fields(task, validate.whole, "mode", least=1)
     if task.frequency is not None:
         validate.fields(task, validate.interval, "frequency")
@@ -145,10 +144,10 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
     shape : tuple of int
         Of the grid of settings, the last name fastest; one number if points were given in a list.
     settings : mapping
-        Of the study that was varied.
+        Of the problem that was varied.
     model_hash : str
     cost : tuple of Cost
-        Of each point: what the question has metered of it, otherwise the time alone.
+        Of each point: as measured by the question, otherwise the time alone.
     """
 
     names: tuple[str, ...]
@@ -214,15 +213,12 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
         return "\n".join(lines)
 
 
-# ---- what identifies a sweep ----
-
-
 def study_fingerprint(problem: Problem) -> str:
-    """Digest of the model and of all settings of a study."""
+    """Digest of the model and of all settings of a problem."""
     digest = hashlib.sha256(problem.model.hash.encode())
     for item in fields(problem):
         if item.name != "model" and not item.name.startswith("_"):
-            _feed(digest, item.name, getattr(problem, item.name))
+            feed_digest(digest, item.name, getattr(problem, item.name))
     return digest.hexdigest()
 
 
@@ -231,115 +227,6 @@ def _named(task: Any) -> str:
     if is_dataclass(task) and not isinstance(task, type):
         return repr(task)
     return f"{getattr(task, '__module__', '')}.{getattr(task, '__qualname__', type(task).__qualname__)}"
-
-
-# ---- the results file ----
-
-
-class ResultsFile:
-    """Lines of JSON, the first of which identifies the sweep; see the docstring of the module.
-
-    Parameters
-    ----------
-    path : path
-    header : mapping
-        Compared with the first line of an existing file.
-    """
-
-    def __init__(self, path: str | FilePath, header: Mapping[str, Any]) -> None:
-        self.path = FilePath(path)
-        self.header = dict(header)
-        self.records: dict[int, dict[str, Any]] = {}
-        self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
-        try:
-            self._lock()
-            self._read()
-        except BaseException:
-            os.close(self.file)
-            raise
-
-    def _lock(self) -> None:
-        try:
-            import fcntl
-        except ImportError:  # no locks of this kind on this system
-            return
-        try:
-            fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise BdamperError(
-                f"{self.path}: expected a results file of its own, found one that another run uses"
-            ) from error
-
-    def _read(self) -> None:
-        content = b""
-        os.lseek(self.file, 0, os.SEEK_SET)
-        while part := os.read(self.file, 1 << 20):
-            content += part
-        whole = content.rfind(b"\n") + 1
-        lines = content[:whole].splitlines()
-        if not lines:
-            if content and not _dump(self.header).startswith(content[: len(_dump(self.header))]):
-                raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
-            os.ftruncate(self.file, 0)
-            self._write(self.header)
-            return
-        try:
-            found = json.loads(lines[0])
-        except ValueError as error:
-            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else") from error
-        self._compare(found)
-        for number, line in enumerate(lines[1:], 2):
-            try:
-                record = json.loads(line)
-                self.records[int(record["index"])] = record
-            except (ValueError, KeyError, TypeError) as error:
-                raise BdamperError(
-                    f"{self.path}, line {number}: expected one finished point, found {line[:60]!r}"
-                ) from error
-        if whole < len(content):  # torn by the end of the run that wrote it
-            os.ftruncate(self.file, whole)
-
-    def _compare(self, found: Any) -> None:
-        if not isinstance(found, dict) or found.get("format") != self.header["format"]:
-            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
-        own, other = (Versions.stored(header).bdamper for header in (self.header, found))
-        if own != other:
-            raise BdamperError(
-                f"{self.path}: expected results of bdamper {own}, found those of bdamper {other}, "
-                "which this version cannot continue"
-            )
-        for name, expected in json.loads(_dump(self.header)).items():
-            if name not in HERE.attributes() and found.get(name) != expected:
-                raise BdamperError(
-                    f"{self.path}: expected results of this sweep, found those of another one: {name} is "
-                    f"{_short(found.get(name))}, here {_short(expected)}"
-                )
-
-    def _write(self, record: Mapping[str, Any]) -> None:
-        line = _dump(record)
-        while line:
-            line = line[os.write(self.file, line) :]
-        os.fsync(self.file)
-
-    def append(self, record: dict[str, Any]) -> None:
-        """Add one finished point, on disk when this returns."""
-        self._write(record)
-        self.records[int(record["index"])] = record
-
-    def close(self) -> None:
-        os.close(self.file)
-
-
-def _dump(record: Mapping[str, Any]) -> bytes:
-    return json.dumps(record, default=plain).encode() + b"\n"
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 100 else text[:97] + "..."
-
-
-# ---- the work ----
 
 
 @dataclass(frozen=True)
@@ -377,7 +264,7 @@ _jobs: dict[str, _Job] = {}
 
 
 def _work(key: str, packed: bytes | _Job, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """One point in a worker, which unpacks the common part once."""
+    """Compute one point in a worker, which unpacks once what all points have in common."""
     if isinstance(packed, _Job):
         return packed.run(settings)
     job = _jobs.get(key)
@@ -408,6 +295,45 @@ def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, An
     raise SettingError(f'combine: expected "product" or "zip", found {combine!r}')
 
 
+def _check_names(problem: Problem, over: Mapping[str, Any], model: Any) -> None:
+    """Whether the settings of a sweep can be varied; "model.<argument>" needs a function that makes the model."""
+    if model is not None and not callable(model):
+        raise validate.unfit("model", "a callable", model)
+    for value in over.get("preload", ()):
+        validate.number("over 'preload'", value, unit="N")
+    for name in over:
+        if name.startswith("model."):
+            if model is None:
+                raise SettingError(f"over '{name}': expected a model factory (model=...), found none")
+        elif name != "preload":
+            check_name(problem, name)
+
+
+def _question(
+    evaluate: Any, names: Sequence[str], preload: float | None, frequency: tuple[float, float] | None, mode: int
+) -> Task:
+    """The question that is asked: the one given, or that for the highest peak."""
+    if evaluate is None:
+        if preload is None and "preload" not in names:
+            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep')
+        return PeakTask(preload, frequency, mode)
+    if not callable(evaluate):
+        raise validate.unfit("evaluate", "PeakTask(...), OptimalTask(...) or a function", evaluate)
+    if preload is not None or frequency is not None or mode != 1:
+        raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
+    task: Task = evaluate
+    return task
+
+
+def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
+    """What identifies a sweep in its results file."""
+    return {
+        "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(job.problem),
+        "evaluate": _named(job.evaluate), "model": None if job.model is None else _named(job.model), "combine": combine,
+        "over": {name: list(values) for name, values in over.items()},
+    }  # fmt: skip
+
+
 @contextlib.contextmanager
 def _bar(show: bool, total: int, done: int) -> Iterator[Any]:
     if not show:
@@ -431,10 +357,10 @@ def sweep(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
-    results: str | FilePath | None = None,
+    results: str | Path | None = None,
     progress: bool = False,
 ) -> SweepResult:
-    """Ask one question of many variants of a study.
+    """Ask one question of many variants of a problem.
 
     Parameters
     ----------
@@ -443,7 +369,8 @@ def sweep(
         "preload", the settings of :mod:`bdamper.problem.variation` ("friction_coefficient", "excitation.amplitude",
         "damper_mass_factor" ...), and "model.<argument>" for arguments of ``model``.
     evaluate : callable, optional
-        ``evaluate(study, preload)`` gives named answers: numbers, texts, lists of numbers.  The highest peak by default.
+        ``evaluate(problem, preload)`` returns named answers: numbers, texts, lists of numbers.  By default it finds the
+        highest peak.
         For processes it must be picklable: a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
     model : callable, optional
         Makes the model from its arguments.
@@ -471,37 +398,14 @@ def sweep(
         If the results file is of another sweep.
     """
     names, points, shape = _points(over, combine)
-    for name, value in (("evaluate", evaluate), ("model", model)):
-        if value is not None and not callable(value):
-            raise validate.unfit(name, "a callable (for evaluate: PeakTask(...), OptimalTask(...) or a function)", value)
+    _check_names(problem, over, model)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
     validate.flag("progress", progress)
-    for value in over.get("preload", ()):
-        validate.number("over 'preload'", value, unit="N")
-    for name in names:
-        if name.startswith("model."):
-            if model is None:
-                raise SettingError(f"over '{name}': expected a model factory (model=...), found none")
-        elif name != "preload":
-            check_name(problem, name)
-    if evaluate is None:
-        evaluate = PeakTask(preload, frequency, mode)
-        if preload is None and "preload" not in names:
-            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep')
-    elif preload is not None or frequency is not None or mode != 1:
-        raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")
+    evaluate = _question(evaluate, names, preload, frequency, mode)
     job = _Job(problem, evaluate, model)
-    store: ResultsFile | None = None
-    records: dict[int, dict[str, Any]] = {}
-    if results is not None:
-        header = {
-            "format": "bdamper-sweep-results", "version": 3, **HERE.attributes(), "study": study_fingerprint(problem),
-            "evaluate": _named(evaluate), "model": _named(model) if model is not None else None, "combine": combine,
-            "over": {name: list(over[name]) for name in names},
-        }  # fmt: skip
-        store = ResultsFile(results, header)
-        records = store.records
+    store = None if results is None else ResultsFile(results, _header(job, over, combine))
+    records = {} if store is None else store.records
     try:
         todo = [i for i in range(len(points)) if i not in records]
         with _bar(progress, len(points), len(points) - len(todo)) as advance:
@@ -515,38 +419,31 @@ def sweep(
         if store is not None:
             store.close()
     # the same form whether a point was just computed or read from the file
-    ordered = [json.loads(_dump(records[i])) for i in range(len(points))]
+    ordered = [json.loads(as_line(records[i])) for i in range(len(points))]
+    values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
-        names=names,
-        points=tuple(points),
-        values=tuple(r["values"] for r in ordered),
-        status=tuple(r["status"] for r in ordered),
-        seconds=np.array([r["seconds"] for r in ordered]),
-        shape=shape,
-        settings=problem.record(None),
-        model_hash=problem.model.hash,
-        cost=tuple(Cost(**r["cost"]) if "cost" in r else Cost(seconds=r["seconds"]) for r in ordered),
-    )
+        names, tuple(points), values, status, np.array(seconds), shape, problem.record(None), problem.model.hash, cost
+    )  # fmt: skip
 
 
 def _outcomes(
     job: _Job, points: list[dict[str, Any]], todo: list[int], executor: Executor | None
 ) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Points as they are finished."""
+    """Numbers and records of the points, in the order in which they are finished."""
     if executor is None or not todo:
         for i in todo:
             yield i, job.run(points[i])
         return
-    # what variants share is made before it is sent out
+    # the contact stiffness, which variants share, is made before the job is sent out
     _ = job.problem.stiffness
     packed: bytes | _Job
     try:
         packed = pickle.dumps(job)
         key = hashlib.sha256(packed).hexdigest()
         _jobs.clear()
-        _jobs[key] = job  # threads of this process use the study itself
+        _jobs[key] = job  # threads of this process use the problem itself
     except (pickle.PicklingError, AttributeError, TypeError):
-        packed, key = job, ""  # serves threads; a process pool will say why it cannot
+        packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
     futures: dict[Future[dict[str, Any]], int] = {}
     try:
         for i in todo:

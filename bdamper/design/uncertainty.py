@@ -1,8 +1,8 @@
 """Optimal curves under uncertainty: percentile bands, and the preload that is best for nearly all of a sample.
 
-Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), by default along a scrambled Sobol
-sequence, whose averages converge faster than those of independent draws; the optimal curve of every draw is one point of a
-:func:`bdamper.design.sweep.sweep`, so executors and results files work as there.
+Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), by default from a scrambled Sobol
+sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
+a :func:`bdamper.design.sweep.sweep`, so executors and results files work as they do there.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from pathlib import Path as FilePath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -114,10 +114,10 @@ class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
     status : tuple of str
         Of each draw.
     settings : mapping
-        Of the study that was varied.
+        Of the problem that was varied.
     model_hash : str
     warnings : tuple of str
-        What the optimal curve of each draw leaves open, empty where nothing.
+        What the optimal curve of each draw leaves open, an empty text where it leaves nothing open.
     """
 
     preload: NDArray
@@ -165,7 +165,7 @@ def uncertain_curve(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
-    results: str | FilePath | None = None,
+    results: str | Path | None = None,
     progress: bool = False,
 ) -> UncertainCurve:
     """Optimal curves of a sample of settings.

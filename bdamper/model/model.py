@@ -313,20 +313,20 @@ class Model(Plottable):
         """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
-            _feed(digest, name, getattr(self, name))
+            feed_digest(digest, name, getattr(self, name))
         return digest.hexdigest()[:16]
 
 
-def _feed(digest: Any, key: str, value: object) -> None:
+def feed_digest(digest: Any, key: str, value: object) -> None:
     """Add a value of any kind that a model holds to a digest, with the path that leads to it."""
     if isinstance(value, np.ndarray):
         digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())
         digest.update(np.ascontiguousarray(value).tobytes())
     elif isinstance(value, Mapping):
         for name in sorted(value):
-            _feed(digest, f"{key}/{name}", value[name])
+            feed_digest(digest, f"{key}/{name}", value[name])
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
-            _feed(digest, f"{key}.{item.name}", getattr(value, item.name))
+            feed_digest(digest, f"{key}.{item.name}", getattr(value, item.name))
     else:
         digest.update(f"{key}={value!r};".encode())

@@ -49,10 +49,10 @@ PHASE, LEVEL, BEND = 0.8, 0.9, 1.0
 """Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next."""
 MOST_PLACES = 20_000
 ACROSS = 16
-"""Places on the way across."""
+"""Places on the part of the path that runs away from the line."""
 SECANT_STEPS = 5
 BESIDE = 0.25
-"""Roots within this distance (in omega) of the line are sharpened."""
+"""Roots within this distance (in omega) of the line are refined."""
 REAL = 1e-9
 """Imaginary part (in omega) below which an exponent counts as real."""
 CHUNK = 8
@@ -381,7 +381,8 @@ def _steady(
     return out
 
 
-def _slope(x: NDArray, theta: float) -> NDArray:
+def slope_at(x: NDArray, theta: float) -> NDArray:
+    """Derivatives with respect to the angle of the rows of x, Fourier coefficients of a motion."""
     l = np.arange(1, x.shape[-1] // 2 + 1)
     b = np.zeros(x.shape[-1])
     b[1::2], b[2::2] = -l * np.sin(l * theta), l * np.cos(l * theta)
@@ -432,7 +433,7 @@ def _cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tu
                 elif state == STICK and len(parts[d]) > 1:  # in one state all through nothing is set
                     factor = {SLIP_PLUS: -reach / kt[d], SLIP_MINUS: reach / kt[d]}.get(parts[d][k - 1][2])
                     if factor is None:
-                        slope = _slope(x[i], a)
+                        slope = slope_at(x[i], a)
                         factor = -slope[d] / slope[2] if slope[2] != 0.0 else 0.0
                     events.append((i, d, a, b - a, factor))
     return _columns(pieces), _columns(events)

@@ -15,15 +15,15 @@ begins to stick
     dw = du - (u'/v') dv          after a closing, whose instant moves by -dv/v'.
 
 The product over a period is the monodromy matrix; multipliers within the unit circle mean that every small disturbance
-dies out.  A slider that is never set within the period has a multiplier of exactly 1 and no say: it is left out.
+dies out.  A slider that is never set within the period has a multiplier of exactly 1, which says nothing: it is left out.
 
 **Which disturbances.**  With one real basis for all harmonics (a structure without cyclic symmetry) these are all
 disturbances.  A travelling wave on a disk can also be disturbed by other waves, in which every sector differs, and the
 harmonics have bases of their own: there no such state of one sector exists.  Their exponents are the roots of a determinant
-with the memory of the sliders in it (:mod:`bdamper.stability.disturbances`), and those that grow are counted, oscillating
-or not: within the nodal diameters of the wave, and within others where they are given, up to one order above the harmonics
-of the motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond what so many
-harmonics describe.  Along a branch it is counted where it may change (:mod:`bdamper.stability.wave`), which still costs
+with the memory of the sliders in it (:mod:`bdamper.stability.disturbances`), and those that grow are counted, whether they
+oscillate or not: within the nodal diameters of the wave, and within others where they are given, up to one order above the
+harmonics of the motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond
+what so many harmonics describe.  Along a branch it is counted where it may change (:mod:`bdamper.stability.wave`), which still costs
 some times the curve.  The sign of ``det J`` at fixed frequency costs next to nothing:
 it is negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that
 is known under coupled friction.
@@ -54,14 +54,14 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
+from bdamper.stability.disturbances import SLIP_MINUS, SLIP_PLUS, STICK, TWO_PI, slope_at
+from bdamper.stability.time_integration import Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
-TWO_PI = 2.0 * np.pi
-STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 NEUTRAL = 1e-6
 """Multipliers up to 1 + this count as within the unit circle: a neutral position is neither stable nor unstable."""
 
@@ -168,15 +168,6 @@ def _basis(theta: float, h: int) -> NDArray:
     return out
 
 
-def _slope(x: NDArray, theta: float) -> NDArray:
-    """Derivatives with respect to the angle of the rows of x."""
-    h = x.shape[-1] // 2
-    l = np.arange(1, h + 1)
-    b = np.zeros(2 * h + 1)
-    b[1::2], b[2::2] = -l * np.sin(l * theta), l * np.cos(l * theta)
-    return np.asarray(x @ b)
-
-
 def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     """Monodromy matrix of (q, q', moving sliders) over one period from the angle 0.
 
@@ -233,7 +224,7 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
             if now == STICK and before[j] != STICK:  # the slider is set
                 factor = {SLIP_PLUS: -r, SLIP_MINUS: r}.get(before[j])
                 if factor is None:
-                    slope = _slope(x[d.point], theta)
+                    slope = slope_at(x[d.point], theta)
                     factor = -slope[d.axis] / slope[2] if slope[2] != 0.0 else 0.0
                 row = np.zeros(2 * n + m)
                 row[:n] = g + factor * G[d.point, 2]
@@ -285,8 +276,6 @@ def shooting_monodromy(
     (n_state, n_state) monodromy matrix and (n_state,) change of the state over the undisturbed period.
         The state has the sliders that are set within the period; the others are held where the solution has them.
     """
-    from bdamper.stability.time_integration import Ring
-
     x, F, shares = system.contact(np.asarray(u))
     rests = shares[:, [0, 2]] > 1.0 - 1e-12
     ring = Ring(system, 1, 0, rests)
@@ -441,13 +430,15 @@ def with_stability(
 
 def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:
     """Modes of the nodal diameters ``d + l EO`` that the model has, by l up to the highest harmonic."""
-    if problem.contact.residual is not None or problem.friction_axes != "contact" or problem.single_basis:
-        raise SettingError(
-            "nodal_diameters: expected no residual modes, friction axes of the contact and bases of each nodal "
-            "diameter, found other settings"
-        )
-    if not (problem.separation and problem.variable_normal_load):
-        raise SettingError("nodal_diameters: expected separation and a variable normal load, found one of them off")
+    for setting, beside in (
+        ('contact_stiffness="residual_modes"', problem.contact.residual is not None),
+        (f'friction_axes="{problem.friction_axes}"', problem.friction_axes != "contact"),
+        ("single_basis=True", problem.single_basis),
+        ("separation=False", not problem.separation),
+        ("variable_normal_load=False", not problem.variable_normal_load),
+    ):
+        if beside:
+            raise SettingError(f"nodal_diameters cannot be combined with {setting}")
     waves = replace(problem.coupling, engine_order=1)
     have = set.intersection(*(set(b.bases) for b in problem.model.bodies.values() if b.kind == "constrained"))
     out = {}

@@ -1,21 +1,22 @@
-"""What the structure does in time, period by period, where harmonic balance has no solution or one that is not stable.
+"""Steady response by time integration, where harmonic balance has no solution or an unstable one.
 
 The equations of all sectors (:mod:`bdamper.stability.time_integration`) are marched from a state, and each period ``k`` of
 the excitation has response amplitudes of its own,
 
     X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of that for l = 0).
 
-Where they stay the same the response is periodic; where they come back after some periods it is subharmonic; else, as of
-a damper that rattles in its seat, it is irregular, and what can be said of it is a mean and a range.  Both are those of the
-second half of the periods.  If the means of the last two quarters differ by ``d``, the response is still on its way: a
-transient that falls by a factor ``p`` from one quarter to the next leaves ``d p/(1 - p)`` to come, with the ``p`` of the
-slowest mode.
+If they stay the same the response is periodic; if they repeat after some periods it is subharmonic; otherwise, as for a
+damper that rattles in its seat, it is irregular and is described by a mean and a range.  Both are those of the second half
+of the periods.  If the means of the last two quarters differ by ``d``, a transient is left: one that falls by a factor
+``p`` from one quarter to the next still changes the mean by ``d p/(1 - p)``, with the ``p`` of the slowest mode.
+
+:func:`settle` takes a problem and a curve; :func:`march_until_settled` takes the equations and a state.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
-from bdamper.stability.time_integration import TWO_PI, amplitudes_of, ring_and_steps
+from bdamper.stability.time_integration import TWO_PI, Motion, Ring, amplitudes_of, ring_and_steps
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -34,31 +35,15 @@ from bdamper.util.progress import each
 from bdamper.util.repr import brief
 
 ACCURACY = 0.5
-"""Step times the highest frequency of the closed contacts: five times the step of a comparison with harmonic balance."""
+"""Step times the highest frequency of the closed contacts, five times that of :func:`verify_solution`."""
 REPEATS = 1e-3
-"""Largest relative change of the amplitudes over so many periods after which they are said to repeat."""
+"""Largest relative change of the amplitudes up to which they count as repeated."""
 MOST_REPEATED = 4
-"""Periods after which a response may repeat."""
+"""Largest number of periods after which a repetition is looked for."""
 STILL = 0.01
-"""Relative change to come up to which a response has settled."""
+"""Relative change still to come below which a response has settled."""
 FEWEST = 16
-"""Periods."""
-
-
-class Motion(NamedTuple):
-    """State at the start of a period.
-
-    Parameters
-    ----------
-    q, v : (2 n_coordinates,) float
-        Coordinates of the ring and their velocities.
-    w : (n_sectors, n_points, 2) float, m
-        Sliders.
-    """
-
-    q: NDArray
-    v: NDArray
-    w: NDArray
+"""Least number of periods from which a mean and a range are taken."""
 
 
 @brief
@@ -151,7 +136,7 @@ def _second_half(x: NDArray) -> NDArray:
 
 
 def to_come(amplitude: NDArray, memory: float) -> float:
-    """Relative change after the last period, if those of the last two quarters differ by a transient with this memory."""
+    """Relative change still to come: the last two quarters differ by a transient that falls to 1/e in ``memory`` periods."""
     before, last = np.array_split(_second_half(amplitude), 2)
     change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
     left = np.exp(-len(last) / memory)
@@ -159,7 +144,7 @@ def to_come(amplitude: NDArray, memory: float) -> float:
 
 
 def repeats_after(harmonics: NDArray) -> int | None:
-    """Fewest periods after which the amplitudes (n_periods, n_harmonics + 1) come back, over the last quarter of them."""
+    """Least number of periods after which the amplitudes (n_periods, n_harmonics + 1) repeat, over the last quarter."""
     x = harmonics[:, 1:]
     last = np.arange(len(x) - max(1, len(x) // 4), len(x))
     size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
@@ -207,20 +192,10 @@ def march_until_settled(
         If the steps are too long to be stable, there are too few periods to judge, the state is one of another study, or
         the settings describe something else than a structure in time.
     """
-    if periods < FEWEST:
-        raise SettingError(f"periods: expected at least {FEWEST}, found {periods}")
+    periods = validate.whole("periods", periods, least=FEWEST)
     watch = Stopwatch()
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY)
-    if isinstance(start, Motion):
-        motion = start
-    else:
-        motion = Motion(*ring.state(start, omega, 0.0), ring.initial_slider(start, omega, n))
-    shapes = (2 * ring.n_coordinates,), (ring.n, system.n_points, 2)
-    if (motion.q.shape, motion.w.shape) != shapes:
-        raise SettingError(
-            f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
-            f"{motion.q.shape} and {motion.w.shape}"
-        )
+    motion = _fitting(ring, start) if isinstance(start, Motion) else ring.start(start, omega, n)
     row = ring.response_row()
     found: list[NDArray] = []
     stopped = False
@@ -252,6 +227,17 @@ def march_until_settled(
     )
 
 
+def _fitting(ring: Ring, motion: Motion) -> Motion:
+    """The motion itself, if it is one of this structure."""
+    shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, 2)
+    if (motion.q.shape, motion.w.shape) != shapes:
+        raise SettingError(
+            f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
+            f"{motion.q.shape} and {motion.w.shape}"
+        )
+    return motion
+
+
 @one_thread
 def settle(
     problem: Problem,
@@ -262,18 +248,18 @@ def settle(
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> SettledResponse:
-    """March in time and say what the response comes to, period by period.
+    """March in time until the response has settled, and describe it period by period.
 
-    For frequencies at which no solution was found, or none that is stable: a damper that rattles in its seat may have
-    no periodic response at all, and then it is a mean amplitude and a range that count.  All sectors take part, each
-    with its own contacts (:mod:`bdamper.stability.steady_state`).
+    This is for frequencies at which no solution was found, or none that is stable: a damper that rattles in its seat may
+    have no periodic response at all, and is then described by a mean amplitude and a range.  All sectors are included,
+    each with its own contacts (:mod:`bdamper.stability.steady_state`).
 
     Parameters
     ----------
     problem : Problem
     start : Curve or SettledResponse
-        A tracking curve of this study, from whose solution nearest in frequency the march sets off; or what was found
-        before, to go on with, at the same or another frequency.
+        A tracking curve of this study, from whose solution nearest in frequency the march starts; or an earlier response,
+        to continue it at the same or another frequency.
     frequency : float, Hz, optional
         By default the middle of the widest part of the curve without solutions; or that of the earlier response.
     periods : int
@@ -286,7 +272,7 @@ def settle(
     Returns
     -------
     SettledResponse
-        With what is computed, if Ctrl-C ends it after the first few periods.
+        Of the periods that were computed, if Ctrl-C ends the march after the first 16.
 
     Raises
     ------
@@ -297,9 +283,6 @@ def settle(
     validate.instance("start", start, (Curve, SettledResponse))
     if isinstance(start, Curve):
         problem = problem.matching(start.settings)
-    periods = validate.whole("periods", periods, least=FEWEST)
-    if steps_per_period is not None:
-        steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
     if frequency is not None:
         frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
     if isinstance(start, Curve):

@@ -1,6 +1,6 @@
-"""Time integration of the equations whose periodic solutions the harmonic balance seeks, as an independent check.
+"""Time integration of the equations whose periodic solutions the harmonic balance approximates, as an independent check.
 
-All sectors of the disk are there, each with its own contacts and sliders.  Their motion is a superposition of nodal
+All sectors of the disk are included, each with its own contacts and sliders.  Their motion is a superposition of nodal
 diameters ``d``, one family for each nodal diameter in use, with complex coordinates ``eta_d(t)``:
 
     x_k(t) = shift + sum_d Re[G_d eta_d(t) exp(i k d 2 pi/N)],
@@ -21,6 +21,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from math import gcd
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,7 @@ from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
+from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -40,7 +42,7 @@ from bdamper.util.repr import brief
 
 TWO_PI = 2.0 * np.pi
 MOST_PERIODS = 100
-"""In which sliders must settle under a given motion; those of the coupled law take their time."""
+"""Periods of a given motion within which sliders must settle; those of the coupled laws need many."""
 
 
 @brief
@@ -59,7 +61,7 @@ class Verification(Plottable):
         The last period of the response.
     periods, steps_per_period, sectors : int
     drift : float
-        Change of the response over the last period, relative to its size: how settled it is.
+        Change of the response over the last period, relative to its size: zero once the motion has settled.
     cost : Cost
         Seconds for contact forces, and for the modal sums and products; an evaluation is one of all sectors.
     """
@@ -94,8 +96,24 @@ class Verification(Plottable):
         )
 
 
+class Motion(NamedTuple):
+    """State at the start of a period.
+
+    Parameters
+    ----------
+    q, v : (2 n_coordinates,) float
+        Real and imaginary parts of the coordinates of all nodal diameters, and their velocities.
+    w : (n_sectors, n_points, 2) float, m
+        Sliders.
+    """
+
+    q: NDArray
+    v: NDArray
+    w: NDArray
+
+
 class Ring:
-    """All sectors with their contacts, ready to be marched in time.
+    """All sectors with their contacts: the equations of motion in time.
 
     Parameters
     ----------
@@ -203,6 +221,10 @@ class Ring:
             v[where[l]] += b.conj() if reversed_ else b
         q[self.real], v[self.real] = q[self.real].real, v[self.real].real
         return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
+
+    def start(self, u: NDArray, omega: float, n_steps: int) -> Motion:
+        """The motion of a harmonic-balance solution at t = 0, with the sliders that it leads to."""
+        return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
 
     def contact(self, q: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
         """Modal contact force (2 n_coordinates, ...) and slider at coordinates q, timed."""
@@ -317,8 +339,9 @@ class Ring:
         return out
 
 
-def _same_basis(a: object, b: object, conjugate: bool) -> bool:
-    Ga, Gb = np.asarray(a.G), np.asarray(b.G)  # type: ignore[attr-defined]
+def _same_basis(a: HarmonicBasis, b: HarmonicBasis, conjugate: bool) -> bool:
+    """Whether two harmonics have the same modes at the contact points, those of the second conjugated if asked for."""
+    Ga, Gb = np.asarray(a.G), np.asarray(b.G)
     if Ga.shape != Gb.shape:
         return False
     Gb = Gb.conj() if conjugate else Gb
@@ -336,9 +359,17 @@ def amplitudes_of(response: NDArray, n_harmonics: int) -> NDArray:
 def ring_and_steps(
     system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, steps: int | None, accuracy: float
 ) -> tuple[Ring, int]:
-    """What is marched, and steps per period: those that are given, if they are stable, or what the accuracy asks for."""
+    """What is marched, and the steps per period: those given, or such that step times highest frequency is ``accuracy``.
+
+    Raises
+    ------
+    SettingError
+        If the steps that are given are too few for a stable march.
+    """
     ring = Ring(system, n_blades, engine_order)
-    n = max(256, ring.steps_for(omega, accuracy)) if steps is None else steps
+    n = max(256, ring.steps_for(omega, accuracy))
+    if steps is not None:
+        n = validate.whole("steps_per_period", steps, least=1)
     if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
         raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
     return ring, n
@@ -369,18 +400,16 @@ def verify_solution(
     progress : bool
         Show a bar of the periods.
     """
-    if periods < 1:
-        raise SettingError(f"periods: expected at least 1, found {periods}")
+    periods = validate.whole("periods", periods, least=1)
     watch = Stopwatch()
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1)
-    w = ring.initial_slider(u, omega, n)
-    q, v = ring.state(u, omega, 0.0)
+    motion = ring.start(u, omega, n)
     row = ring.response_row()
     parts = np.array_split(np.arange(periods - 1), 20)
     for part in each(parts, progress, "marching", "part"):
-        q, v, w, _ = ring.march(q, v, w, omega, n, len(part))
-    first = q
-    q, v, w, response = ring.march(q, v, w, omega, n, 1, row)
+        *state, _ = ring.march(*motion, omega, n, len(part))
+        motion = Motion(*state)
+    *state, response = ring.march(*motion, omega, n, 1, row)
     expected = np.asarray(system.response(np.asarray(u)[None])[0])
     size = max(float(np.abs(response).max()), 1e-300)
     return Verification(
@@ -392,7 +421,7 @@ def verify_solution(
         periods=periods,
         steps_per_period=n,
         sectors=ring.n,
-        drift=float(abs(row @ (q - first))) / size,
+        drift=float(abs(row @ (state[0] - motion.q))) / size,
         cost=replace(ring.cost, **watch.read()),
     )
 
@@ -429,9 +458,6 @@ def verify(
     """
     problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
-    periods = validate.whole("periods", periods, least=1)
-    if steps_per_period is not None:
-        steps_per_period = validate.whole("steps_per_period", steps_per_period, least=1)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
     return verify_solution(
         problem.system(curve.preload),

@@ -27,7 +27,6 @@ from bdamper.balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.stability.disturbances import WaveDisturbances
 
-TWO_PI = 2.0 * np.pi
 STRIDE = 4
 FACTOR = 2.0
 """Change of the fastest growth, beside the smaller of both, from which on the middle is judged."""

@@ -240,7 +240,7 @@ class TestResultsFile:
             assert path.read_bytes() == text
 
     def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
-        from bdamper.design.sweep import ResultsFile
+        from bdamper.design.results_file import ResultsFile
 
         header = {"format": "bdamper-sweep-results"}
         first = ResultsFile(tmp_path / "r.jsonl", header)

@@ -1,0 +1,132 @@
+"""The file in which a sweep keeps its finished points, so that an interrupted one can go on.
+
+Each finished point is appended at once, as one line of JSON, and forced to disk; a run that is killed leaves at most an
+incomplete last line, which the next run removes.  The first line identifies the problem, the settings and the question: a
+file of another sweep, or of another version of the package, is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import plain
+from bdamper.util.versions import HERE, Versions
+
+
+class ResultsFile:
+    """Lines of JSON, the first of which identifies the sweep.  It is locked until it is closed.
+
+    Parameters
+    ----------
+    path : path
+    header : mapping
+        Compared with the first line of an existing file.
+
+    Attributes
+    ----------
+    records : dict of int to mapping
+        Finished points by their number.
+
+    Raises
+    ------
+    BdamperError
+        If another run uses the file, or it is not one of this sweep.
+    """
+
+    def __init__(self, path: str | Path, header: Mapping[str, Any]) -> None:
+        self.path = Path(path)
+        self.header = dict(header)
+        self.records: dict[int, dict[str, Any]] = {}
+        self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
+        try:
+            self._lock()
+            self._read()
+        except BaseException:
+            os.close(self.file)
+            raise
+
+    def _lock(self) -> None:
+        try:
+            import fcntl
+        except ImportError:  # no locks of this kind on this system
+            return
+        try:
+            fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise BdamperError(
+                f"{self.path}: expected a results file of its own, found one that another run uses"
+            ) from error
+
+    def _read(self) -> None:
+        content = b""
+        os.lseek(self.file, 0, os.SEEK_SET)
+        while part := os.read(self.file, 1 << 20):
+            content += part
+        whole = content.rfind(b"\n") + 1
+        lines = content[:whole].splitlines()
+        if not lines:
+            if content and not as_line(self.header).startswith(content[: len(as_line(self.header))]):
+                raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
+            os.ftruncate(self.file, 0)
+            self._write(self.header)
+            return
+        try:
+            found = json.loads(lines[0])
+        except ValueError as error:
+            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else") from error
+        self._compare(found)
+        for number, line in enumerate(lines[1:], 2):
+            try:
+                record = json.loads(line)
+                self.records[int(record["index"])] = record
+            except (ValueError, KeyError, TypeError) as error:
+                raise BdamperError(
+                    f"{self.path}, line {number}: expected one finished point, found {line[:60]!r}"
+                ) from error
+        if whole < len(content):  # incomplete, since the run that wrote it was killed
+            os.ftruncate(self.file, whole)
+
+    def _compare(self, found: Any) -> None:
+        if not isinstance(found, dict) or found.get("format") != self.header["format"]:
+            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
+        own, other = (Versions.stored(header).bdamper for header in (self.header, found))
+        if own != other:
+            raise BdamperError(
+                f"{self.path}: expected results of bdamper {own}, found those of bdamper {other}, "
+                "which this version cannot continue"
+            )
+        for name, expected in json.loads(as_line(self.header)).items():
+            if name not in HERE.attributes() and found.get(name) != expected:
+                raise BdamperError(
+                    f"{self.path}: expected results of this sweep, found those of another one: {name} is "
+                    f"{_short(found.get(name))}, here {_short(expected)}"
+                )
+
+    def _write(self, record: Mapping[str, Any]) -> None:
+        line = as_line(record)
+        while line:
+            line = line[os.write(self.file, line) :]
+        os.fsync(self.file)
+
+    def append(self, record: dict[str, Any]) -> None:
+        """Add one finished point, on disk when this returns."""
+        self._write(record)
+        self.records[int(record["index"])] = record
+
+    def close(self) -> None:
+        os.close(self.file)
+
+
+def as_line(record: Mapping[str, Any]) -> bytes:
+    """One record as a line of JSON."""
+    return json.dumps(record, default=plain).encode() + b"\n"
+
+
+def _short(value: Any) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= 100 else text[:97] + "..."
