@@ -136,7 +136,7 @@ def _second_half(x: NDArray) -> NDArray:
 
 
 def to_come(amplitude: NDArray, memory: float) -> float:
-    """Relative change still to come: the last two quarters differ by a transient that falls to 1/e in ``memory`` periods."""
+    """Relative change still to come: the last two quarters differ by a transient that falls to 1/e in so many periods."""
     before, last = np.array_split(_second_half(amplitude), 2)
     change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
     left = np.exp(-len(last) / memory)
