@@ -24,8 +24,9 @@ with the memory of the sliders in it (:mod:`bdamper.stability.disturbances`), an
 oscillate or not: within the nodal diameters of the wave, and within others where they are given, up to one order above the
 harmonics of the motion.  Faster ones, such as chatter of a damper without damping of its own on its contacts, are beyond
 what so many harmonics describe.  Along a branch it is counted where it may change (:mod:`bdamper.stability.wave`), which
-still takes several times as long as the curve.  The sign of ``det J`` at fixed frequency costs next to nothing: it is negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that
-is known under coupled friction.
+still takes several times as long as the curve.  The sign of ``det J`` at fixed frequency costs next to nothing: it is
+negative if an odd number of disturbances of the wave grows without oscillating, as between two folds.  It is all that is
+known under coupled friction.
 
 **Sliders at rest at the end of their interval.**  A slider that never moves may rest at the very instant of slip.  A
 disturbance then moves it once, into a neighbouring solution with another residual traction, and later ones do not: it is
