@@ -1,3 +1,64 @@
-"""Pictures of every result; the only room that imports matplotlib and pyvista."""
+"""Pictures of every result; the only room that imports matplotlib and pyvista.
 
-from bdamper.plot.plotting import *  # noqa: F403
+In: results, models and problems.  Out: matplotlib axes and figures, pictures and animations in files; motions and contact
+states of solutions in plain arrays (:mod:`bdamper.plot.motion`), files for ParaView (:mod:`bdamper.plot.vtu`).  A
+function that draws a type of result enters itself for it in :mod:`bdamper.util.plotting`, where ``result.plot()`` finds
+it.  `new_axes` and `save_figure` begin and end a picture of several results.
+"""
+
+from bdamper.plot.axes import colours, new_axes, save_figure
+from bdamper.plot.contact import (
+    animate_damper,
+    damper_picture,
+    plot_contact_map,
+    plot_status_bars,
+    plot_status_map,
+    plot_stiffness,
+)
+from bdamper.plot.curves import (
+    mark_settled,
+    plot_curve,
+    plot_curves,
+    plot_laws,
+    plot_measurement,
+    plot_microslip,
+    plot_optimal,
+    plot_over_measurement,
+    plot_rigid_motion,
+    plot_settled,
+    plot_verification,
+)
+from bdamper.plot.design import plot_accuracy, plot_advice, plot_sweep, plot_uncertain
+from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_points_3d, plot_surfaces
+
+__all__ = [
+    "animate_damper",
+    "colours",
+    "damper_picture",
+    "mark_settled",
+    "new_axes",
+    "plot_accuracy",
+    "plot_advice",
+    "plot_contact_map",
+    "plot_curve",
+    "plot_curves",
+    "plot_import_report",
+    "plot_laws",
+    "plot_measurement",
+    "plot_microslip",
+    "plot_mode",
+    "plot_model",
+    "plot_optimal",
+    "plot_over_measurement",
+    "plot_points_3d",
+    "plot_rigid_motion",
+    "plot_settled",
+    "plot_status_bars",
+    "plot_status_map",
+    "plot_stiffness",
+    "plot_surfaces",
+    "plot_sweep",
+    "plot_uncertain",
+    "plot_verification",
+    "save_figure",
+]

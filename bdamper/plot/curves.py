@@ -1,0 +1,348 @@
+"""Curves over frequency, preload and time.
+
+Unstable parts are dashed.  The limits without contact and with all contacts stuck are thin grey lines.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.effects.compare_laws import LawComparison
+from bdamper.effects.microslip import Microslip
+from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
+from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.plot.axes import DASHED, MARKERS, PAPER, colours, drawing, newtons, runs
+from bdamper.stability.steady_state import SettledResponse
+from bdamper.stability.time_integration import Verification
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.plotting import draws
+
+LIMIT: dict[str, Any] = {"color": "0.35", "linewidth": 0.9}
+LIMIT_STYLES = {"free": "-.", "stuck": ":"}
+"""Lines of the limits without contact and with all contacts stuck."""
+FREQUENCY, AMPLITUDE, PRELOAD = "Frequency (Hz)", "Response amplitude (m)", "Preload (N)"
+
+
+def unstable_points(curve: Curve) -> NDArray:
+    """(n,) bool: from the stability analysis where there is one, else where the curve runs back in frequency."""
+    return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
+
+
+def _draw_tracking(ax: Axes, curve: Curve, colour: Any, marker: str, label: str) -> None:
+    f, a = curve.frequency, curve.amplitude
+    unstable = unstable_points(curve)
+    for b in np.unique(curve.branch):
+        where = np.flatnonzero(curve.branch == b)
+        for first, last in runs(unstable[where]):
+            part = where[first : last + 2]  # joined to the next stretch
+            ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
+    if len(curve):
+        peak = curve.peak
+        every = max(1, len(curve) // 12)
+        ax.plot(f[::every], a[::every], linestyle="none", marker=marker, markersize=2.6, color=colour)
+        # filled: a peak, open: only the highest point
+        ax.plot(peak.frequency, peak.amplitude, marker=marker, markersize=5.0, color=colour, markeredgecolor="k",
+                markeredgewidth=0.6, linestyle="none", markerfacecolor="w" if curve.peak_at_end else colour)
+    ax.plot([], [], color=colour, marker=marker, markersize=3.5, label=label)
+
+
+def plot_curves(
+    curves: Sequence[Curve],
+    ax: Axes | None = None,
+    *,
+    labels: Sequence[str] | None = None,
+    logarithmic: bool = True,
+    title: str = "",
+) -> Axes:
+    """Amplitude over frequency for several curves in one picture.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+        Tracking curves and, as thin grey lines, the free and stuck limits.
+    ax : matplotlib axes, optional
+    labels : sequence of str, optional
+        One for each tracking curve; the preload by default.
+    logarithmic : bool
+        Scale of the amplitude.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    tracking = [c for c in curves if validate.instance("curves", c, Curve).kind == "tracking"]
+    if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
+        raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
+    with drawing(ax, title=title) as ax:
+        for curve in curves:
+            if curve.kind != "tracking":
+                ax.plot(curve.frequency, curve.amplitude, **LIMIT, linestyle=LIMIT_STYLES[curve.kind], label=curve.kind)
+        for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
+            label = labels[i] if labels is not None else newtons(curve.preload)
+            _draw_tracking(ax, curve, colour, MARKERS[i % len(MARKERS)], label)
+            for part in curve.left_out:
+                ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6)
+        if any(unstable_points(c).any() for c in tracking):
+            ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
+        if any(len(c) and c.peak_at_end for c in tracking):
+            ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
+                    label="highest at the end of the interval")
+        if any(c.left_out for c in tracking):
+            ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
+        if logarithmic:
+            ax.set_yscale("log")
+        ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend(ncols=2, fontsize=7.0)
+    return ax
+
+
+@draws(Curve)
+def plot_curve(curve: Curve, ax: Axes | None = None, **style: Any) -> Axes:
+    """Amplitude over frequency for one curve; ``style`` as for :func:`plot_curves`."""
+    return plot_curves([curve], ax, **style)
+
+
+@draws(LawComparison)
+def plot_laws(comparison: LawComparison, ax: Axes | None = None, **style: Any) -> Axes:
+    """Curves under several friction laws in one picture; ``style`` as for :func:`plot_curves`."""
+    return plot_curves(comparison.curves, ax, labels=comparison.laws, **style)
+
+
+@draws(Measurement)
+def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: float | None = None, **style: Any) -> Axes:
+    """Lay a measured response over curves, in metres.
+
+    Parameters
+    ----------
+    measurement : Measurement
+    ax : Axes, optional
+        Those of the curves; the legend they have takes up the measured points.
+    scale : float, optional
+        From the unit of the measurement to metres; by default what its unit calls for.
+    style
+        Passed on to the line.
+
+    Raises
+    ------
+    SettingError
+        If the unit is not one of length and no scale is given.
+    """
+    factor = measurement.metres if scale is None else float(scale)
+    look = {"linestyle": "none", "marker": "o", "markersize": 3.0, "markerfacecolor": "none", "color": "0.3"}
+    with drawing(ax) as axes:
+        axes.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
+        if ax is None:
+            axes.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
+        axes.legend(ncols=2, fontsize=7.0)
+    return axes
+
+
+@draws(OptimalCurve)
+def plot_optimal(
+    result: OptimalCurve, ax: Axes | None = None, *, title: str = "", coexisting: bool = True
+) -> tuple[Axes, Axes]:
+    """Resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
+
+    Parameters
+    ----------
+    result : OptimalCurve
+    ax : matplotlib axes, optional
+        Of the amplitude; the shift gets a second axis on its right.
+    title : str
+    coexisting : bool
+        Mark the peaks that are not the highest, too.
+
+    Returns
+    -------
+    two matplotlib axes
+        Of the amplitude and of the frequency shift.
+    """
+    dark, light = "0.1", plt.get_cmap("viridis")(0.45)
+    with drawing(ax, title=title, legend=7.0) as ax:
+        right = ax.twinx()
+        right.grid(False)
+        for name, style in LIMIT_STYLES.items():
+            ax.axhline(getattr(result, name).amplitude, **LIMIT, linestyle=style, label=name)
+        others = ~np.isin(result.peak_amplitude, result.amplitude)
+        if coexisting and others.any():
+            ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
+                    label="other peaks")
+        for first, last in runs(result.branch):
+            part = slice(first, last + 1)
+            alone = "." if first == last else None
+            ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
+            right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
+        ax.plot([], [], "-", color=dark, label="amplitude")
+        ax.plot([], [], "--", color=light, label="frequency shift")
+        o = result.optimum
+        if np.isfinite(o.preload):
+            what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
+            ax.plot(o.preload, o.amplitude, "o", color=dark, markersize=4.5, markerfacecolor="w",
+                    label=f"{what}, {newtons(float(f'{o.preload:.3g}'))}")
+        elif o.kind == "flat":
+            ax.plot([], [], linestyle="none", label="flat: no optimum")
+        ax.set(xscale="log", yscale="log", xlabel=PRELOAD, ylabel="Resonance amplitude (m)")
+        right.set_ylabel("Frequency shift (%)")
+    return ax, right
+
+
+def plot_over_measurement(
+    curves: Mapping[str, OptimalCurve],
+    measured: Measured | None = None,
+    *,
+    quantity: str = "amplitude",
+    ax: Axes | None = None,
+) -> tuple[Axes, Fit | None]:
+    """Normalised optimal or frequency-shift curves with measured points, as in Figs 21 and 22 of the paper.
+
+    Loads are divided by the optimum load, amplitudes by that of the free resonance, measured ones by that of the measured
+    reference (:mod:`bdamper.io.measured`).  Measured loads are divided by the predicted optimum load, so that an error of
+    the optimum shows.
+
+    Parameters
+    ----------
+    curves : mapping of name to OptimalCurve
+        The fit is that of the first.
+    measured : Measured, optional
+        Load in newtons, frequency in hertz, amplitude in any unit.
+    quantity : {"amplitude", "shift"}
+    ax : matplotlib axes, optional
+
+    Returns
+    -------
+    matplotlib axes, and the goodness of fit (None without measured points)
+    """
+    validate.choice("quantity", quantity, ("amplitude", "shift"))
+    if not isinstance(curves, Mapping) or not curves:
+        raise validate.unfit("curves", "a mapping of one or more names to optimal curves", curves)
+    for name, curve in curves.items():
+        validate.instance(f"curve '{name}'", curve, OptimalCurve)
+        if not np.isfinite(curve.optimum.preload):
+            raise SettingError(f"curves: expected some with an optimum, found '{name}': {curve.optimum}")
+    fit = None
+    with drawing(ax, legend=8.0) as ax:
+        for k, (name, curve) in enumerate(curves.items()):
+            load = curve.preload / curve.optimum.preload
+            value = curve.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.shift_percent
+            stuck = curve.stuck.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.stuck_shift_percent
+            colour = ("0.1", "0.1", colours(3)[1], "0.6")[k % 4]
+            ax.plot(load, value, ("-", "--", ":", "-.")[k % 4], color=colour, label=name)
+            ax.plot(load[-1] * 1.15, stuck, marker=8, color=colour, markersize=6.0, linestyle="none", clip_on=False)
+        ax.plot([], [], marker=8, color="0.1", markersize=6.0, linestyle="none", label="stuck")
+        if measured is not None:
+            fit = _lay_measured(ax, next(iter(curves.values())), measured, quantity)
+            ax.set_title(str(fit), fontsize=8.0)
+        ax.set(xscale="log", xlabel="Load over optimum load")
+        if quantity == "amplitude":
+            ax.set(yscale="log", ylabel="Amplitude over free amplitude")
+        else:
+            ax.set_ylabel("Frequency shift (%)")
+    return ax, fit
+
+
+def _lay_measured(ax: Axes, curve: OptimalCurve, measured: Measured, quantity: str) -> Fit:
+    """Draw measured points over a normalised curve; how well they agree."""
+    if quantity == "amplitude":
+        load, value = measured.normalised("amplitude")
+        shown, predicted = value, curve.amplitude / curve.free.amplitude
+    else:  # the fit is that of frequencies: shifts start at zero
+        load, value = measured.normalised("frequency")
+        shown, predicted = 100.0 * (value - 1.0), 1.0 + curve.shift_percent / 100.0
+    load = load / curve.optimum.preload
+    ax.plot(load, shown, "s", color="0.1", markersize=4.0, markerfacecolor="w", label="measured")
+    return goodness_of_fit(curve.preload / curve.optimum.preload, predicted, load, value)
+
+
+@draws(Microslip)
+def plot_microslip(microslip: Microslip) -> Figure:
+    """Force over displacement of first loading."""
+    with drawing() as ax:
+        ax.plot(1e6 * microslip.displacement, microslip.force, "o-")
+        ax.set(xlabel="Displacement (µm)", ylabel="Force (N)")
+    return ax.figure  # type: ignore[return-value]
+
+
+@draws(Verification)
+def plot_verification(verification: Verification, ax: Axes | None = None) -> Axes:
+    """One settled period in time beside the harmonic-balance solution."""
+    theta = 2.0 * np.pi * verification.frequency * verification.time
+    l = np.arange(len(verification.expected))
+    expected = (np.exp(1j * np.outer(theta, l)) @ verification.expected).real
+    dark, light = colours(2)
+    with drawing(ax, title=f"{verification.frequency:.6g} Hz", legend=7.0) as ax:
+        label = f"time integration, {verification.periods} periods"
+        ax.plot(theta / (2.0 * np.pi), 1e6 * verification.response, color=light, linewidth=2.4, label=label)
+        ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", color=dark, label="harmonic balance")
+        ax.set(xlabel="Time (periods)", ylabel="Response (µm)")
+    return ax
+
+
+@draws(SettledResponse)
+def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
+    """Amplitude of each period of a marched response, with mean and range of the half that counts."""
+    with drawing(ax, title=f"{settled.frequency:.6g} Hz, preload {newtons(settled.preload)}", legend=7.0) as ax:
+        n = len(settled.amplitude)
+        half = [n // 2, n - 1]
+        ax.fill_between(half, *settled.range, color="0.85", label="range")
+        ax.plot(np.arange(n), settled.amplitude, color="0.2", linewidth=0.9, label="each period")
+        ax.plot(half, [settled.mean] * 2, color="k", linestyle=DASHED, label="mean")
+        ax.set(xlabel="Period of the excitation", ylabel=AMPLITUDE)
+    return ax
+
+
+@draws(SettledResponse, "mark")
+def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
+    """Mean and range of a marched response as a point with a bar over response curves; one entry for all in the legend."""
+    label = "time integration, mean and range"
+    known = label in ax.get_legend_handles_labels()[1]
+    low, high = settled.range
+    bar = [[settled.mean - low], [high - settled.mean]]
+    with drawing(ax, legend=7.0):
+        ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
+                    capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
+    return ax
+
+
+def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDArray, *, title: str = "") -> Any:
+    """Rigid-body motion of a damper over preload: modal coefficients, metres and radians (Figs 12 and 13 of the paper).
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    modal, physical : (n, 6) float
+        Sizes of the modal coefficients (kg^1/2 m), and of translations (m) and rotations (rad).
+    axes : three matplotlib axes
+    title : str
+    """
+    names = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "XYZ"]
+    panels = (
+        (modal, range(6), "Modal coefficient (kg$^{1/2}$ m)", 1.0),
+        (physical, range(3), "Translation (µm)", 1e6),
+        (physical, range(3, 6), "Rotation (mrad)", 1e3),
+    )
+    shades = colours(3)
+    with plt.rc_context(PAPER):
+        for ax, (values, columns, label, unit) in zip(axes, panels):
+            for k in columns:
+                ax.loglog(preload, unit * np.maximum(values[:, k], 1e-300), color=shades[k % 3], marker=MARKERS[k],
+                          linestyle="-" if k < 3 else "--", markersize=3.2, markevery=2, label=names[k])
+            shown = unit * values[:, list(columns)]
+            top = float(shown.max())
+            ax.set_ylim(max(float(shown[shown > 0.0].min()), 1e-5 * top) / 2.0, 2.0 * top)
+            ax.set(xlabel=PRELOAD, ylabel=label)
+            ax.grid(True, color="0.9")
+        handles, labels = axes[0].get_legend_handles_labels()
+        axes[0].figure.legend(handles, labels, ncols=6, fontsize=7.0, loc="outside lower center")
+        axes[1].set_title(title, fontsize=9.0)
+    return axes

@@ -1,0 +1,194 @@
+"""Design studies, and what settings change: sweeps, samples, advice, accuracy over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.patches import Patch
+
+from bdamper.accuracy.ladders import AccuracyCost
+from bdamper.design.sweep import SweepResult
+from bdamper.design.uncertainty import UncertainCurve
+from bdamper.effects.advice import Advice
+from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks
+from bdamper.util.errors import SettingError
+from bdamper.util.plotting import draws
+
+_UNITS = {
+    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
+    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
+    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
+}  # fmt: skip
+"""Units of settings and answers of a sweep; what is not listed is a plain number or a name."""
+_WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
+          "slip": "share of slip", "open": "share of separation"}  # fmt: skip
+
+
+def _spaced(name: str) -> str:
+    return name.replace("_", " ").replace(".", " ")
+
+
+def _with_unit(name: str) -> str:
+    """Label of an axis for a setting or an answer of a sweep."""
+    words = _WORDS.get(name, _spaced(name))
+    return words[:1].upper() + words[1:] + (f" ({_UNITS[name]})" if name in _UNITS else "")
+
+
+def _named_value(name: str, value: Any) -> str:
+    """A setting with its value and unit, for a legend."""
+    number = f"{value:.4g}" if isinstance(value, float) else f"{value}"
+    return f"{_spaced(name)} {number}" + (f" {_UNITS[name]}" if name in _UNITS else "")
+
+
+@draws(SweepResult)
+def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None = None) -> Axes:
+    """One answer of a sweep over its last setting, a line for each combination of the others.
+
+    Parameters
+    ----------
+    result : SweepResult
+    quantity : str
+    ax : matplotlib axes, optional
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    values = result.array(quantity)
+    if values.ndim != len(result.shape) or values.dtype.kind != "f":
+        raise SettingError(f"quantity: expected one number for each point, found '{quantity}' of shape {values.shape}")
+    name, last = result.names[-1], result.shape[-1]
+    x = [point[name] for point in result.points[:last]]
+    numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
+    rows = values.reshape(-1, last)
+    with drawing(ax, legend=7.0 if len(result.shape) > 1 else None) as ax:
+        for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
+            others = result.points[i * last]
+            label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
+            ax.plot(x if numeric else [str(value) for value in x], row, color=colour,
+                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label or None)
+        if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
+            ax.set_xscale("log")
+        ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
+    return ax
+
+
+@draws(UncertainCurve)
+def plot_uncertain(
+    result: UncertainCurve,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "amplitude",
+    bands: Sequence[tuple[float, float]] = ((5.0, 95.0), (25.0, 75.0)),
+) -> Axes:
+    """Percentile bands of optimal curves over the preload.
+
+    Parameters
+    ----------
+    result : UncertainCurve
+    ax : matplotlib axes, optional
+    quantity : {"amplitude", "frequency"}
+    bands : sequence of (low, high)
+        Percentiles, the widest band first.
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    with drawing(ax, legend=7.0) as ax:
+        shades = np.linspace(0.85, 0.7, max(len(bands), 1))
+        for (low, high), shade in zip(bands, shades):
+            edge = result.percentile([low, high], quantity)
+            ax.fill_between(result.preload, *edge, color=str(shade), linewidth=0.0, label=f"{low:g} to {high:g} %")
+        ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
+        scale = "log" if quantity == "amplitude" else "linear"
+        ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
+    return ax
+
+
+@draws(Advice)
+def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Bars of the changes that effects would make to a peak, if they were switched on.
+
+    Parameters
+    ----------
+    advice : Advice
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Estimated changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and
+        logarithmic beyond; effects that must be on are hatched, the tolerance is a grey band.
+    """
+    effects = advice.effects[::-1]
+    place = np.arange(len(effects))
+    tolerance = 100.0 * advice.tolerance
+    dark, light = colours(2)
+    with drawing(ax, title=title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz") as ax:
+        ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
+        handles: list[Any] = []
+        for values, offset, colour, label in (
+            ([e.amplitude_change for e in effects], 0.2, dark, "amplitude"),
+            ([e.frequency_change for e in effects], -0.2, light, "frequency"),
+        ):
+            change = 100.0 * np.nan_to_num(np.array(values, float))
+            bars = ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
+            for bar, e in zip(bars, effects):
+                if e.reliability == "must be on":
+                    bar.set(hatch="////", edgecolor="0.65" if offset > 0.0 else "0.25")
+            handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
+        ax.set_xscale("symlog", linthresh=tolerance)
+        ax.set_yticks(place, [e.name for e in effects])
+        ax.axvline(0.0, color="k", linewidth=0.6)
+        if any(e.reliability == "must be on" for e in effects):
+            handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="must be on"))
+        handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
+        ax.set_xlabel("Estimated change of the peak (%)")
+        ax.legend(handles=handles, fontsize=7.0)
+    return ax
+
+
+@draws(AccuracyCost)
+def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequence[str] | None = None) -> Axes:
+    """Error over time of ladders of settings, with the Pareto front of each.
+
+    Parameters
+    ----------
+    result : AccuracyCost
+    ax : Axes, optional
+    ladders : sequence of str, optional
+        All by default; points of one that stands alone are named.
+    """
+    names = list(ladders or result.ladders)
+    floors = False
+    with drawing(ax, legend=7.0) as ax:
+        for i, (name, colour) in enumerate(zip(names, colours(len(names)))):
+            rungs = [r for r in result.ladder(name) if np.isfinite(r.error)]
+            own = result.reference(name).error
+            floor = max(own, 1e-12) if np.isfinite(own) else 1e-12
+            time = np.array([1e3 * r.seconds for r in rungs])
+            error = np.array([max(r.error, 0.3 * floor) for r in rungs])
+            front = sorted((t, e) for t, e, r in zip(time, error, rungs) if r.pareto)
+            ax.plot(time, error, MARKERS[i % len(MARKERS)], color=colour, markersize=4.5, label=_spaced(name))
+            if front:
+                ax.step(*zip(*front), where="post", color=colour, linewidth=1.0)
+            if floor > 1e-11:
+                ax.axhline(floor, color=colour, linewidth=0.9, linestyle=":")
+                floors = True
+            if len(names) == 1:
+                for r, t, e in zip(rungs, time, error):
+                    ax.annotate(r.name, (t, e), textcoords="offset points", xytext=(4, 3), fontsize=6.5)
+        label = f"tolerance, {result.tolerance:g}"
+        ax.axhline(result.tolerance, color="0.5", linewidth=0.8, linestyle="--", label=label)
+        if floors:
+            ax.plot([], [], color="0.2", linewidth=0.9, linestyle=":", label="error of the reference itself")
+        ax.set(xscale="log", yscale="log", xlabel="Time (ms)", ylabel="Error of the peak, relative")
+        if len(names) == 1:
+            ax.margins(x=0.15)  # for the names
+        few_ticks(ax)
+    return ax

@@ -1,0 +1,330 @@
+"""Bodies, modes and contact points in space."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.util import find_spec
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
+
+from bdamper.io.import_report import ImportReport
+from bdamper.model.model import Model
+from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
+from bdamper.plot.contact import face_coordinates
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.plotting import draws
+
+Surface = tuple[NDArray, NDArray, Any]
+"""Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
+
+
+def _parts_to_show(model: Model) -> list[tuple[str, int]]:
+    """Bodies with a surface and the sectors in which the interfaces show them."""
+    places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
+    places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
+    return sorted(place for place in places if place[0] in model.meshes)
+
+
+def _sector_turn(model: Model, sector: int) -> NDArray:
+    angle = 2.0 * np.pi * sector / model.n_blades
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def plot_surfaces(
+    surfaces: Sequence[Surface],
+    points: NDArray | None = None,
+    path: Any = None,
+    *,
+    backend: str | None = None,
+    title: str = "",
+) -> Any:
+    """Draw surfaces of quadrilaterals in 3-D.
+
+    Parameters
+    ----------
+    surfaces : sequence of Surface
+    points : (k, 3) float, optional
+        Marked by dots.
+    path : path-like, optional
+        Where to write a picture; nothing is shown then.
+    backend : {"pyvista", "matplotlib"}, optional
+        pyvista (extra ``bdamper[viz]``) if it is installed.
+    title : str
+
+    Returns
+    -------
+    pyvista.Plotter or matplotlib axes
+    """
+    if backend is None:
+        backend = "pyvista" if find_spec("pyvista") else "matplotlib"
+    draw = {"pyvista": _surfaces_pyvista, "matplotlib": _surfaces_matplotlib}.get(backend)
+    if draw is None:
+        raise SettingError(f'backend: expected "pyvista" or "matplotlib", found {backend!r}')
+    return draw(surfaces, points, path, title)
+
+
+def _surfaces_pyvista(
+    surfaces: Sequence[Surface], points: NDArray | None, path: Any, title: str
+) -> Any:
+    import pyvista
+
+    plotter: Any = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
+    plotter.set_background("white")
+    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
+    for place, quads, colour in surfaces:
+        faces = np.hstack([np.full((len(quads), 1), 4), quads]).ravel()
+        mesh = pyvista.PolyData(np.asarray(place, float), faces)
+        if isinstance(colour, np.ndarray):
+            mesh["amplitude"] = colour
+            bar = {"title": "amplitude", "color": "black"}
+            plotter.add_mesh(mesh, scalars="amplitude", cmap="viridis", clim=[0.0, top], scalar_bar_args=bar)
+        else:
+            colour, opacity = colour if isinstance(colour, tuple) else (colour, 1.0)
+            plotter.add_mesh(mesh, color=colour, opacity=opacity, show_edges=True, edge_color="#808080", line_width=0.5)
+    if points is not None and len(points):
+        plotter.add_points(np.asarray(points, float), color="#c0392b", point_size=7, render_points_as_spheres=True)
+    if title:
+        plotter.add_text(title, font_size=10, color="black")
+    plotter.view_vector((0.9, 0.35, 0.9), viewup=(0.0, 1.0, 0.0))
+    plotter.camera.zoom(1.05)
+    if path is not None:
+        plotter.screenshot(str(path))
+    return plotter
+
+
+def _surfaces_matplotlib(
+    surfaces: Sequence[Surface], points: NDArray | None, path: Any, title: str
+) -> Any:
+    # the picture's axes are (Z, X, Y): Y up
+    with plt.rc_context(FIXED):
+        figure = plt.figure(figsize=(4.2, 5.0))
+        ax: Any = figure.add_axes((0.0, 0.16, 1.0, 0.79), projection="3d")
+        top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+        for place, quads, colour in surfaces:
+            corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
+            values = isinstance(colour, np.ndarray)
+            face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top) if values else colour
+            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
+        if points is not None and len(points):
+            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
+        every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
+        low, high = every.min(axis=0), every.max(axis=0)
+        _box(ax, low, high, "ZXY")
+        ax.set_box_aspect(high - low)
+        ax.view_init(elev=18.0, azim=-40.0)
+        if title:
+            ax.set_title(title, fontsize=9.0)
+        _room_for_ticks(ax)
+        if path is not None:
+            save_figure(figure, path)
+    return ax
+
+
+def _box(ax: Any, low: NDArray, high: NDArray, names: str) -> None:
+    """Limits and labels of the axes of a 3-D picture in mm."""
+    for name, axis, a, b in zip(names, "xyz", low, high):
+        ax.set(**{f"{axis}lim": (a, b), f"{axis}label": f"{name} (mm)"})
+
+
+def _room_for_ticks(ax: Any) -> None:
+    """On the axes of a 3-D picture no more ticks than have room, and labels clear of them."""
+    ax.tick_params(labelsize=6.5, pad=1.0)
+    ax.tick_params(axis="z", pad=6.0)
+    axes = (ax.xaxis, ax.yaxis, ax.zaxis)
+    for axis in axes:
+        axis.label.set_size(8.0)
+    crowded = list(axes)
+    for n in (5, 4, 3, 2, 1):
+        for axis in crowded:
+            axis.set_major_locator(MaxNLocator(n, min_n_ticks=1))
+        ax.figure.draw_without_rendering()
+        boxes = {axis: [t.get_window_extent().padded(2.0) for t in _tick_texts(axis)] for axis in axes}
+        crowded = [axis for axis in axes if _overlap(boxes[axis])]
+        for i, axis in enumerate(axes):
+            if any(a.overlaps(b) for a in boxes[axis] for other in axes[:i] for b in boxes[other]):
+                crowded.append(axis)
+        if not crowded:
+            break
+    ticks = [t for axis in axes for t in _tick_texts(axis)]
+    for i, axis in enumerate(axes):
+        others = [*ticks, *(o.label for o in axes[:i])]
+        for _ in range(12):
+            box = axis.label.get_window_extent()
+            if not any(box.overlaps(t.get_window_extent()) for t in others):
+                break
+            axis.labelpad += 3.0
+            ax.figure.draw_without_rendering()
+
+
+def _tick_texts(axis: Any) -> list[Any]:
+    """Labels of the ticks of an axis that are drawn."""
+    low, high = sorted(axis.get_view_interval())
+    return [t.label1 for t in axis.get_major_ticks() if low <= t.get_loc() <= high and t.label1.get_text()]
+
+
+def _overlap(boxes: list[Any]) -> bool:
+    return any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+@draws(Model)
+def plot_model(model: Model, path: Any = None, *, backend: str | None = None) -> Any:
+    """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
+    # blades are transparent
+    tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}
+    surfaces = [
+        (model.meshes[name].points @ _sector_turn(model, sector).T, model.meshes[name].quads, tint[model.bodies[name].kind])
+        for name, sector in _parts_to_show(model)
+    ]
+    if not surfaces:
+        raise SettingError("plot of a model: expected at least one body with a mesh, found none")
+    points = np.concatenate([face.points for face in model.interfaces.values()])
+    return plot_surfaces(surfaces, points, path, backend=backend)
+
+
+@draws(Model, "plot_mode")
+def plot_mode(
+    model: Model,
+    mode: int = 1,
+    path: Any = None,
+    *,
+    body: str | None = None,
+    nodal_diameter: int | None = None,
+    phase: float = 0.0,
+    scale: float | None = None,
+    backend: str | None = None,
+) -> Any:
+    """A mode of a constrained body in 3-D: deformed, coloured by the size of its amplitude.
+
+    Parameters
+    ----------
+    model : Model
+    mode : int
+        From 1.
+    path : path-like, optional
+    body, nodal_diameter : optional
+        The first that carry shapes.
+    phase : float, rad
+    scale : float, optional
+        Magnification; by default the largest displacement is a twelfth of the body's size.
+    backend : {"pyvista", "matplotlib"}, optional
+    """
+    mode = validate.whole("mode (the path is the third argument)", mode, least=1)
+    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
+    body = carriers[0] if body is None and carriers else body
+    if body not in carriers:
+        raise SettingError(f"plot of a mode: expected a body with mode shapes out of {carriers}, found {body!r}")
+    mesh = model.meshes[body]
+    d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
+    shapes = mesh.modes.get(d)
+    if shapes is None or not 1 <= mode <= shapes.shape[2]:
+        have = {key: value.shape[2] for key, value in mesh.modes.items()}
+        raise SettingError(
+            f"plot of a mode: expected one of the modes that the mesh carries, by nodal diameter {have}, "
+            f"found mode {mode} of nodal diameter {d}"
+        )
+    shape = shapes[..., mode - 1]
+    if scale is None:
+        scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
+    surfaces = []
+    for name, sector in _parts_to_show(model):
+        if name == body:
+            turn = _sector_turn(model, sector)
+            wave = np.exp(1j * (phase + 2.0 * np.pi * d * sector / model.n_blades))
+            moved = mesh.points + scale * (shape * wave).real
+            surfaces.append((moved @ turn.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+    frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
+    return plot_surfaces(
+        surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz"
+    )
+
+
+@draws(ImportReport)
+def plot_import_report(report: ImportReport) -> Figure:
+    """Frequencies over nodal diameter beside the bodies with their contact points.
+
+    Parameters
+    ----------
+    report : ImportReport
+
+    Returns
+    -------
+    Figure
+    """
+    with plt.rc_context(PAPER):
+        figure = plt.figure(figsize=(9.0, 4.2))
+        left, right = figure.add_subplot(1, 2, 1), figure.add_subplot(1, 2, 2, projection="3d")
+        diameters = np.array(sorted(report.frequencies))
+        n = min((len(report.frequencies[d]) for d in diameters), default=0)
+        for mode in range(min(n, 8)):
+            values = [report.frequencies[d][mode] for d in diameters]
+            left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
+        left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
+        left.set_title("sector", fontsize=9.0)
+        for k, mesh in enumerate(report.model.meshes.values()):
+            edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
+            edges = np.unique(np.sort(edges, axis=1), axis=0)
+            edges = edges[edges[:, 0] != edges[:, 1]]
+            right.add_collection3d(Line3DCollection(1e3 * mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
+        points = [1e3 * face.points for face in report.model.interfaces.values()]
+        for k, (name, face) in enumerate(report.model.interfaces.items()):
+            right.scatter(*(1e3 * face.points).T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
+        shown = [1e3 * mesh.points for mesh in report.model.meshes.values()] or points
+        if shown:
+            low, high = np.concatenate(shown).min(axis=0), np.concatenate(shown).max(axis=0)
+            _box(right, low, high, "XYZ")
+            right.set_box_aspect(np.maximum(high - low, 1e-3 * np.ptp([low, high])))
+        right.legend(loc="upper left", bbox_to_anchor=(0.9, 1.0), fontsize=7.0)
+        _room_for_ticks(right)
+    return figure
+
+
+def plot_points_3d(model: Model, path: Any, values: NDArray, *, label: str = "") -> None:
+    """Bodies as a wire picture and a value at each friction point, seen along the axis and on the face.
+
+    Parameters
+    ----------
+    model : Model
+    path : path-like
+    values : (n_points,) float
+        Of the first interface.
+    label : str
+        Of the colour bar.
+    """
+    face = next(iter(model.interfaces.values()))
+    with plt.rc_context(PAPER):
+        figure, (ax, on_face) = plt.subplots(1, 2, figsize=(7.0, 3.4), width_ratios=[1.0, 1.4])
+        for name, sector in _parts_to_show(model):
+            mesh = model.meshes[name]
+            corner = 1e3 * (mesh.points @ _sector_turn(model, sector).T)
+            front = mesh.quads[corner[mesh.quads, 2].min(axis=1) > corner[:, 2].max() - 1.0]
+            for quad in front:
+                ax.fill(*corner[quad, :2].T, facecolor="0.9", edgecolor="0.6", linewidth=0.3)
+        points = 1e3 * face.points
+        near = 12.0
+        ax.plot(points[:, 0], points[:, 1], "k.", markersize=3.0)
+        tangent = face.frame[0, 0]
+        ends = 1e3 * face.points.mean(axis=0) + np.outer([-9.0, 9.0], tangent) + 0.4 * face.frame[0, 2]
+        ax.plot(ends[:, 0], ends[:, 1], color="k", linewidth=1.6)
+        ax.annotate("ground", ends[0, :2], textcoords="offset points", xytext=(4, -10), fontsize=8.0)
+        ax.set_xlim(points[:, 0].min() - near - 8.0, points[:, 0].max() + near)
+        ax.set_ylim(points[:, 1].min() - near - 4.0, points[:, 1].max() + near)
+        ax.set(aspect="equal", xlabel="X (mm)", ylabel="Y (mm)")
+        x, y, _, _ = face_coordinates(face.points, face.frame[0])
+        size = float(np.abs(values).max())
+        dots = on_face.scatter(
+            y, x, c=values, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5
+        )
+        closed = values > 0.0
+        on_face.scatter(y[~closed], x[~closed], marker="x", s=30.0, c="w")
+        on_face.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
+        on_face.set_title("crosses: a gap at rest", fontsize=8.0)
+        figure.colorbar(dots, ax=on_face, orientation="horizontal", label=label)
+    save_figure(figure, path)
