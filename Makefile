@@ -18,7 +18,7 @@ export OMP_NUM_THREADS ?= 1
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 
 BUILD_INPUTS := pyproject.toml meson.build meson.options
-BUILD_TOOLS := "meson-python>=0.16" "meson>=1.3" ninja "numpy>=2.0"
+BUILD_TOOLS := "meson-python>=0.18" "meson>=1.3" ninja "numpy>=2.0"
 
 # $(call step,what,command): runs the command and says what failed
 define step

@@ -17,6 +17,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 
 PRELOADS = (20.0, 50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0, 25000.0)
 POINTS = (9, 24, 48)
@@ -38,7 +39,7 @@ def study(points: int, harmonics: int, rotation: str) -> bd.Study:
     )
 
 
-def draw(curve: bd.Curve, path: Path) -> None:
+def draw(curve: Curve, path: Path) -> None:
     """Figure of a curve: all of it, and the part in which paths were left."""
     figure, (whole, part) = plt.subplots(1, 2, figsize=(9.0, 3.6), layout="constrained")
     curve.plot(ax=whole)

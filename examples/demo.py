@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.plot import plot_curves, save_figure
 
 PRELOADS = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
@@ -19,7 +20,7 @@ PRELOADS_MODE_2 = (200.0, 500.0, 1000.0, 2000.0, 5000.0)
 HEAD = f"{'':14}{'preload':>9}{'peak':>12}{'at':>10}{'folds':>7}{'points':>8}{'evaluations':>13}{'seconds':>9}  status"
 
 
-def run(study: bd.Study, name: str, frequency: tuple[float, float], preloads: tuple[float, ...]) -> list[bd.Curve]:
+def run(study: bd.Study, name: str, frequency: tuple[float, float], preloads: tuple[float, ...]) -> list[Curve]:
     """Curves at all preloads and the two limits, one line of the table each."""
     curves = [study.free(frequency), study.stuck(frequency)]
     curves += [study.track(preload=p, frequency=frequency) for p in preloads]
@@ -33,7 +34,7 @@ def run(study: bd.Study, name: str, frequency: tuple[float, float], preloads: tu
     return curves
 
 
-def main(figures: Path = Path("figures")) -> dict[str, list[bd.Curve]]:
+def main(figures: Path = Path("figures")) -> dict[str, list[Curve]]:
     """Run the demonstration; returns the curves of each part."""
     figures.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()

@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.plot import plot_curves, save_figure
 
 PRELOADS_1 = (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
@@ -24,7 +25,7 @@ PRELOADS_2 = (50.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
 BAND_1, BAND_2 = (270.0, 370.0), (670.0, 730.0)
 
 
-def tracking(study: bd.Study, preloads: tuple[float, ...], band: tuple[float, float], name: str) -> list[bd.Curve]:
+def tracking(study: bd.Study, preloads: tuple[float, ...], band: tuple[float, float], name: str) -> list[Curve]:
     """The two limits and a curve for each preload, with a line of a table for each."""
     curves = [study.free(band), study.stuck(band)]
     curves += [study.track(preload=p, frequency=band, stability=True) for p in preloads]
@@ -44,7 +45,7 @@ def main(
     figures: Path = Path("figures"),
     preloads_1: tuple[float, ...] = PRELOADS_1,
     preloads_2: tuple[float, ...] = PRELOADS_2,
-) -> dict[str, list[bd.Curve]]:
+) -> dict[str, list[Curve]]:
     """Compute and draw both figures; returns the curves of each mode, the free and the stuck limit first."""
     figures.mkdir(parents=True, exist_ok=True)
     tangential = bd.Study(

@@ -32,6 +32,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_optimal, save_figure
 
 PAPER_RATIO = {"mode 1": 4.4, "mode 2": 5.5}
@@ -40,12 +41,12 @@ BAND = {"mode 1": (270.0, 380.0), "mode 2": (660.0, 740.0)}
 DAMPING_RATIO = 0.002
 
 
-def macroslip_ratio(curve: bd.OptimalCurve) -> float:
+def macroslip_ratio(curve: OptimalCurve) -> float:
     """Stuck over optimum amplitude of a damper that only slips as a whole and never separates."""
     return (1.0 - (curve.free.frequency / curve.stuck.frequency) ** 2) / (2.0 * np.pi * DAMPING_RATIO)
 
 
-def main(figures: Path = Path("figures"), n: int = 60) -> dict[str, bd.OptimalCurve]:
+def main(figures: Path = Path("figures"), n: int = 60) -> dict[str, OptimalCurve]:
     """Compute and draw both figures; returns the optimal curve of each mode."""
     figures.mkdir(parents=True, exist_ok=True)
     tangential = bd.Study(

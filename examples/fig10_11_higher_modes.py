@@ -16,6 +16,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_curves, plot_optimal, save_figure
 
 MODES = {
@@ -28,8 +30,8 @@ MODES = {
 class HigherMode:
     """Curves of one mode."""
 
-    tracking: list[bd.Curve]
-    optimal: bd.OptimalCurve
+    tracking: list[Curve]
+    optimal: OptimalCurve
 
 
 def main(figures: Path = Path("figures"), n: int = 40) -> dict[int, HigherMode]:

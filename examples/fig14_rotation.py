@@ -15,6 +15,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.plot import plot_curves, save_figure
 
 PRELOADS = (100.0, 200.0, 1000.0, 10000.0)
@@ -26,8 +27,8 @@ class Pair:
     """Curves of a damper that turns and of one that only translates."""
 
     preload: float
-    rotating: bd.Curve
-    translating: bd.Curve
+    rotating: Curve
+    translating: Curve
 
 
 def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS) -> list[Pair]:

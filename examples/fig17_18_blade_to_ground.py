@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.plot import plot_curves, plot_points_3d, save_figure
 from bdamper.plot.motion import contact_status
 
@@ -30,8 +31,8 @@ class Case:
     """Curves with one and with several harmonics under one sum of normal loads (N)."""
 
     load: float
-    single: bd.Curve
-    multiple: bd.Curve
+    single: Curve
+    multiple: Curve
     separates: bool
 
     @property

@@ -29,6 +29,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.io.measured import Fit, load_measured
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_over_measurement, save_figure
 
 BAND = (240.0, 380.0)
@@ -39,13 +40,13 @@ LOADS = (25.0, 1.5e5)
 class RigResult:
     """Optimal curves of the rig with 10 and with 20 blade modes and of the bladed disk; fits to measured points, if any."""
 
-    rig: bd.OptimalCurve
-    more_modes: bd.OptimalCurve
-    disk: bd.OptimalCurve
+    rig: OptimalCurve
+    more_modes: OptimalCurve
+    disk: OptimalCurve
     fits: dict[str, Fit]
 
 
-def at_normalised_load(curve: bd.OptimalCurve, load: float) -> tuple[float, float]:
+def at_normalised_load(curve: OptimalCurve, load: float) -> tuple[float, float]:
     """Amplitude over the stuck amplitude, and the share that slips, at a multiple of the optimum load."""
     k = int(np.argmin(np.abs(np.log(curve.preload / curve.optimum.preload / load))))
     return float(curve.amplitude[k] / curve.stuck.amplitude), float(curve.shares[k, 1])

@@ -19,6 +19,7 @@ import bdamper as bd
 from bdamper.accuracy.estimate import estimate_errors, points_on_a_face
 from bdamper.accuracy.ladders import varied
 from bdamper.accuracy.tolerance import richest_study
+from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed_between
 from bdamper.peaks.carryover import carried_over, higher_nearby
 from bdamper.peaks.newton import Peak
@@ -101,7 +102,7 @@ def compare(number: int) -> Compared | None:
     return Compared(case, source, (found.amplitude, found.frequency), error, bool(curve.folds), found.against)
 
 
-def apart_from(study: bd.Study, richer: bd.Study, curve: bd.Curve) -> Peak | None:
+def apart_from(study: bd.Study, richer: bd.Study, curve: Curve) -> Peak | None:
     """The peak of a richer study that Newton finds from the highest point of a curve, and from there the highest nearby."""
     top = curve.peak
     a, b = study.system(curve.preload), richer.system(curve.preload)
@@ -168,13 +169,13 @@ def try_tolerance(number: int) -> Tried | None:
     if not (truth.complete and "maximum" in truth.point_kind):
         return None
 
-    def error(curve: bd.Curve) -> float:
+    def error(curve: Curve) -> float:
         if not len(curve):  # it says that it found no start: the tolerance is not met
             return np.inf
         top, true = curve.peak, truth.peak
         return max(abs(top.amplitude / true.amplitude - 1.0), abs(top.frequency / true.frequency - 1.0))
 
-    def within(series: int) -> tuple[bool, bd.Curve, float]:
+    def within(series: int) -> tuple[bool, Curve, float]:
         if series == len(most.harmonic_numbers):
             return True, truth, truth_seconds
         rung = replace(study, harmonics=series)

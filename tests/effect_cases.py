@@ -13,6 +13,7 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.problem.effects import Effects
 from tests import models
 
@@ -86,7 +87,7 @@ def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
     )
 
 
-def resonances(curve: bd.Curve) -> list[float]:
+def resonances(curve: Curve) -> list[float]:
     """Frequencies of the maxima of a linear curve, Hz, those of 10 % of the largest and more."""
     a = curve.amplitude
     top = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1

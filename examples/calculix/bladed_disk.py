@@ -14,7 +14,8 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from bdamper import Curve, Excitation, Study
+from bdamper import Excitation, Study
+from bdamper.continuation.curve import Curve
 from bdamper.fe import MeshDensity, SectorFE, calculix
 from bdamper.fe.contact_points import end_patches
 from bdamper.fe.sector import blade_sets, damper_sets

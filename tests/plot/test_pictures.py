@@ -13,7 +13,7 @@ from PIL import Image
 
 import bdamper as bd
 from bdamper.accuracy.ladders import AccuracyCost, Reference, Rung
-from bdamper.effects.advice import EffectAdvice
+from bdamper.effects.advice import Advice, EffectAdvice
 from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
 from bdamper.plot import damper_picture, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
@@ -135,7 +135,7 @@ def test_advice_legend_shows_what_is_drawn():
         EffectAdvice(name, change, 0.5 * change, 0.0, reliability, 10, 10, 1.0)
         for name, change, reliability in (("harmonics", 0.5, "must be on"), ("damper modes", 0.001, "small"))
     )
-    ax = bd.Advice(500.0, 350.0, 1e-4, 0.01, 10, 10, effects).plot()
+    ax = Advice(500.0, 350.0, 1e-4, 0.01, 10, 10, effects).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
     assert list(patches) == ["amplitude", "frequency", "must be on", "tolerance, 1 %"]
     assert [bool(patch.get_hatch()) for patch in patches.values()] == [False, False, True, False]

@@ -1,0 +1,53 @@
+"""The public names: few, each in the API reference, and those of version 0.1 tell what stands for them."""
+
+import importlib
+import re
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+
+import bdamper as bd
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_every_public_name_is_in_the_reference():
+    reference = (ROOT / "docs" / "api.md").read_text()
+    named = re.findall(r"^\.\. auto\w+:: bdamper\.(\w+)$", reference, re.M)
+    rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
+    assert [name for name in named if name not in rooms] == bd.__all__, "same names in the same order"
+    assert len(bd.__all__) <= 32
+
+
+def test_everything_in_the_reference_is_there():
+    for path in re.findall(r"^\.\. auto\w+:: (bdamper\.\S+)$", (ROOT / "docs" / "api.md").read_text(), re.M):
+        assert found(path).__doc__, path
+
+
+def found(path):
+    try:
+        return importlib.import_module(path)
+    except ModuleNotFoundError:
+        home, _, name = path.rpartition(".")
+        return getattr(importlib.import_module(home), name)
+
+
+@pytest.mark.parametrize(("name", "successor"), bd._SUCCESSORS.items())
+def test_a_removed_name_tells_its_successor(name, successor):
+    assert not hasattr(bd, name)
+    with pytest.raises(AttributeError, match=rf"bdamper\.{name} has gone with version 0\.2: use {re.escape(successor)}$"):
+        getattr(bd, name)
+    if successor.startswith("bdamper."):
+        assert found(successor).__name__ == (name if name[0].isupper() else "load")
+
+
+def test_an_unknown_name_is_an_ordinary_error():
+    with pytest.raises(AttributeError, match="module 'bdamper' has no attribute 'Stduy'"):
+        bd.Stduy  # noqa: B018
+
+
+def test_the_version_stands_in_one_place():
+    (version,) = re.findall(r"^project\(.*\bversion: '([^']+)'", (ROOT / "meson.build").read_text(), re.M)
+    assert bd.__version__ == metadata.version("bdamper") == version, "an older build is installed: run make"
+    assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
