@@ -493,7 +493,7 @@ class _Choice:
         system = self.limited(top.harmonics)
         if not top.missed or system.spent:
             return top
-        peak = find_peak(system, top.y, options=NEARLY, walk=False)
+        peak = find_peak(system, top.y, options=NEARLY, drift=False)
         self.meter.iterations += peak.iterations
         if not peak.converged or abs(peak.amplitude / top.amplitude - 1.0) > ANOTHER or not self.inside(peak.frequency):
             return top
@@ -632,7 +632,7 @@ class _Choice:
             slope = slope_along(b, z, solution.tangent, scale)
             away = FLAT * max(0.5 * slope**2, abs(slope * solution.tangent[-1] * scale[-1] / z[-1]))
             if away > SHARE * self.tolerance:
-                peak = find_peak(b, z, options=NEARLY, walk=False)
+                peak = find_peak(b, z, options=NEARLY, drift=False)
                 self.meter.iterations += peak.iterations
                 if peak.converged:
                     return replace(top, y=peak.y, amplitude=peak.amplitude, frequency=peak.frequency, missed=0.0)
