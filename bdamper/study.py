@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from numpy.typing import NDArray
+
 from bdamper.accuracy import estimate
 from bdamper.accuracy import tolerance as accuracy_tolerance
 from bdamper.continuation import linear_curve
@@ -19,6 +21,8 @@ from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws
 from bdamper.peaks import optimal
+from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.problem import Problem
 from bdamper.stability import floquet, steady_state, time_integration
@@ -66,8 +70,9 @@ class Study(Problem):
         stability : bool
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         tolerance : float, optional
-            Relative, at the highest peak: harmonics are chosen for it whatever the study has
-            (:func:`bdamper.accuracy.tolerance.track_to_tolerance`); the notes of the curve say what was chosen and why.
+            Relative, on amplitude and frequency of the highest point: whole curves with 1, 3, 5, 9 and 13 harmonics are
+            computed until two in a row agree (:mod:`bdamper.accuracy.tolerance`), whatever harmonics the study has.  The
+            notes of the curve say whether they do.
 
         Returns
         -------
@@ -85,13 +90,14 @@ class Study(Problem):
         judged = len(curve) and curve.status != "interrupted" and (stability or self.stability)
         return floquet.with_stability(self, curve) if judged else curve
 
-    def of(self, curve: Curve) -> Study:
-        """This study with the harmonics and the evaluation that a tolerance chose for a curve; otherwise the study itself.
+    def of(self, result: Curve | Peak | OptimalCurve) -> Study:
+        """This study with the harmonics that a tolerance chose for a result; otherwise the study itself.
 
         The study's own functions find it by themselves; those that take ``curve.unknowns`` need it:
         ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
         """
-        return self.matching(validate.instance("curve", curve, Curve, "a tracking curve of this study").settings)
+        kinds = Curve, Peak, OptimalCurve
+        return self.matching(validate.instance("result", result, kinds, "a curve or a peak of this study").settings)
 
     # stability and time
     with_stability = floquet.with_stability
@@ -99,9 +105,47 @@ class Study(Problem):
     settle = steady_state.settle
 
     # peaks and the optimal curve
-    peak = optimal.highest_peak
+    @one_thread
+    def peak(
+        self,
+        preload: float,
+        frequency: tuple[float, float] | None = None,
+        *,
+        mode: int = 1,
+        options: PeakOptions | None = None,
+        tolerance: float | None = None,
+    ) -> Peak:
+        """The highest peak at one preload; :func:`bdamper.peaks.optimal.highest_peak` explains the arguments.
+
+        With a ``tolerance`` harmonics are chosen by the amplitude and the frequency of the peak, as for :meth:`track`.
+        """
+        ways: dict[str, Any] = {"mode": mode, "options": options}
+        if tolerance is not None:
+            return accuracy_tolerance.peak_to_tolerance(self, preload, frequency, tolerance, **ways)
+        return optimal.highest_peak(self, preload, frequency, **ways)
+
+    @one_thread
+    def optimal_curve(
+        self,
+        preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
+        n: int = 50,
+        *,
+        frequency: tuple[float, float] | None = None,
+        mode: int = 1,
+        checks: int = 0,
+        options: PeakOptions | None = None,
+        tolerance: float | None = None,
+    ) -> OptimalCurve:
+        """Resonance over the preload; :func:`bdamper.peaks.optimal.optimal_curve` explains the arguments.
+
+        With a ``tolerance`` harmonics are chosen by the amplitude and the preload of the optimum, as for :meth:`track`.
+        """
+        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
+        if tolerance is not None:
+            return accuracy_tolerance.optimal_curve_to_tolerance(self, preload, n, tolerance, **ways)
+        return optimal.optimal_curve(self, preload, n, **ways)
+
     peak_sensitivities = sensitivity.peak_sensitivities
-    optimal_curve = optimal.optimal_curve
     optimum = optimal.optimum
 
     # effects

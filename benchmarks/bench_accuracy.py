@@ -19,10 +19,13 @@ import numpy as np
 import bdamper as bd
 from bdamper.accuracy.ladders import AccuracyCost, Answer, by_peak, by_sweep, by_tracking, by_tracking_with
 from bdamper.balance.system import OK
+from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Ring
+from bdamper.util.cost import CostMeter
+from benchmarks import tolerance_scenes
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -45,7 +48,7 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
     """The response at one frequency, from nothing."""
 
     def solve(study: bd.Study, preload: float, interval: tuple[float, float]) -> Answer:
-        y, _ = study.find_start(preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), _meter())
+        y, _ = find_start(study, preload, 2.0 * np.pi * frequency, bd.ContinuationOptions(), _meter())
         if y is None:
             return np.nan, np.nan
         return float(abs(study.system(preload).response(y[:-1])[1])), frequency
@@ -53,9 +56,7 @@ def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, fl
     return solve
 
 
-def _meter() -> object:
-    from bdamper.util.cost import CostMeter
-
+def _meter() -> CostMeter:
     return CostMeter(time.perf_counter())
 
 
@@ -163,7 +164,7 @@ def jacobians() -> str:
     for n in (1, 3, 5):
         study = reference_study(harmonics=n)
         system = study.system(PRELOAD)
-        y, _ = study.find_start(PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), _meter())  # type: ignore[arg-type]
+        y, _ = find_start(study, PRELOAD, 2.0 * np.pi * 352.0, bd.ContinuationOptions(), _meter())
         assert y is not None
         u, omega = y[:-1], float(y[-1])
         size = np.abs(u).max()
@@ -207,7 +208,7 @@ def time_integration() -> str:
         seconds = []
         for _ in range(REPEATS):
             begin = time.process_time()
-            y, _ = rung.find_start(PRELOAD_9, omega, bd.ContinuationOptions(), _meter())  # type: ignore[arg-type]
+            y, _ = find_start(rung, PRELOAD_9, omega, bd.ContinuationOptions(), _meter())
             seconds.append(time.process_time() - begin)
         assert y is not None
         balance.append((n, float(abs(rung.system(PRELOAD_9).response(y[:-1])[1])), float(np.median(seconds))))
@@ -308,7 +309,9 @@ LADDERS: dict[str, Callable[[], AccuracyCost]] = {
     "ways": ways,
 }
 IN_README = "harmonics"
-TABLES: dict[str, Callable[[], str]] = {"jacobians": jacobians, "time_integration": time_integration, "work": work}
+TABLES: dict[str, Callable[[], str]] = {
+    "jacobians": jacobians, "time_integration": time_integration, "work": work, "tolerance": tolerance_scenes.table
+}  # fmt: skip
 
 
 def fill(text: str, name: str, table: str) -> str:

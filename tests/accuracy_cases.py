@@ -1,4 +1,4 @@
-"""Cases on which estimated errors are compared with true ones, and settings chosen by themselves with all others.
+"""Cases on which estimated errors are compared with true ones.
 
 Models, resonances and preloads are those of :mod:`tests.effect_cases`; every case takes one source of error.  True is the
 highest peak under settings richer than those that the estimate looks at: of a tracking curve, of the search for peaks, and
@@ -10,7 +10,6 @@ a contact that is not nearly loose, so cases of harmonics have these (:func:`aff
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +17,6 @@ import numpy as np
 import bdamper as bd
 from bdamper.accuracy.estimate import estimate_errors, points_on_a_face
 from bdamper.accuracy.ladders import varied
-from bdamper.accuracy.tolerance import richest_study
 from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed_between
 from bdamper.peaks.carryover import carried_over, higher_nearby
@@ -110,97 +108,3 @@ def apart_from(study: bd.Study, richer: bd.Study, curve: Curve) -> Peak | None:
     start = embed_between(study, richer, a, b, curve.preload, y)
     found = carried_over(b, [start], start, 0.01 * y[-1])
     return None if found is None else higher_nearby(b, found)
-
-
-@dataclass(frozen=True)
-class Tried:
-    """What the choice of settings by tolerance gave and cost, beside the shortest series of harmonics that would do."""
-
-    case: Case
-    tolerance: float
-    error: float
-    work: float
-    """Million operations (:class:`bdamper.util.cost.Cost`), which do not depend on the machine and what else it
-    does."""
-    cheapest: float
-    """Those of the shortest series of harmonics whose curve is within the tolerance."""
-    seconds: float
-    """Of the processor, to be reported beside the work."""
-    cheapest_seconds: float
-    chosen: int
-    series: int
-    lasting: int
-    """The shortest series of which all longer ones are within the tolerance too: a shorter one is by coincidence."""
-    lasting_work: float
-    curves: int
-
-    @property
-    def ratio(self) -> float:
-        """Work over that of the cheapest setting of the ladder within the tolerance."""
-        return self.work / self.cheapest
-
-    @property
-    def lasting_ratio(self) -> float:
-        """Work over that of the shortest series that is not within the tolerance by coincidence."""
-        return self.work / self.lasting_work
-
-    @property
-    def time_ratio(self) -> float:
-        """The same in measured time."""
-        return self.seconds / self.cheapest_seconds
-
-
-def try_tolerance(number: int) -> Tried | None:
-    """One case of a curve to a tolerance against the ladder of harmonics; None where there is no peak.
-
-    Whether the cheapest series is within the tolerance by coincidence is asked only where the choice cost more than three
-    times as much; elsewhere it is taken for one that is not.
-    """
-    case = draw(number)
-    tolerance = float(np.random.default_rng([81, number]).choice([0.03, 0.01, 0.003]))
-    study = replace(study_of(case), harmonics=1, damper_modes=0)
-    place = scene(study, case)
-    if place is None:
-        return None
-    most = richest_study(study)
-    begin = time.process_time()
-    truth = most.track(*place, options=LONGEST)
-    truth_seconds = time.process_time() - begin
-    if not (truth.complete and "maximum" in truth.point_kind):
-        return None
-
-    def error(curve: Curve) -> float:
-        if not len(curve):  # it says that it found no start: the tolerance is not met
-            return np.inf
-        top, true = curve.peak, truth.peak
-        return max(abs(top.amplitude / true.amplitude - 1.0), abs(top.frequency / true.frequency - 1.0))
-
-    def within(series: int) -> tuple[bool, Curve, float]:
-        if series == len(most.harmonic_numbers):
-            return True, truth, truth_seconds
-        rung = replace(study, harmonics=series)
-        rung.system(place[0])
-        begin = time.process_time()
-        curve = rung.track(*place)
-        return curve.complete and error(curve) <= tolerance, curve, time.process_time() - begin
-
-    begin = time.process_time()
-    curve = study.track(*place, tolerance=tolerance)
-    seconds = time.process_time() - begin
-    series, good = 0, False
-    while not good:
-        series += 1
-        good, found, cheapest = within(series)
-    lasting, lasting_work = series, found.cost.work
-    if curve.cost.work > 3.0 * found.cost.work:
-        lasting, lasting_work = len(most.harmonic_numbers), truth.cost.work
-        while lasting > series:
-            good, shorter, _ = within(lasting - 1)
-            if not good:
-                break
-            lasting, lasting_work = lasting - 1, shorter.cost.work
-    chosen = curve.settings["chosen"]
-    return Tried(
-        case, tolerance, error(curve), curve.cost.work, found.cost.work, seconds, cheapest, len(chosen["harmonics"]),
-        series, lasting, lasting_work, chosen["curves"],
-    )  # fmt: skip

@@ -112,8 +112,8 @@ def estimate_errors(
     validate.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
     begin = time.perf_counter()
     end_of: tuple[float, float] | None = None
+    problem = problem.matching(result.settings)
     if isinstance(result, Curve):
-        problem = problem.matching(result.settings)
         check_curve(problem, result)
         top = result.peak
         if result.point_kind[top.index] == "end":

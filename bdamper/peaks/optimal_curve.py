@@ -175,6 +175,8 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
             f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "
             f"{self.cost.iterations} iterations",
         ]
+        if "chosen" in self.settings:
+            lines.append(f"  {self.settings['chosen']['note']}")
         open_ = [w for w in self.warnings if not w.startswith("optimum")]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
