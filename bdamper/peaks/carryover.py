@@ -67,7 +67,7 @@ def carried_over(
 ) -> Peak | None:
     """The peak of a system that one of the solutions near that of a simpler one leads to (:func:`solutions_near`)."""
     for solution in solutions_near(system, guesses, start, width, quick):
-        peak = find_peak(system, solution.y, options=LOOSE, walk=False)
+        peak = find_peak(system, solution.y, options=LOOSE, drift=False)
         if peak.converged:
             return peak
     return None
@@ -104,7 +104,7 @@ def higher_nearby(
             if max(abs(points[i].y[-1] / peak.y[-1] - 1.0), abs(heights[i] / peak.amplitude - 1.0)) < ITSELF:
                 continue
             if heights[i - 1] < heights[i] >= heights[i + 1] and heights[i] > 0.98 * best.amplitude:
-                found = find_peak(system, points[i].y, options=LOOSE, walk=False)
+                found = find_peak(system, points[i].y, options=LOOSE, drift=False)
                 if not found.converged and points[i].kind == "maximum":
                     found = as_located(found, points[i].y, heights[i], points[i].residual)
                 if found.converged and found.amplitude > best.amplitude:

@@ -150,7 +150,7 @@ class PeakFollower:
         curvature = self._curvature(value) / size**2
         peak = find_peak(
             system, guess, tangent=tangent / size, scale=scale, curvature=curvature, options=self.options,
-            parameter=value, walk=walk, reach=1.5 * self.options.max_distance,
+            parameter=value, drift=walk, reach=1.5 * self.options.max_distance,
             thorough=thorough or last.corner,
         )  # fmt: skip
         self.iterations += peak.iterations

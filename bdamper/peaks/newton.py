@@ -9,10 +9,10 @@ falls through zero.  With the adjoint ``J^T lambda = grad(|X_1|^2/2)`` this is `
 component of ``t``; in terms of ``t`` the condition stays regular where the curve turns, and a resonance that leans over
 has its maximum just there.
 
-From near by, Newton's method to the curve and a secant along it lead there at once (:meth:`HarmonicSystem.peak`).  Where
-that fails :func:`find_peak` looks for the root of ``phi`` along the curve by a safeguarded secant, one bordered Newton
-corrector for each trial.  Where the curve has a corner ``phi`` may jump through zero: then the bracket shrinks onto the
-corner.
+From a near guess, Newton's method to the curve with a secant along it converges to the peak
+(:meth:`HarmonicSystem.peak`).  If it fails, :func:`find_peak` follows the curve uphill until ``phi`` changes its sign, and
+searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a corner of the curve ``phi``
+may jump through zero: then the search ends at the corner.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.repr import brief
+from bdamper.util.rootfind import find_root
 
 JUMP = 1e3
-"""Curvature of ln(amplitude) along the curve, in its own units, from which on the slope counts as jumping."""
-HALVINGS = 6
-"""Of a bracket on end, where the secant stalls."""
+"""Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
+FAR = "a peak far from its prediction"
 
 Family = Callable[[float], HarmonicSystem]
 """The equations as a function of one scalar parameter."""
@@ -173,13 +173,14 @@ def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     return scale
 
 
-def walked(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
-    """Guesses that differ from a point in the mean position that the contact holds least.
+def drifted(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
+    """Guesses that differ from a point in the mean position along the direction in which the contact is softest.
 
-    Where every point slips or opens within the cycle in some direction, nothing holds the mean in this direction: a body
-    walks until a plane stops it, and back when friction holds it again.  The mean position then jumps with the preload
-    while the vibration does not.  The guesses are: not displaced at all in this direction, and displaced either way until
-    the first open point touches.
+    Where every point slips or opens within the cycle in some direction, no contact force holds the mean position in this
+    direction: a body drifts until a plane stops it, and back when friction holds it again.  The mean position then jumps
+    with the preload while the vibration does not.  The guesses are: no displacement in this direction, and displacement
+    to either side until the first open point touches.  Of 230 preloads on 24 optimal curves one has a peak that is found
+    by these guesses alone.
     """
     n = system.n_mean
     if n == 0:
@@ -192,16 +193,13 @@ def walked(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
     v /= norm2(v)
     closing, rate = system.closing(y[:-1], v)
     touching = (closing < 0.0) & (np.abs(rate) > 1e-9 * max(float(np.abs(rate).max()), 1e-300))
-    way = -closing[touching] / rate[touching]
-    ways = [-float(v @ y[:n])]
-    if np.any(way > 0.0):
-        ways.append(1.001 * float(way[way > 0.0].min()))
-    if np.any(way < 0.0):
-        ways.append(1.001 * float(way[way < 0.0].max()))
+    to_touch = -closing[touching] / rate[touching]
+    ahead, behind = to_touch[to_touch > 0.0], to_touch[to_touch < 0.0]
     out = []
-    for w in ways:
+    nearest = [1.001 * float(side[np.abs(side).argmin()]) for side in (ahead, behind) if len(side)]
+    for distance in (-float(v @ y[:n]), *nearest):
         moved = y.copy()
-        moved[:n] += w * v
+        moved[:n] += distance * v
         out.append(moved)
     return out
 
@@ -222,20 +220,19 @@ def squared_gradient(system: HarmonicSystem, y: NDArray) -> tuple[NDArray, float
 
 
 def amplitude_at(system: HarmonicSystem, y: NDArray) -> float:
-    """Amplitude of the first harmonic of the response."""
+    """Amplitude (m) of the first harmonic of the response."""
     re, im = system.response_parts
     return float(np.hypot(re @ y[:-1], im @ y[:-1]))
 
 
 def slope_along(system: HarmonicSystem, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
-    re, im = system.response_parts
-    direction = (tangent * scale)[:-1]
-    a, b = float(re @ y[:-1]), float(im @ y[:-1])
-    return (a * float(re @ direction) + b * float(im @ direction)) / max(a * a + b * b, 1e-300)
+    """Derivative of ln(amplitude) along a direction in scaled unknowns."""
+    gradient, square = squared_gradient(system, y)
+    return float(gradient @ (tangent * scale)) / max(square, 1e-300)
 
 
 class _Search:
-    """The search along one response curve."""
+    """The search for the maximum along one response curve."""
 
     def __init__(self, system: HarmonicSystem, scale: NDArray, options: PeakOptions, reach: float) -> None:
         self.reach = reach
@@ -247,6 +244,7 @@ class _Search:
         self.reason = ""
 
     def correct(self, y: NDArray, normal: NDArray, loose: float = 0.0) -> _OnCurve | None:
+        """The point of the curve in the plane through y, with a residual up to ``loose`` if that exceeds the tolerance."""
         self.trials += 1
         tolerance = max(self.options.tolerance, loose)
         c = self.system.correct(y, normal, self.scale, tolerance, self.options.max_iterations)
@@ -254,27 +252,38 @@ class _Search:
         if c.status != OK:
             self.reason = STATUS_TEXT[c.status]
             return None
-        return _OnCurve(
-            c.y, c.tangent, slope_along(self.system, c.y, c.tangent, self.scale), c.residual, np.array(c.shares),
-            c.rank_deficiency,
-        )  # fmt: skip
+        slope = slope_along(self.system, c.y, c.tangent, self.scale)
+        return _OnCurve(c.y, c.tangent, slope, c.residual, np.array(c.shares), c.rank_deficiency)
 
-    def first(self, y: NDArray, normal: NDArray, walk: bool) -> _OnCurve | None:
-        """The curve near a guess; if Newton fails there, also with the mean moved to where it may be held."""
+    def first(self, y: NDArray, normal: NDArray, drift: bool) -> _OnCurve | None:
+        """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
         found = self.correct(y, normal, 1e-6)
-        if found is not None or not walk:
+        if found is not None or not drift:
             return found
-        for moved in walked(self.system, y, self.scale):
+        for moved in drifted(self.system, y, self.scale):
             found = self.correct(moved, normal, 1e-6)
-            vibration = slice(self.system.n_mean, None)
-            if found is not None and norm2((found.y - moved)[vibration] / self.scale[vibration]) < 0.5:
+            if found is not None and self.vibration(found.y - moved) < 0.5:
                 return found
         return None
 
-    def step(self, a: _OnCurve, s: float) -> _OnCurve | None:
-        """A point at a distance along the curve, halving the distance if the corrector fails or goes astray.
+    def vibration(self, difference: NDArray) -> float:
+        """Size of a difference of two points without their mean positions, in scaled unknowns."""
+        n = self.system.n_mean
+        return norm2(difference[n:] / self.scale[n:])
 
-        The residual is brought down only as far as a trial at this distance needs.
+    def in_own_units(self, point: _OnCurve) -> _OnCurve:
+        """The same point with the unit of frequency that follows from the direction of the curve there."""
+        raw = point.tangent * self.scale
+        width = vibration_width(point.y, point.tangent, self.scale, self.system.n_mean)
+        self.scale = peak_scale(self.system, point.y, width)
+        t = raw / self.scale
+        t /= norm2(t)
+        return replace(point, tangent=t, slope=slope_along(self.system, point.y, t, self.scale))
+
+    def step(self, a: _OnCurve, s: float) -> _OnCurve | None:
+        """A point at a distance along the curve, which is halved while the corrector fails or ends far from its prediction.
+
+        The residual is reduced only as far as a trial at this distance needs.
         """
         for _ in range(6):
             predicted = a.y + s * a.tangent * self.scale
@@ -287,92 +296,72 @@ class _Search:
             s *= 0.5
         return None
 
-    def between(self, a: _OnCurve, b: _OnCurve, fraction: float) -> _OnCurve | None:
-        """A point between two points of the curve, predicted by a cubic through both with their tangents."""
+    def run(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool]:
+        """Root of the slope that is reached uphill: the point, the derivative of the slope, and success."""
+        options, here = self.options, start
+        while self.trials < options.max_trials:
+            if here.slope == 0.0 or (curvature < 0.0 and abs(here.slope / curvature) <= options.position_tolerance):
+                return self.exact(here, curvature)
+            step = -here.slope / curvature if curvature < 0.0 else np.copysign(options.max_step, here.slope)
+            new = self.step(here, float(np.clip(step, -options.max_step, options.max_step)))
+            if new is None:
+                return here, curvature, False
+            if self.vibration(new.y - start.y) > self.reach:
+                self.reason = FAR
+                return new, curvature, False
+            if new.slope * here.slope < 0.0:
+                return self.between(*((here, new) if here.slope > 0.0 else (new, here)))
+            moved = float(new.tangent @ ((new.y - here.y) / self.scale))
+            if moved != 0.0 and new.slope != here.slope:
+                curvature = (new.slope - here.slope) / moved
+            here = new
+        self.reason = f"not found within {options.max_trials} correctors"
+        return here, curvature, False
+
+    def between(self, rising: _OnCurve, falling: _OnCurve) -> tuple[_OnCurve, float, bool]:
+        """Root of the slope between a point before the maximum and one behind it.
+
+        Trials lie in planes normal to the chord, predicted by the cubic through both ends with their tangents.
+        """
+        a, b = rising, falling
         chord = (b.y - a.y) / self.scale
         length = norm2(chord)
-        if length == 0.0:
-            return None
-        f = fraction
-        cubic = (
-            (1.0 + 2.0 * f) * (1.0 - f) ** 2 * a.y
-            + f**2 * (3.0 - 2.0 * f) * b.y
-            + length * self.scale * (f * (1.0 - f) ** 2 * a.tangent - f**2 * (1.0 - f) * b.tangent)
-        )
-        for guess in (cubic, a.y + f * (b.y - a.y)):
-            c = self.correct(guess, chord / length)
-            if c is not None and norm2((c.y - guess) / self.scale) <= length:
-                return c
-        return None
+        normal = chord / length
+        points: list[_OnCurve] = [a, b]
 
-    def run(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool, bool]:
-        """Root of the slope: the point, the derivative of the slope, success, and whether it lies at a corner."""
-        point, curvature, found, corner = self.search(start, curvature)
-        if found and point.residual > self.options.tolerance:
-            exact = self.correct(point.y, point.tangent)
-            if exact is None:
-                return point, curvature, False, corner
-            point = exact
-        return point, curvature, found, corner
+        def slope(f: float) -> float:
+            y = (
+                (1.0 + 2.0 * f) * (1.0 - f) ** 2 * a.y
+                + f**2 * (3.0 - 2.0 * f) * b.y
+                + length * self.scale * (f * (1.0 - f) ** 2 * a.tangent - f**2 * (1.0 - f) * b.tangent)
+            )
+            y += (f - float(normal @ ((y - a.y) / self.scale)) / length) * (b.y - a.y)
+            c = self.correct(y, normal)
+            if c is None or norm2((c.y - y) / self.scale) > length:
+                raise ArithmeticError
+            points.append(c)
+            return c.slope
 
-    def search(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool, bool]:
-        """The same with a residual that may still be too large."""
-        options = self.options
-        here = start
-        before: _OnCurve | None = None
-        rising: _OnCurve | None = None  # slope > 0: before the maximum
-        falling: _OnCurve | None = None
-        lengths = [np.inf, np.inf, np.inf]  # of the bracket
-        halvings = 0  # still to be done: where the slope jumps a secant does not shrink the bracket
-        slopes = [start.slope, start.slope]  # of the last two trials
-        moved = 0.0
-        while self.trials < options.max_trials:
-            if here.slope > 0.0:
-                rising = here
-            else:
-                falling = here
-            if before is not None:
-                moved = float(here.tangent @ ((here.y - before.y) / self.scale))
-                if moved != 0.0:
-                    estimate = (here.slope - before.slope) / moved
-                    if np.isfinite(estimate) and estimate != 0.0:
-                        curvature = estimate
-                if norm2((here.y - start.y)[self.system.n_mean :] / self.scale[self.system.n_mean :]) > self.reach:
-                    self.reason = "a peak far from its prediction"
-                    return here, curvature, False, False
-            if here.slope == 0.0:
-                return here, curvature, True, False
-            # no maximum in sight: uphill
-            step = -here.slope / curvature if curvature < 0.0 else options.max_step * float(np.sign(here.slope))
-            if curvature < 0.0 and abs(step) <= options.position_tolerance:
-                return here, curvature, True, curvature < -JUMP
-            limit = options.max_step if before is None else min(options.max_step, max(8.0 * abs(moved), 0.02))
-            step = float(np.clip(step, -limit, limit))
-            new: _OnCurve | None
-            if rising is not None and falling is not None:
-                length = norm2((falling.y - rising.y) / self.scale)
-                if length <= options.position_tolerance:
-                    return here, curvature, True, True
-                inside = abs(step) < length and (step > 0.0) == (here is rising)
-                lengths = [*lengths[1:], length]
-                if not halvings and length > 0.25 * lengths[0] and abs(here.slope) > 0.1 * abs(slopes[0]):
-                    halvings = HALVINGS
-                if halvings:
-                    new = self.between(rising, falling, 0.5)
-                    halvings -= 1
-                elif inside:
-                    new = self.step(here, step)
-                else:
-                    fraction = rising.slope / (rising.slope - falling.slope)
-                    new = self.between(rising, falling, min(max(fraction, 0.05), 0.95))
-            else:
-                new = self.step(here, step)
-            if new is None:
-                return here, curvature, False, False
-            slopes = [slopes[1], new.slope]
-            before, here = here, new
-        self.reason = f"not found within {options.max_trials} correctors"
-        return here, curvature, False, False
+        left = max(self.options.max_trials - self.trials, 1)
+        try:
+            root = find_root(slope, (0.0, a.slope), (1.0, b.slope), self.options.position_tolerance / length, left)
+        except ArithmeticError:
+            return points[-1], np.nan, False
+        here = points[-1]
+        # the curvature is that between the last point and the nearest one on the other side of the maximum
+        other = min((p for p in points if p.slope * here.slope < 0.0), key=lambda p: norm2((p.y - here.y) / self.scale),
+                    default=a)  # fmt: skip
+        curvature = (here.slope - other.slope) / float(here.tangent @ ((here.y - other.y) / self.scale))
+        found = root.step * length <= self.options.position_tolerance
+        self.reason = "" if found else f"not found within {self.options.max_trials} correctors"
+        return (*self.exact(here, curvature)[:2], found)
+
+    def exact(self, point: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool]:
+        """The same point with a residual within the tolerance."""
+        if point.residual <= self.options.tolerance:
+            return point, curvature, True
+        found = self.correct(point.y, point.tangent)
+        return (point, curvature, False) if found is None else (found, curvature, True)
 
 
 def find_peak(
@@ -381,11 +370,10 @@ def find_peak(
     *,
     tangent: NDArray | None = None,
     scale: NDArray | None = None,
-    width: float | None = None,
     curvature: float = -1.0,
     options: PeakOptions | None = None,
     parameter: float = np.nan,
-    walk: bool = True,
+    drift: bool = True,
     reach: float = np.inf,
     thorough: bool = True,
 ) -> Peak:
@@ -397,22 +385,21 @@ def find_peak(
     guess : (n_unknowns + 1,) float
         Unknowns and frequency (rad/s) near the response curve.
     tangent : (n_unknowns + 1,) float, optional
-        Estimate of the direction of the curve in scaled unknowns; the first corrector works in the plane normal to it, at
-        fixed frequency without it.
+        Estimate of the direction of the curve in scaled unknowns; the first corrector works in the plane normal to it, or
+        at fixed frequency without it.
     scale : (n_unknowns + 1,) float, optional
-    width : float, rad/s, optional
-        Unit of frequency, of the order of the half-width of the resonance; found from the curve by default.
+        Units of the unknowns (:func:`peak_scale`); found from the curve by default.
     curvature : float
         Estimate of the second derivative of ln(amplitude) along the curve in scaled unknowns.
     options : PeakOptions
     parameter : float
         Noted in the result.
-    walk : bool
-        If Newton fails at the guess, try also mean positions to which a body may have walked.
+    drift : bool
+        If Newton fails at the guess, try also the mean positions of :func:`drifted`.
     reach : float
-        How far to go along the curve, relative to the vibration.
+        Largest distance along the curve, relative to the vibration.
     thorough : bool
-        Look for the peak along the curve where Newton's method alone does not lead to it.
+        Search along the curve if Newton's method to the peak fails.
 
     Returns
     -------
@@ -421,53 +408,32 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    given = width is not None or scale is not None
     if tangent is not None and scale is not None and curvature < 0.0:
-        quick = _near(system, guess, tangent, scale, curvature, options, parameter, reach)
+        quick = _newton_to_peak(system, guess, tangent, scale, curvature, options, parameter, reach)
         if quick.converged or not thorough:
             return quick
-    if scale is None:
-        scale = peak_scale(system, guess, width or 0.01 * guess[-1])
     if tangent is None:
         tangent = np.zeros(len(guess))
         tangent[-1] = 1.0
-    search = _Search(system, scale, options, reach)
-    start = search.first(guess, tangent, walk)
-    if start is not None and not given:
-        raw = start.tangent * scale
-        width = vibration_width(start.y, start.tangent, scale, system.n_mean)
-        search.scale = scale = peak_scale(system, start.y, width)
-        t = raw / scale
-        t /= norm2(t)
-        start = replace(start, tangent=t, slope=slope_along(system, start.y, t, scale))
+    search = _Search(system, peak_scale(system, guess, 0.01 * guess[-1]) if scale is None else scale, options, reach)
+    start = search.first(guess, tangent, drift)
     if start is None:
-        _, square = squared_gradient(system, guess)
         return Peak(
-            parameter, guess[-1] / (2 * np.pi), np.sqrt(square), guess, tangent, scale, np.nan, np.nan, np.full(3, np.nan),
-            np.nan, search.iterations, search.trials, 0, False, f"no solution near the guess: {search.reason}",
+            parameter, guess[-1] / (2 * np.pi), amplitude_at(system, guess), guess, tangent, search.scale, np.nan, np.nan,
+            np.full(3, np.nan), np.nan, search.iterations, search.trials, 0, False,
+            f"no solution near the guess: {search.reason}",
         )  # fmt: skip
-    point, curvature, found, corner = search.run(start, curvature)
-    _, square = squared_gradient(system, point.y)
+    if scale is None:
+        start = search.in_own_units(start)
+    point, curvature, found = search.run(start, curvature)
     return Peak(
-        parameter,
-        float(point.y[-1] / (2.0 * np.pi)),
-        float(np.sqrt(square)),
-        point.y,
-        point.tangent,
-        search.scale,
-        point.slope,
-        curvature,
-        point.shares,
-        point.residual,
-        search.iterations,
-        search.trials,
-        point.rank_deficiency,
-        corner,
-        "converged" if found else search.reason,
-    )
+        parameter, float(point.y[-1] / (2.0 * np.pi)), amplitude_at(system, point.y), point.y, point.tangent, search.scale,
+        point.slope, curvature, point.shares, point.residual, search.iterations, search.trials, point.rank_deficiency,
+        found and curvature < -JUMP, "converged" if found else search.reason,
+    )  # fmt: skip
 
 
-def _near(
+def _newton_to_peak(
     system: HarmonicSystem,
     guess: NDArray,
     tangent: NDArray,
@@ -477,7 +443,7 @@ def _near(
     parameter: float,
     reach: float,
 ) -> Peak:
-    """The peak by Newton's method, where the guess is near enough for that."""
+    """The peak by Newton's method, which converges if the guess is near enough."""
     c, slope, curvature = system.peak(
         guess, tangent, scale, curvature, options.tolerance, options.position_tolerance, options.max_iterations,
         0.5 * options.max_step,
@@ -485,7 +451,7 @@ def _near(
     vibration = slice(system.n_mean, None)
     status = STATUS_TEXT[c.status]
     if c.status == OK and norm2(((c.y - guess) / scale)[vibration]) > min(reach, options.max_step):
-        status = "a peak far from its prediction"
+        status = FAR
     return Peak(
         parameter, float(c.y[-1] / (2.0 * np.pi)), amplitude_at(system, c.y), c.y, c.tangent, scale, slope, curvature,
         np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, False, status,

@@ -20,7 +20,7 @@ from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.continuation.search import BranchSearch
 from bdamper.continuation.track import track
-from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima, walked
+from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, drifted, peak_scale, refine_maxima
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
@@ -240,7 +240,7 @@ def solution_near(
     """A solution at the frequency of one of the points, which solve nearly the same equations; None if there is none."""
     for y in points:
         scale = peak_scale(system, y, float(y[-1]))
-        for guess in (y, *walked(system, y, scale)):
+        for guess in (y, *drifted(system, y, scale)):
             c = system.correct_at(guess[:-1], y[-1], scale, FROM_WITHIN.tolerance, options.max_iterations)
             meter.iterations += c.iterations
             if c.status == OK:

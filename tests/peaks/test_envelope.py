@@ -7,7 +7,7 @@ import pytest
 
 from bdamper.peaks import envelope as leastenvelope
 from bdamper.peaks.envelope import LeastEnvelope
-from bdamper.peaks.newton import Peak, PeakOptions, walked
+from bdamper.peaks.newton import Peak, PeakOptions, drifted
 from bdamper.peaks.peak_set import Branch, PeakSet
 from bdamper.peaks.scan import Scan
 from bdamper.util.cost import CostMeter
@@ -125,7 +125,7 @@ def test_guesses_of_a_mean_position_that_nothing_holds():
     system = SimpleNamespace(n_mean=2, evaluate=lambda u, omega: (None, J, None), closing=touch)
     y = np.array([5.0, 1.0, 0.2, 0.3, 7.0])
     scale = np.full(5, 2.0)
-    found = walked(system, y, scale)
+    found = drifted(system, y, scale)
     assert len(found) == 3
     for guess in found:
         np.testing.assert_array_equal(guess[2:], y[2:])
@@ -133,4 +133,4 @@ def test_guesses_of_a_mean_position_that_nothing_holds():
     along = [float((guess - y)[:2] @ weak) for guess in found]
     assert found[0][:2] @ weak == pytest.approx(0.0, abs=1e-12)
     assert sorted(along[1:]) == pytest.approx([-0.5 * 1.001, 3.0 * 1.001])
-    assert walked(SimpleNamespace(n_mean=0), y, scale) == []
+    assert drifted(SimpleNamespace(n_mean=0), y, scale) == []
