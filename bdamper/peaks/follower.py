@@ -1,8 +1,9 @@
 """Continuation of a resonance peak in any scalar parameter.
 
-A peak that is followed is predicted by a polynomial through the latest peaks (through the latest one and its sensitivity at
-the start).  If it is not found where it was predicted the step in the parameter is halved; a peak that cannot be found at
-the smallest step has met a minimum and vanished with it, or the solver lost it: the result says at which value.
+A peak is predicted by a polynomial through the latest peaks, at the start by the first one and its sensitivity; of linear,
+quadratic and cubic prediction that which was best in the last step is used.  If the peak is not found near its prediction,
+the step in the parameter is halved.  A peak that cannot be found at the smallest step has met a minimum and vanished with
+it, or the solver lost it: the result says at which value.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class PeakBranch:
     peaks : tuple of Peak
         At the values asked for, as far as the peak exists.
     ended : float
-        Value up to which it was followed.
+        Value of the parameter up to which the peak was followed.
     status : str
         "complete", "vanished" or "left the interval".
     reason : str
@@ -87,6 +88,7 @@ class PeakFollower:
         self.status = "complete"
 
     def _place(self, value: float) -> float:
+        """Logarithm of a value of the parameter if all known ones are positive, otherwise the value."""
         return float(np.log(value)) if self.logarithmic else value
 
     def _predictions(self, value: float) -> list[NDArray]:
@@ -109,15 +111,15 @@ class PeakFollower:
         return out
 
     def _curvature(self, value: float) -> float:
-        """Curvature to be expected, by equal ratios for equal steps, in the units of the latest peak."""
+        """Curvature predicted by equal ratios for equal steps, in the units of the latest peak."""
         last = self.known[-1]
         if not last.curvature < 0.0:
             return -1.0
         before = self.known[-2] if len(self.known) > 1 else last
-        way = self._place(last.parameter) - self._place(before.parameter)
-        if not before.curvature < 0.0 or way == 0.0:
+        step = self._place(last.parameter) - self._place(before.parameter)
+        if not before.curvature < 0.0 or step == 0.0:
             return last.curvature
-        part = (self._place(value) - self._place(last.parameter)) / way
+        part = (self._place(value) - self._place(last.parameter)) / step
         size = norm2(before.tangent * before.scale / last.scale)
         ratio = last.curvature / before.curvature * size**2
         return last.curvature * min(max(ratio**part, 0.3), 3.0)
@@ -130,7 +132,7 @@ class PeakFollower:
         found = sensitivities(peak, {"parameter": (self.family, peak.parameter)}, self.options)["parameter"]
         return found.y * factor
 
-    def _attempt(self, value: float, walk: bool, thorough: bool) -> Peak | None:
+    def _attempt(self, value: float, drift: bool, thorough: bool) -> Peak | None:
         last = self.known[-1]
         try:
             predictions, system = self._predictions(value), self.family(value)
@@ -150,7 +152,7 @@ class PeakFollower:
         curvature = self._curvature(value) / size**2
         peak = find_peak(
             system, guess, tangent=tangent / size, scale=scale, curvature=curvature, options=self.options,
-            parameter=value, drift=walk, reach=1.5 * self.options.max_distance,
+            parameter=value, drift=drift, reach=1.5 * self.options.max_distance,
             thorough=thorough or last.corner,
         )  # fmt: skip
         self.iterations += peak.iterations
@@ -176,11 +178,11 @@ class PeakFollower:
         last, n = self.known[-1], len(peak.y) - 1
         mean = (peak.y - last.y)[: self.n_mean]
         if len(self.known) > 1 and norm2(mean) > 0.5 * norm2(peak.y[self.n_mean : n]):
-            # the mean has jumped: what was before says nothing of how it goes on
+            # the mean position has jumped: those before it do not predict those that follow
             before = [replace(p, y=np.concatenate([p.y[: self.n_mean] * 0.0 + peak.y[: self.n_mean], p.y[self.n_mean :]]))
                       for p in self.known]  # fmt: skip
             self.known = before
-        self.known = [*self.known[-4:], peak]
+        self.known = [*(p for p in self.known[-4:] if p.parameter != peak.parameter), peak]
 
     def go(self, value: float) -> Peak | None:
         """The peak at a value of the parameter, in smaller steps if need be; None if it does not get there."""
@@ -190,17 +192,17 @@ class PeakFollower:
             return self.known[-1]
         done, successes = 0.0, 1
         smallest = 0.5**self.options.max_halvings
-        walks = 1  # guesses of where a body has walked to cost much: tried once for each success
+        drift = True  # guesses of the mean position are costly: they are tried once after each success
         while done < 1.0:
             now = min(1.0, done + step)
             at = start + now * (end - start)
             last = step <= 2.0 * smallest
-            walk = last and walks > 0
+            guess = last and drift
             at = value if now == 1.0 else (float(np.exp(at)) if self.logarithmic else at)
-            # a step that can still be halved need not succeed at any price
-            peak = self._attempt(at, walk, step == 1.0 or walk or step < 2.0 * smallest)
+            # a search along the curve is costly: it is left out while the step can still be halved
+            peak = self._attempt(at, guess, step == 1.0 or guess or step < 2.0 * smallest)
             if peak is None:
-                walks -= walk
+                drift = drift and not guess
                 step *= 0.5
                 successes = 0
                 if step < smallest:
@@ -212,7 +214,7 @@ class PeakFollower:
                 self.status, self.reason = "left the interval", f"at {peak.frequency:.6g} Hz"
                 return None
             done = now
-            walks = 1
+            drift = True
             successes += 1
             if successes > 1:
                 step *= 2.0

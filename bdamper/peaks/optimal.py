@@ -1,8 +1,8 @@
 """Optimal curve and frequency-shift curve: the resonance peak over the preload, from free to stuck.
 
-All peaks are followed over the preload (:mod:`bdamper.peaks.peak_set`); the optimal curve is the highest of those known at
-each preload, and events (peaks that vanish, jumps, scans) are kept in the result (:mod:`bdamper.peaks.optimal_curve`).
-The optimum is the least value on it (:mod:`bdamper.peaks.envelope`).
+All peaks are followed over the preload (:mod:`bdamper.peaks.envelope`); the optimal curve is the highest of those known at
+each preload, the optimum its least value, and the result keeps events: peaks that vanish, jumps, scans
+(:mod:`bdamper.peaks.optimal_curve`).
 """
 
 from __future__ import annotations
@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.peaks.envelope import LeastEnvelope
+from bdamper.peaks.envelope import PeakEnvelope, least_peak
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
-from bdamper.peaks.peak_set import PeakSet
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -27,8 +26,8 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError, SettingError
 
 FOLLOWING = PeakOptions(max_halvings=3, position_tolerance=1e-6)
-"""Settings with which peaks are followed, unless others are given: a peak's amplitude has an error of second order in its
-place."""
+"""Settings with which peaks are followed by default: an error in the place of a peak changes its amplitude in second order
+only."""
 
 
 @one_thread
@@ -80,46 +79,49 @@ def optimal_curve(
     frequency = peak_interval(problem, frequency, mode)
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
-    known = PeakSet(problem, values, frequency, options or FOLLOWING, meter)
-    known.run(checks)
-    optimum = LeastEnvelope(known).point()
-    leaders = [known.leader(k) for k in range(len(values))]
-
-    def column(get: Any, fill: Any) -> NDArray:
-        return np.array([get(item) if item is not None else fill for item in leaders])
-
-    every = [(b.number, q) for b in known.branches for _, q in sorted(b.peaks.items())]
-    status = []
-    for k, item in enumerate(leaders):
-        if item is None:
-            status.append(f"no peak found, scan over frequency {known.scanned.get(k, 'not made')}")
-        else:
-            ending = known.scanned.get(k)
-            status.append("followed" if ending is None else ("scanned" if ending == "complete" else f"scan {ending}"))
+    known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
+    known.find_all(checks)
+    settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
+    optimum = least_peak(known)
+    columns = _columns(known, problem.n_unknowns)
     return OptimalCurve(
-        preload=values,
-        amplitude=column(lambda item: item[1].amplitude, np.nan),
-        frequency=column(lambda item: item[1].frequency, np.nan),
-        shares=column(lambda item: item[1].shares, np.full(3, np.nan)),
-        residual=column(lambda item: item[1].residual, np.nan),
-        rank_deficiency=column(lambda item: item[1].rank_deficiency, 0),
-        branch=column(lambda item: item[0].number, -1),
-        unknowns=column(lambda item: item[1].y[:-1], np.full(problem.n_unknowns, np.nan)),
-        status=tuple(status),
-        peak_preload=np.array([q.parameter for _, q in every]),
-        peak_amplitude=np.array([q.amplitude for _, q in every]),
-        peak_frequency=np.array([q.frequency for _, q in every]),
-        peak_branch=np.array([number for number, _ in every], int),
-        peak_detached=np.array([k in b.detached for b in known.branches for k in sorted(b.peaks)], bool),
-        branch_end=tuple(f"down: {b.down or 'end of range'}; up: {b.up or 'end of range'}" for b in known.branches),
-        free=free,
-        stuck=stuck,
-        optimum=optimum,
-        events=tuple(known.events),
-        cost=meter.read(time.perf_counter()),
-        settings=problem.record(None) | {"frequency": [float(f) for f in frequency]},
-        model_hash=problem.model.hash,
-    )
+        **columns, free=free, stuck=stuck, optimum=optimum, events=tuple(known.events),
+        cost=meter.read(time.perf_counter()), settings=settings, model_hash=problem.model.hash,
+    )  # fmt: skip
+
+
+def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
+    """Fields of an optimal curve that hold the highest peak at each preload, and all peaks."""
+    highest = [known.highest(k) for k in range(len(known.preload))]
+    every = [(b.number, q, k in b.isolated) for b in known.branches for k, q in sorted(b.peaks.items())]
+
+    def column(name: str, fill: Any) -> NDArray:
+        return np.array([fill if item is None else getattr(item[1], name) for item in highest])
+
+    return {
+        "preload": known.preload,
+        "amplitude": column("amplitude", np.nan),
+        "frequency": column("frequency", np.nan),
+        "shares": column("shares", np.full(3, np.nan)),
+        "residual": column("residual", np.nan),
+        "rank_deficiency": column("rank_deficiency", 0),
+        "branch": np.array([-1 if item is None else item[0].number for item in highest]),
+        "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in highest]),
+        "status": tuple(_status(item is not None, known.scanned.get(k)) for k, item in enumerate(highest)),
+        "peak_preload": np.array([q.parameter for _, q, _ in every]),
+        "peak_amplitude": np.array([q.amplitude for _, q, _ in every]),
+        "peak_frequency": np.array([q.frequency for _, q, _ in every]),
+        "peak_branch": np.array([number for number, _, _ in every], int),
+        "peak_detached": np.array([isolated for _, _, isolated in every], bool),
+        "branch_end": tuple(f"down: {b.down or 'end of range'}; up: {b.up or 'end of range'}" for b in known.branches),
+    }
+
+
+def _status(found: bool, ending: str | None) -> str:
+    """What is known at a preload, with the ending of the scan over frequency if one was made there."""
+    if not found:
+        return f"no peak found, scan over frequency {ending or 'not made'}"
+    return "followed" if ending is None else ("scanned" if ending == "complete" else f"scan {ending}")
 
 
 @one_thread
@@ -160,9 +162,9 @@ def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode:
 
 
 def check_options(options: PeakOptions | None) -> None:
+    """Whether the options of a peak are such, or None."""
     if options is not None:
         validate.instance("options", options, PeakOptions)
-
 
 
 @one_thread
@@ -176,8 +178,8 @@ def highest_peak(
 ) -> Peak:
     """The highest peak at one preload.
 
-    A corner of the curve at which the damper walks is no peak, for it has no condition that could be followed; where it
-    is higher, ``scan`` of the peak says so.
+    A corner of the curve at which the mean position of the damper drifts is no peak, since the slope does not vanish there;
+    if it is higher, ``scan`` of the peak says so.
 
     Raises
     ------
@@ -189,9 +191,9 @@ def highest_peak(
     check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(problem, preload, frequency, options=options, meter=meter)
-    peaks, ending, walk = found.peaks, found.ending, found.walk
-    if walk is not None and (not peaks or walk[1] > peaks[0].amplitude):
-        ending += f"; higher where the damper walks, {walk[1]:.6g} m at {walk[0]:.6g} Hz"
+    peaks, ending, drift = found.peaks, found.ending, found.drift
+    if drift is not None and (not peaks or drift[1] > peaks[0].amplitude):
+        ending += f"; higher where the mean position drifts, {drift[1]:.6g} m at {drift[0]:.6g} Hz"
     if not peaks:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "

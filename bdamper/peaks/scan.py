@@ -1,8 +1,7 @@
 """Peaks on the response curve at one preload, by following it over a frequency interval.
 
-A curve is followed from one end of the interval (:meth:`bdamper.study.Study.track`), or both ways from a solution that is
-known already: a peak at this preload, or points of the curve at a neighbouring one.  It is followed coarsely, since its
-peaks are refined afterwards.
+A curve is followed from the ends of the interval (:func:`bdamper.continuation.track.track`), or both ways from a peak that
+is known already at this preload.  It is followed coarsely, since its peaks are refined afterwards.
 """
 
 from __future__ import annotations
@@ -14,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.linear import around, linear_maximum, linear_resonances
-from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.coverage import Piece
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.follower import ContinuationOptions, PathPoint
 from bdamper.continuation.search import BranchSearch
 from bdamper.continuation.track import track
-from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, drifted, peak_scale, refine_maxima
+from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
@@ -36,8 +35,6 @@ PASSED = 0.1
 """Distance, relative to its vibration, at which a curve passes a peak."""
 FROM_ENDS = replace(FROM_WITHIN, patience=ContinuationOptions.patience)
 """The same from the ends of the interval."""
-TRIED = 8
-"""Points of a neighbouring curve from which a solution is looked for."""
 
 
 @brief
@@ -53,22 +50,18 @@ class Scan:
         "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
     points : (n, n_unknowns + 1) float
         Of the curve, in order.
-    walk : (frequency, amplitude), Hz, m, optional
-        The highest point at which the damper walks, a corner of the curve and no maximum; of a scan from both ends.
+    drift : (frequency, amplitude), Hz, m, optional
+        The highest point at which the mean position of the damper drifts, a corner of the curve and no maximum; of a scan
+        from the ends of the interval.
     """
 
     peaks: tuple[Peak, ...]
     ending: str
     points: NDArray
-    walk: tuple[float, float] | None = None
-
-    @property
-    def some(self) -> NDArray:
-        """A few points, spread over the curve."""
-        return self.points[:: max(1, len(self.points) // TRIED)]
+    drift: tuple[float, float] | None = None
 
     def passes(self, peak: Peak, n_mean: int) -> bool:
-        """Whether the curve passes a peak, though no point of it was marked as one: a step may have gone over it."""
+        """Whether the curve passes a peak, even if no point is marked as a maximum: a step may have passed over it."""
         vibration = self.points[:, n_mean:-1]
         a, chord = vibration[:-1], np.diff(vibration, axis=0)
         offset = peak.y[n_mean:-1] - a
@@ -159,7 +152,7 @@ def scan(
     continuation: ContinuationOptions | None = None,
     meter: CostMeter | None = None,
 ) -> Scan:
-    """The same from the ends of the interval, with points of the curve; arguments as for :func:`peaks_at`."""
+    """The response curve at one preload, followed from the ends of the interval; arguments as of :func:`peaks_at`."""
     curve = uninterrupted(track(problem, preload, frequency, options=continuation or coarse_options()))
     if meter is not None:
         meter.add(curve.cost)
@@ -170,10 +163,10 @@ def scan(
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    walk = max((i for i, kind in enumerate(curve.point_kind) if kind == "walk"), key=curve.amplitude.item, default=None)
+    drift = max((i for i, kind in enumerate(curve.point_kind) if kind == "walk"), key=curve.amplitude.item, default=None)
     return Scan(
         peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points,
-        None if walk is None else (float(curve.frequency[walk]), float(curve.amplitude[walk])),
+        None if drift is None else (float(curve.frequency[drift]), float(curve.amplitude[drift])),
     )  # fmt: skip
 
 
@@ -207,7 +200,7 @@ def scan_from(
     Returns
     -------
     Scan
-        It is not complete where a path ended in a tangle of folds, on itself, or where the other one did.
+        Not complete if a path ended in a tangle of folds, on itself, or at the end of the interval that the other reached.
     """
     low, high = (2.0 * np.pi * f for f in frequency)
     system.watched = linear_resonances(system, (None, problem.stuck_springs(problem.static(preload))), low, high)
@@ -234,20 +227,6 @@ def _end(piece: Piece) -> str:
     return "high" if (piece.path.status == "complete") == piece.up else "low"
 
 
-def solution_near(
-    system: HarmonicSystem, points: NDArray, options: PeakOptions, meter: CostMeter
-) -> NDArray | None:
-    """A solution at the frequency of one of the points, which solve nearly the same equations; None if there is none."""
-    for y in points:
-        scale = peak_scale(system, y, float(y[-1]))
-        for guess in (y, *drifted(system, y, scale)):
-            c = system.correct_at(guess[:-1], y[-1], scale, FROM_WITHIN.tolerance, options.max_iterations)
-            meter.iterations += c.iterations
-            if c.status == OK:
-                return c.y
-    return None
-
-
 def _maxima(system: HarmonicSystem, curve: Any) -> list[Any]:
     """Points marked as maxima, with the direction of the curve from the neighbouring points."""
     out = []
@@ -260,10 +239,7 @@ def _maxima(system: HarmonicSystem, curve: Any) -> list[Any]:
             curve.unknowns[k] - curve.unknowns[j], 2.0 * np.pi * (curve.frequency[k] - curve.frequency[j])
         )
         n = system.n_mean
-        scale = np.ones(len(y))
-        scale[:n] = max(float(np.linalg.norm(y[:n])), float(np.linalg.norm(y[n:-1])))
-        scale[n:-1] = float(np.linalg.norm(y[n:-1]))
-        scale[-1] = max(abs(float(chord[-1])), 1e-6 * y[-1])
+        scale = peak_scale(system, y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
         chord = chord / scale
         chord[:n] = 0.0
         size = float(np.linalg.norm(chord))

@@ -5,10 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bdamper.peaks import envelope as leastenvelope
-from bdamper.peaks.envelope import LeastEnvelope
+from bdamper.peaks import envelope
+from bdamper.peaks.envelope import Branch, PeakEnvelope, least_peak
 from bdamper.peaks.newton import Peak, PeakOptions, drifted
-from bdamper.peaks.peak_set import Branch, PeakSet
 from bdamper.peaks.scan import Scan
 from bdamper.util.cost import CostMeter
 
@@ -22,7 +21,7 @@ def peak(preload, amplitude, frequency=100.0):
 
 def known(branches, preload):
     """All peaks of branches whose ln(amplitude) is a function of ln(preload)."""
-    out = PeakSet(None, preload, (50.0, 150.0), PeakOptions(), CostMeter(0.0))
+    out = PeakEnvelope(None, preload, (50.0, 150.0), PeakOptions(), CostMeter(0.0))
     for number, height in enumerate(branches):
         peaks = {k: peak(p, np.exp(height(np.log(p))), 100.0 + number) for k, p in enumerate(preload)}
         out.branches.append(Branch(number, peaks))
@@ -42,9 +41,9 @@ def least(branches, preload, monkeypatch):
         x, h = np.log(p), 1e-6
         return (of(q)(x + h) - of(q)(x - h)) / (2.0 * h) * q.amplitude / p
 
-    monkeypatch.setattr(LeastEnvelope, "_reach", reach)
-    monkeypatch.setattr(leastenvelope, "amplitude_sensitivity", sensitivity)
-    return LeastEnvelope(known(branches, preload)).point()
+    monkeypatch.setattr(envelope._Minimum, "followed", reach)
+    monkeypatch.setattr(envelope, "amplitude_sensitivity", sensitivity)
+    return least_peak(known(branches, preload))
 
 
 def valley(x):
@@ -86,7 +85,7 @@ def test_branches_near_the_highest_peak_take_part(monkeypatch):
     assert abs(branches[1](x) - valley(x)) < 1e-6
 
 
-def test_a_peak_off_the_curve_that_a_sweep_follows_is_detached():
+def test_a_peak_off_the_curve_that_a_sweep_follows_is_isolated():
     """Two peaks are known, a complete scan passes one of them: the other is not the one that a sweep meets."""
     peaks = known([lambda x: 1.0 + 0.0 * x, lambda x: 0.0 * x], np.array([1.0, 2.0, 3.0]))
     curve, isolated = peaks.branches[1], peaks.branches[0]
@@ -96,19 +95,19 @@ def test_a_peak_off_the_curve_that_a_sweep_follows_is_detached():
 
     points = np.array([[0.5, 600.0], there.y, [0.5, 660.0]])
     peaks.look = lambda k, preload: Scan((there,), "complete", points)
-    assert peaks.leader(1)[0] is isolated
+    assert peaks.highest(1)[0] is isolated
     peaks.scan(1)
-    assert isolated.detached == {1}
-    assert curve.detached == set()
-    assert peaks.leader(1)[0] is curve
-    assert peaks.leader(0)[0] is isolated  # was not looked at there
-    assert any("peak of branch 0" in event and "is detached" in event for event in peaks.events)
+    assert isolated.isolated == {1}
+    assert curve.isolated == set()
+    assert peaks.highest(1)[0] is curve
+    assert peaks.highest(0)[0] is isolated  # was not looked at there
+    assert any("peak of branch 0" in event and "is not connected" in event for event in peaks.events)
     # from there the neighbours ask for a look of their own
     assert peaks.suspicious() == 0
     # an incomplete scan tells nothing
     peaks.look = lambda k, preload: Scan((there,), "stalled", points)
     peaks.scan(0)
-    assert 0 not in isolated.detached
+    assert 0 not in isolated.isolated
 
 
 def test_guesses_of_a_mean_position_that_nothing_holds():

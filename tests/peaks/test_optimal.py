@@ -9,10 +9,10 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.follower import _Follower, follow
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
+from bdamper.peaks.envelope import Branch, PeakEnvelope
 from bdamper.peaks.follower import PeakFollower, follow_peak
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
-from bdamper.peaks.peak_set import Branch, PeakSet
-from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan_from, solution_near
+from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan_from
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
@@ -162,6 +162,13 @@ def test_jumps_at_low_preload_are_found():
     assert any("jump" in event for event in curve.events)
 
 
+def test_a_peak_is_followed_back_through_values_it_had(study, peak):
+    branch = follow_peak(study.system, peak, [1100.0, 1000.0, 1100.0, 1000.0, 1050.0])
+    assert branch.status == "complete"
+    assert branch.peaks[1].amplitude == pytest.approx(peak.amplitude, rel=1e-9)
+    assert branch.peaks[2].amplitude == pytest.approx(branch.peaks[0].amplitude, rel=1e-9)
+
+
 class TestSensitivities:
     @pytest.mark.parametrize("name", PARAMETERS)
     def test_against_finite_differences(self, study, peak, name):
@@ -283,14 +290,6 @@ class TestScanFromAKnownSolution:
         assert found.passes(whole[0], study.system(preload).n_mean)
         far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
         assert not found.passes(far, study.system(preload).n_mean)
-
-    def test_a_solution_at_a_neighbouring_preload_leads_to_one_here(self, study):
-        curve = study.track(400.0, INTERVAL)
-        points = np.column_stack([curve.unknowns, 2 * np.pi * curve.frequency])[::10]
-        system = study.system(350.0)
-        y = solution_near(system, points, PeakOptions(), CostMeter(0.0))
-        r, _, _ = system.evaluate(y[:-1], y[-1])
-        assert np.abs(r * system.row_scale).max() < 1e-3
 
     def test_walks_go_straight_to_the_plane(self):
         """The way of a walking body to the plane: there the first open point touches, a little before it none does."""
@@ -465,13 +464,13 @@ class TestPeaksOutsideTheInterval:
         assert f"not converged: {o.status}" in str(left)
         assert f"{len(left.warnings) - 1} preloads with a warning, first 200 N: no peak found" in str(left)
 
-    def test_a_curve_of_two_leaders_takes_the_one_inside(self, study):
-        known = PeakSet(study, np.array([900.0, 1000.0]), (300.0, 320.0), PeakOptions(), CostMeter(0.0))
+    def test_a_curve_of_two_highest_takes_the_one_inside(self, study):
+        known = PeakEnvelope(study, np.array([900.0, 1000.0]), (300.0, 320.0), PeakOptions(), CostMeter(0.0))
         inside, outside = SimpleNamespace(frequency=310.0, amplitude=1.0), SimpleNamespace(frequency=290.0, amplitude=2.0)
         known.branches = [Branch(0, {0: inside, 1: inside}), Branch(1, {0: outside})]
-        assert known.leader(0) == (known.branches[0], inside)
-        known.branches[1].detached.add(0)
-        assert known.leader(0) == (known.branches[0], inside)
+        assert known.highest(0) == (known.branches[0], inside)
+        known.branches[1].isolated.add(0)
+        assert known.highest(0) == (known.branches[0], inside)
 
 
 @pytest.fixture(scope="module")
