@@ -150,6 +150,8 @@ class Study(Problem):
 
     # effects
     advise = advice.advise
+    apply = advice.apply
+    check = advice.check
     compare_laws = laws.compare_laws
     compare_stiffness = methods.compare_stiffness
 

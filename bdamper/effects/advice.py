@@ -1,27 +1,30 @@
-"""Which of the effects that a study leaves out would change its highest peak.
+"""Which physical effects one scene calls for.
 
-For each effect the peak of the study is embedded in the study with this effect on; :mod:`bdamper.effects.indicator`
-estimates its change.  The estimate is about one peak.  So the other maxima and the points near the top of the curve are
-asked as well (:mod:`bdamper.effects.rivals`): where one of them may become the highest, what the estimate misses is as
-large as the way to there.
+The *reference* is the study with all effects on that its model allows, whether the study has them or not.  Of each effect
+the advice says what the highest peak of the reference would change if this effect alone were left out, and what that saves:
+
+1. The peak is carried into the study without the effect; one adjoint solution there estimates the change
+   (:mod:`bdamper.effects.indicator`).
+2. Unless the estimate with what it may miss is within the tolerance, the highest peak of the study without the effect is
+   computed on a curve of its own.  Where there is none, the change is unknown and the effect is called for.
+3. Effects are left out one after the other, those that save most first, as long as the sum of their changes is within the
+   tolerance.  Small changes may still amount to more together than their sum, so the peak without all of them is computed
+   and compared with that of the reference; until they agree, the effect with the largest change is taken back.
 """
 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import get_lapack_funcs
 
 from bdamper.balance.system import HarmonicSystem
-from bdamper.continuation.curve import Curve, uninterrupted
-from bdamper.continuation.track import track
-from bdamper.effects.indicator import Estimate, change_or_unknown, embed_between, highest_peaks
-from bdamper.effects.rivals import Rival, place_at, place_of_peak, rivals, summits, superharmonic_points
-from bdamper.peaks.newton import Peak, coarse_options
-from bdamper.problem.effects import Effects
+from bdamper.effects.indicator import embed, estimate_or_unknown
+from bdamper.peaks.newton import Peak
+from bdamper.peaks.optimal import highest_peak
+from bdamper.problem.effects import AXES, Effects
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -30,70 +33,103 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
+MOST_HARMONICS = 5
+"""Of the reference, unless the study or the caller asks for more."""
+WORTH = 0.98
+"""Share of the work of the reference from which on leaving an effect out saves nothing."""
+
+AnyProblem = TypeVar("AnyProblem", bound=Problem)
+
 
 @dataclass(frozen=True)
 class EffectAdvice:
-    """What one effect would change.
+    """What leaving out one effect changes, and whether the scene calls for it.
 
     Parameters
     ----------
     name : str
+        As :meth:`bdamper.problem.effects.Effects.without` takes it.
+    on : bool
+        Whether the study has the effect.
     amplitude_change, frequency_change : float
-        Estimated relative change of the peak; NaN if the indicator could not tell.
-    defect : float
-        Relative change that the estimate may miss, at the peak or because another place becomes the highest.
-    reliability : {"small", "significant", "must be on"}
-    unknowns, points : int
-        Unknowns and contact elements with the effect on.
-    cost : float
-        Time of a Newton iteration with the effect on, relative to that without.
+        Relative change of the peak of the reference if this effect alone is left out; NaN if it is not known.
+    uncertainty : float
+        Relative change that an estimate may miss; 0 if the change was computed, infinite if it is not known.
+    source : {"estimated", "computed", "unknown"}
+    work : float
+        Operations of a Newton iteration without the effect, relative to those of the reference.
+    called_for : bool
     reason : str
-        Why the estimate of the peak is not enough, if so: what may overtake it.
+        Why the change is not known, or why an effect of a small change is called for.
     """
 
     name: str
+    on: bool
     amplitude_change: float
     frequency_change: float
-    defect: float
-    reliability: str
-    unknowns: int
-    points: int
-    cost: float
+    uncertainty: float
+    source: str
+    work: float
+    called_for: bool = True
     reason: str = ""
+
+    @property
+    def size(self) -> float:
+        """Largest relative change of amplitude or frequency, with what the estimate may miss; infinite if not known."""
+        size = max(abs(self.amplitude_change), abs(self.frequency_change)) + self.uncertainty
+        return float(size) if np.isfinite(size) else np.inf
+
+    @property
+    def verdict(self) -> str:
+        """What to do about the effect in the study."""
+        if self.on:
+            return "keep" if self.called_for else "leave out"
+        return "switch on" if self.called_for else "stays off"
 
 
 @brief
 @dataclass(frozen=True)
-class Advice(Plottable, Storable, kind="bdamper-advice", version=3, oldest=3):
-    """Estimated changes of a peak by all effects that are off.
+class Advice(Plottable, Storable, kind="bdamper-advice", version=4, oldest=4):
+    """What each effect changes in one scene, and which of them the scene calls for.
 
-    ``plot`` draws bars of the estimated changes (:func:`bdamper.plot.plot_advice`).
+    ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_advice`).
 
     Parameters
     ----------
     preload : float, N
-    frequency, amplitude : float, Hz, m
-        The converged peak of the study as it is.
+    interval : (low, high), Hz
+        In which the highest peak was looked for.
     tolerance : float
-    unknowns, points : int
-        Of the study as it is.
+        Relative change of amplitude or frequency of the highest peak that leaving out effects may make in all.
+    amplitude, frequency : float, m, Hz
+        The highest peak of the reference.
     effects : tuple of EffectAdvice
         The largest change first.
+    reference, called_for : Effects
+        All effects on, and just those that the scene calls for.
+    amplitude_change, frequency_change : float
+        Relative change of the peak with just the effects called for, computed.
+    work : float
+        Operations of a Newton iteration with just these, relative to those of the reference.
+    peaks : int
+        How many highest peaks the advice itself has computed, that of the reference included.
     notes : tuple of str
-        What else to know of the curve that the peak was found on.
-    seconds : float
-        For the estimates alone.
+        What else to know of the curve of the reference.
     """
 
     preload: float
-    frequency: float
-    amplitude: float
+    interval: tuple[float, float]
     tolerance: float
-    unknowns: int
-    points: int
+    amplitude: float
+    frequency: float
     effects: tuple[EffectAdvice, ...]
+    reference: Effects
+    called_for: Effects
+    amplitude_change: float
+    frequency_change: float
+    work: float
+    peaks: int
     notes: tuple[str, ...] = ()
-    seconds: float = field(default=0.0, compare=False)
 
     def __getitem__(self, name: str) -> EffectAdvice:
         for item in self.effects:
@@ -102,35 +138,31 @@ class Advice(Plottable, Storable, kind="bdamper-advice", version=3, oldest=3):
         raise KeyError(f"no advice on '{name}'; there is some on {[e.name for e in self.effects]}")
 
     @property
-    def called_for(self) -> tuple[str, ...]:
-        """Effects that are not small."""
-        return tuple(e.name for e in self.effects if e.reliability != "small")
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the effects that the scene does not call for."""
+        return tuple(e.name for e in self.effects if not e.called_for)
 
     def __str__(self) -> str:
         lines = [
-            f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N; tolerance "
-            f"{100 * self.tolerance:g} %; {self.unknowns} unknowns, {self.points} contact elements",
-            f"{'effect switched on':<26}{'amplitude':>11}{'frequency':>11}{'may miss':>11}  {'reliability':<12}"
-            f"{'unknowns':>9}{'points':>7}{'cost':>10}",
+            f"peak with all effects: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N, "
+            f"tolerance {100 * self.tolerance:g} %",
+            f"{'without':<26}{'amplitude':>11}{'frequency':>11}{'may miss':>10}  {'source':<10}{'work':>6}  in the study",
         ]
         for e in self.effects:
-            lines.append(
-                f"{e.name:<26}{_percent(e.amplitude_change):>11}{_percent(e.frequency_change):>11}"
-                f"{_percent(e.defect, sign=False):>11}  {e.reliability:<12}{e.unknowns:>9}{e.points:>7}{_times(e.cost):>10}"
-                + (f"  {e.reason}" if e.reason else "")
-            )
+            changes = [_percent(c) for c in (e.amplitude_change, e.frequency_change)]
+            miss = _percent(e.uncertainty)[1:] if e.source == "estimated" else ""
+            state = f"{'on' if e.on else 'off'}: {e.verdict}" + (f" ({e.reason})" if e.reason else "")
+            lines.append(f"{e.name:<26}{changes[0]:>11}{changes[1]:>11}{miss:>10}  {e.source:<10}{e.work:>6.2f}  {state}")
+        lines.append(
+            f"{'without all left out':<26}{100 * self.amplitude_change:>+9.2f} %{100 * self.frequency_change:>+9.2f} %"
+            f"{'':>10}  {'computed':<10}{self.work:>6.2f}"
+        )
         return "\n".join([*lines, *self.notes])
 
 
-def _times(value: float) -> str:
-    return f"{value:.1f}x" if value < 1e6 else f"{value:.1e}x"
-
-
-def _percent(value: float, sign: bool = True) -> str:
-    if not np.isfinite(value):
-        return "unknown"
-    digits = ".2f" if abs(value) < 10.0 else ".0f" if abs(value) < 1e4 else ".0e"
-    return f"{100 * value:{'+' if sign else ''}{digits}} %"
+def _percent(value: float) -> str:
+    digits = 2 if abs(value) < 10.0 else 0
+    return f"{100 * value:+.{digits}f} %" if np.isfinite(value) else "unknown"
 
 
 @one_thread
@@ -141,24 +173,24 @@ def advise(
     *,
     against: Effects | None = None,
     tolerance: float = 0.01,
-    curve: Curve | None = None,
 ) -> Advice:
-    """Which of the effects that a study leaves out would change its highest peak.
+    """What each effect changes at the highest peak of one scene, and which of them the scene calls for.
+
+    It costs many peaks itself: that of the reference, one for each effect whose change is not small, one or a few to
+    compute what leaving out effects together changes.  It pays where many peaks of like scenes follow.
 
     Parameters
     ----------
     problem : Problem
-        As cheap as one likes.
     preload : float, N
     frequency : (low, high), Hz
-        Interval in which the peak is looked for.
+        Interval in which the highest peak is looked for.
     against : Effects, optional
-        The effects to ask about: those that are on there and off in the study.  By default all that the model allows, with
-        five harmonics, two elastic damper modes and coupled friction.
+        The reference; by default all that the model allows (:func:`fullest`).  The friction law and the residual traction
+        stay those of the study: they say what is computed, and :func:`bdamper.effects.compare_laws.compare_laws` compares
+        them.
     tolerance : float
-        Relative change of amplitude or frequency that counts as small.
-    curve : Curve, optional
-        Of the study at this preload, if it is known already.
+        Relative change of amplitude or frequency that leaving out effects may make in all.
 
     Returns
     -------
@@ -167,137 +199,284 @@ def advise(
     Raises
     ------
     BdamperError
-        If the study has no peak there.
+        If the reference has no peak there.
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-    if against is not None:
-        validate.instance("against", against, Effects)
     own = Effects.of(problem)
-    rich = against or fullest(problem)
-    system = problem.system(preload)
-    if curve is None:
-        curve = uninterrupted(track(problem, preload, frequency, options=coarse_options()))
-    peaks = highest_peaks(system, curve) if len(curve) else []
-    if not peaks:
-        raise BdamperError(f"no peak between {frequency[0]:g} and {frequency[1]:g} Hz at {preload:g} N: {curve.reason}")
-    begin = time.perf_counter()
-    own_time = _iteration_time(system, peaks[0].y)
-    items = []
-    for name, effects in own.missing(rich).items():
-        richer = problem.with_effects(effects)
-        items.append(_advice_on(name, problem, richer, preload, curve, peaks, tolerance, own_time))
-    items.sort(key=lambda e: -max(abs(np.nan_to_num(e.amplitude_change, nan=9.0)), abs(e.frequency_change)))
+    effects = fullest(problem) if against is None else validate.instance("against", against, Effects)
+    reference = _Reference(problem.with_effects(effects), effects, preload, frequency)
+    rows = [reference.row(name, own, tolerance) for name in parts(problem, effects)]
+    rows.sort(key=lambda row: -row.size)
+    rows, (amplitude, change) = _chosen(reference, rows, tolerance)
+    called_for = effects
+    for row in rows:
+        called_for = called_for if row.called_for else called_for.without(row.name)
+    peak = reference.peak
+    notes = () if peak.scan == "complete" else (f"the curve with all effects ended as: {peak.scan}",)
+    work = _work(problem.with_effects(called_for).system(preload)) / reference.work
     return Advice(
-        float(preload), peaks[0].frequency, peaks[0].amplitude, tolerance, system.n_unknowns, system.n_points,
-        tuple(items), _notes(curve, peaks[0]), time.perf_counter() - begin,
+        preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, called_for, amplitude, change,
+        work, reference.peaks, notes,
     )  # fmt: skip
 
 
-def _notes(curve: Curve, peak: Peak) -> tuple[str, ...]:
-    """What of a curve its highest peak does not tell."""
-    notes = []
-    if not curve.complete:
-        notes.append(f"the curve is {curve.status}, what it has not reached may be higher: {curve.reason}")
-    notes += [f"not followed, may be higher: {part}" for part in curve.left_out]
-    top = int(np.argmax(curve.amplitude))
-    if curve.amplitude[top] > (1.0 + 1e-3) * peak.amplitude:
-        what = "a summit that is no maximum" if top in summits(curve) else "where the interval ends"
-        notes.append(f"the response is higher at {curve.frequency[top]:.6g} Hz, {what}: {curve.amplitude[top]:.6g} m")
-    return tuple(notes)
+class _Reference:
+    """The study with all effects on and its highest peak; other studies are compared with it."""
+
+    def __init__(self, problem: Problem, effects: Effects, preload: float, frequency: tuple[float, float]) -> None:
+        self.problem = problem
+        self.effects = effects
+        self.preload = preload
+        self.frequency = frequency
+        self.peak = highest_peak(problem, preload, frequency)
+        self.work = _work(problem.system(preload))
+        self.peaks = 1
+
+    def row(self, name: str, own: Effects, tolerance: float) -> EffectAdvice:
+        """The change of the peak without one effect: estimated, where that is not enough computed."""
+        on = own.without(name) != own
+        leaner = self.problem.with_effects(self.effects.without(name))
+        if not leaner.static(self.preload).converged:
+            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
+        system = leaner.system(self.preload)
+        work = _work(system) / self.work
+        e = estimate_or_unknown(system, embed(self.problem, leaner, self.preload, self.peak.y))
+        if e.size <= tolerance:
+            return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
+        try:
+            amplitude, frequency = self.computed(leaner)
+        except BdamperError as error:
+            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", work, reason=str(error))
+        return EffectAdvice(name, on, amplitude, frequency, 0.0, "computed", work)
+
+    def computed(self, leaner: Problem) -> tuple[float, float]:
+        """Relative change of amplitude and frequency to the highest peak of another study."""
+        self.peaks += 1
+        peak = highest_peak(leaner, self.preload, self.frequency)
+        if peak.scan != "complete":
+            raise BdamperError(f"the curve without it ended as: {peak.scan}")
+        return relative_change(self.peak, peak)
 
 
-def _advice_on(
-    name: str,
-    problem: Problem,
-    richer: Problem,
-    preload: float,
-    curve: Curve,
-    peaks: list[Peak],
-    tolerance: float,
-    own_time: float,
-) -> EffectAdvice:
-    if not richer.static(preload).converged:
-        size = richer.n_unknowns, richer.coupling.n_points
-        return EffectAdvice(name, np.nan, np.nan, np.inf, "must be on", *size, np.nan, "no static state")
-    system, rich = problem.system(preload), richer.system(preload)
-    size = rich.n_unknowns, rich.n_points
-
-    def moved(y: NDArray) -> NDArray:
-        return embed_between(problem, richer, system, rich, preload, y)
-
-    def ask(y: NDArray) -> Estimate:
-        return change_or_unknown(rich, moved(y))
-
-    top = place_of_peak(peaks[0], ask)
-    e = top.estimate
-    others: list[Rival] = []
-    if np.isfinite(e.size):
-        springs = (richer.stuck_springs(richer.static(preload)), None)
-        parts = superharmonic_points(curve, system, rich, springs, moved, top.amplitude)
-        between = [place_at(system, y, ask) for part in parts for y in part]
-        others = list(rivals(curve, peaks, ask, top, tolerance, between))
-    defect, reliability, reason = judged(e, others, tolerance)
-    cost = _iteration_time(rich, moved(peaks[0].y)) / own_time
-    return EffectAdvice(name, e.amplitude, e.frequency, defect, reliability, *size, cost, reason)
+def relative_change(before: Peak, after: Peak) -> tuple[float, float]:
+    """Of amplitude and frequency from one peak to another."""
+    return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
 
 
-def judged(estimate: Estimate, others: list[Rival], tolerance: float) -> tuple[float, str, str]:
-    """What the estimate of the peak may miss, how far it is to be relied on, and why no further.
+def _chosen(
+    reference: _Reference, rows: list[EffectAdvice], tolerance: float
+) -> tuple[list[EffectAdvice], tuple[float, float]]:
+    """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
+    taken_back: dict[str, str] = {}
+    while True:
+        effects, total, out = reference.effects, 0.0, dict[str, EffectAdvice]()
+        for row in sorted(rows, key=lambda row: row.work):
+            fits = row.name not in taken_back and total + row.size <= tolerance
+            if fits and (row.work < WORTH or not row.on) and effects.without(row.name) != effects:
+                effects, total = effects.without(row.name), total + row.size
+                out[row.name] = row
+        change = 0.0, 0.0
+        if out:
+            try:
+                change = reference.computed(reference.problem.with_effects(effects))
+            except BdamperError:
+                change = np.inf, np.inf
+        if max(map(abs, change)) <= tolerance:
+            break
+        taken_back[max(out.values(), key=lambda row: row.size).name] = "changes more together with others"
+    marked = []
+    for row in rows:
+        covered = effects.without(row.name) == effects  # by itself or with an effect that contains it
+        reason = row.reason or taken_back.get(row.name, "")
+        if not covered and not reason and row.size <= tolerance:
+            reason = "saves nothing" if row.work >= WORTH else "the sum would be beyond the tolerance"
+        marked.append(replace(row, called_for=not covered, reason="" if covered else reason))
+    return marked, change
 
-    A change is small only if no other place may make it larger.  Its size can be relied on as far as no other place is
-    expected to become the highest.
-    """
-    highest = max(others, key=lambda rival: rival.may_miss, default=None)
-    most, reason = estimate, ""
-    if highest is not None and highest.may_miss > estimate.defect:
-        most = replace(estimate, defect=highest.may_miss)
-        reason = f"may be higher at {highest.place.frequency:.5g} Hz"
-    expected = max([estimate.defect, *(rival.misses for rival in others)])
-    reliability = replace(estimate, defect=expected).reliability(tolerance)
-    if reliability == "small" and most.size > tolerance:
-        reliability = "must be on"
-    return most.defect, reliability, reason
 
-
-def _iteration_time(system: HarmonicSystem, y: NDArray) -> float:
-    """Seconds of a residual with Jacobian and a factorisation, the shorter of two."""
-    best = np.inf
-    for _ in range(2):
-        begin = time.perf_counter()
-        _, J, _ = system.evaluate(y[:-1], y[-1])
-        get_lapack_funcs("getrf", (J,))(J)
-        best = min(best, time.perf_counter() - begin)
-    return best
+def _work(system: HarmonicSystem) -> float:
+    """Operations of a Newton iteration, the same on every machine."""
+    return float(system.work[:3].sum())
 
 
 def fullest(problem: Problem) -> Effects:
-    """All effects that a study could simulate: five harmonics where the model has their nodal diameters."""
+    """All effects that the model of a study allows: five harmonics where it has their modes, two elastic damper modes."""
     own = Effects.of(problem)
     most = 1
-    for l in range(2, 6):
+    for l in range(2, MOST_HARMONICS + 1):
         try:
             problem.coupling.basis(l)
         except SettingError:
             break
         most = l
+    numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
     bodies = problem.model.bodies.values()
-    blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
-    plain = own.friction_law == "separable" and own.residual_traction == "static"
-    harmonics = sorted({*own.harmonic_numbers, *range(1, most + 1)})
+    blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     return replace(
         own,
-        harmonics=len(harmonics) if harmonics[-1] == len(harmonics) else tuple(harmonics),
+        harmonics=len(numbers) if numbers[-1] == len(numbers) else numbers,
         bias=True,
         variable_normal_load=True,
         separation=True,
-        friction_law="coupled" if plain else own.friction_law,
-        rotation=("X", "Y", "Z"),
-        translation=("X", "Y", "Z"),
-        damper_modes=max(own.damper_modes, min([2, *damper])) if damper else own.damper_modes,
+        rotation=AXES,
+        translation=AXES,
+        damper_modes=max([own.damper_modes, min([2, *damper])]) if damper else own.damper_modes,
         harmonic_nodal_diameters=True,
         constraints=True,
         contact_points=None,
-        blade_modes=max(own.blade_modes, min([20, 2 * own.blade_modes, *blade])),
+        blade_modes=max(own.blade_modes, min([10, *blade])),
     )
+
+
+def parts(problem: Problem, effects: Effects) -> list[str]:
+    """Names of the single effects among those that are on, as :meth:`Effects.without` takes them, for one model."""
+    faces = [face for face in problem.model.interfaces.values() if face.kind == "friction"]
+    points = max([face.n_points for face in faces], default=1)
+    points = points if effects.contact_points is None else min(points, effects.contact_points)
+    names = ["bias", "variable normal load", "separation"]
+    names += [f"harmonics beyond {l}" for l in (1, 3)]
+    if problem.model.n_blades > 1:
+        names.append("harmonic nodal diameters")
+    if any(face.kind == "constraint" for face in problem.model.interfaces.values()):
+        names.append("constraints")
+    if any(body.kind == "free" for body in problem.model.bodies.values()):
+        names += [f"rotation {axis}" for axis in AXES]
+        loaded = any(body.load is not None for body in problem.model.bodies.values())
+        names += [f"translation {axis}" for axis in AXES if not (loaded and axis == "Y")]  # Y is along the preload
+        names.append("damper modes beyond 0")
+    names += [f"blade modes beyond {effects.blade_modes // 2}"] if effects.blade_modes > 1 else []
+    names += [f"contact points beyond {points // 2}"] if points > 1 else []
+    return [name for name in names if effects.without(name) != effects]
+
+
+def apply(problem: AnyProblem, advice: Advice) -> AnyProblem:
+    """The study with just the effects that a scene calls for.
+
+    Parameters
+    ----------
+    problem : Problem
+    advice : Advice
+
+    Returns
+    -------
+    Problem
+        Of the same kind as the one given.
+    """
+    return problem.with_effects(validate.instance("advice", advice, Advice).called_for)
+
+
+# ---- what the advice is worth ----
+
+
+@dataclass(frozen=True)
+class CheckedPeak:
+    """The highest peak of one study, and what it took.
+
+    Parameters
+    ----------
+    name : str
+    amplitude, frequency : float, m, Hz
+        NaN if no peak was found.
+    seconds : float
+        Of the processor, with all that has to be made for the study.
+    evaluations : int
+    status : str
+        "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
+    """
+
+    name: str
+    amplitude: float
+    frequency: float
+    seconds: float
+    evaluations: int
+    status: str
+
+
+@brief
+@dataclass(frozen=True)
+class AdviceCheck(Storable, kind="bdamper-advice-check"):
+    """The highest peak with all effects on and with just those called for, each computed anew.
+
+    Parameters
+    ----------
+    preload : float, N
+    tolerance : float
+    whole, lean : CheckedPeak
+        With all effects of the advice's reference, and with just those called for.
+    """
+
+    preload: float
+    tolerance: float
+    whole: CheckedPeak
+    lean: CheckedPeak
+
+    @property
+    def amplitude_change(self) -> float:
+        """Relative change of the amplitude by what is left out."""
+        return self.lean.amplitude / self.whole.amplitude - 1.0
+
+    @property
+    def frequency_change(self) -> float:
+        """Relative change of the frequency by what is left out."""
+        return self.lean.frequency / self.whole.frequency - 1.0
+
+    @property
+    def agrees(self) -> bool:
+        """Whether amplitude and frequency agree within the tolerance."""
+        return max(abs(self.amplitude_change), abs(self.frequency_change)) <= self.tolerance
+
+    @property
+    def speedup(self) -> float:
+        """Processor time with all effects, relative to that with those called for."""
+        return self.whole.seconds / self.lean.seconds
+
+    def __str__(self) -> str:
+        lines = [
+            f"preload {self.preload:g} N",
+            f"{'effects':<12}{'amplitude m':>14}{'frequency Hz':>14}{'s':>9}{'evaluations':>13}",
+        ]
+        for peak in (self.whole, self.lean):
+            ending = "" if peak.status == "complete" else f"  {peak.status}"
+            lines.append(
+                f"{peak.name:<12}{peak.amplitude:>14.6g}{peak.frequency:>14.6g}{peak.seconds:>9.3f}"
+                f"{peak.evaluations:>13}{ending}"
+            )
+        changes = f"{100 * self.amplitude_change:>+12.2f} %{100 * self.frequency_change:>+12.2f} %"
+        lines.append(
+            f"{'difference':<12}{changes}, {'within' if self.agrees else 'beyond'} the tolerance of "
+            f"{100 * self.tolerance:g} %; {self.speedup:.1f} times as fast"
+        )
+        return "\n".join(lines)
+
+
+@one_thread
+def check(problem: Problem, advice: Advice) -> AdviceCheck:
+    """Compute the highest peak with all effects on and with just those called for, and compare them.
+
+    Parameters
+    ----------
+    problem : Problem
+    advice : Advice
+        Of this study.
+
+    Returns
+    -------
+    AdviceCheck
+    """
+    validate.instance("advice", advice, Advice)
+    sets = {"all": advice.reference, "called for": advice.called_for}
+    whole, lean = (_checked(problem, advice, name, effects) for name, effects in sets.items())
+    return AdviceCheck(advice.preload, advice.tolerance, whole, lean)
+
+
+def _checked(problem: Problem, advice: Advice, name: str, effects: Effects) -> CheckedPeak:
+    begin = time.process_time()
+    study = replace(problem, **problem.settings_for(effects))  # shares nothing, so that its time is that of all its work
+    try:
+        peak = highest_peak(study, advice.preload, advice.interval)
+    except BdamperError as error:
+        return CheckedPeak(name, np.nan, np.nan, time.process_time() - begin, 0, str(error))
+    evaluations = 0 if peak.cost is None else peak.cost.evaluations
+    return CheckedPeak(name, peak.amplitude, peak.frequency, time.process_time() - begin, evaluations, peak.scan)

@@ -1,25 +1,25 @@
-"""What an effect that is left out would change, without simulating it.
+"""The change of a peak from one study to another, without computing the other peak.
 
-A converged solution ``y = (u, omega)`` of a cheap system is embedded in a richer one: further harmonics, modes and
-motions at rest, the mean displaced as far from the static state as before.  There the richer residual ``R`` is not zero.
-At a peak of the response the amplitude ``A`` is stationary along the curve, so it does not matter at which point of the
-richer curve it is compared; the phase of the response is held, which follows a resonance that moves:
+A converged solution ``y = (u, omega)`` of one system is embedded in another one, richer or leaner: modes and harmonics that
+both have keep their amplitudes, others are at rest or left out, and the mean keeps its distance from the static state.
+There the residual ``R`` of the other system is not zero.  At a peak of the response the amplitude ``A`` is stationary along
+the curve, so it does not matter at which point of the other curve it is compared; the phase of the response is held, which
+follows a resonance that moves:
 
     B = [ J  R_omega ; grad(phase)  0 ],      B^T lambda = (grad A, 0),      B^T mu = (0, 1),
     dA = -lambda . R,                          domega = -mu . R.
 
-One Jacobian of the richer system and one factorisation give both, whatever the number of quantities.  ``R`` a second time,
-at ``y - B^-1 R``, tells how far the linear estimate can be trusted: what the same weights make of it is the *defect*, the
-part of the change that the estimate has missed.
+One Jacobian of the other system and one factorisation give both.  ``R`` a second time, at ``y - B^-1 R``, tells how far
+the linear estimate holds: what the same weights make of it is the *defect*, the part of the change that it has missed.
 
-A change is *small* if estimate and defect stay below the tolerance; if the estimate is beyond 15 %, or misses more than
-half of itself, or the richer equations are singular there, its size is not to be trusted: what makes it *must be on*.  In
-between it is *significant*.
+An estimate with its defect is an order of magnitude, to tell the small from what has to be computed.  On the shipped test
+rig at 500 N (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7 % and the true
+change +1.3 %.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -28,39 +28,29 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.balance.system import OK, HarmonicSystem
-from bdamper.continuation.curve import Curve
-from bdamper.peaks.newton import Peak, PeakOptions, find_peak, same_peak
 from bdamper.problem.problem import Problem
 from bdamper.util.repr import brief
-
-TRUSTED = 0.15
-"""Relative change up to which the size of an estimate can be relied on."""
 
 
 @brief
 @dataclass(frozen=True)
 class Estimate:
-    """Change that a richer system makes to a peak.
+    """Change that another system makes to a peak.
 
     Parameters
     ----------
     amplitude, frequency : float
-        Relative change of the peak; NaN where the richer equations are singular.
+        Relative change of the peak; NaN where the other equations are not finite.
     defect : float
         Relative change of amplitude or frequency that the estimate misses, as far as a second residual tells.
     y : (n_unknowns + 1,) float
-        The embedded point after one Newton step: a guess for the richer solution.
-    shares, frequency_shares : (n_harmonics + 1,) float
-        Parts of the relative change of amplitude and of frequency that come from the equations of each harmonic, the mean
-        first.
+        The embedded point after one Newton step: a guess for the solution of the other system.
     """
 
     amplitude: float
     frequency: float
     defect: float
     y: NDArray
-    shares: NDArray
-    frequency_shares: NDArray
 
     @property
     def size(self) -> float:
@@ -68,48 +58,38 @@ class Estimate:
         size = max(abs(self.amplitude), abs(self.frequency)) + self.defect
         return size if np.isfinite(size) else np.inf
 
-    def reliability(self, tolerance: float) -> str:
-        """ "small", "significant" or "must be on"."""
-        change = max(abs(self.amplitude), abs(self.frequency))
-        if not np.isfinite(self.size):
-            return "must be on"
-        if self.size <= tolerance:
-            return "small"
-        return "must be on" if change > TRUSTED or self.defect > 0.5 * change else "significant"
 
-
-def embed(cheap: Problem, rich: Problem, preload: float, y: NDArray) -> NDArray:
+def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     """A point of one study as a point of a study with other effects.
 
     Modes that both have keep their amplitudes, others are at rest; the mean keeps its distance from the static state.
 
     Parameters
     ----------
-    cheap, rich : Study
+    old, new : Problem
     preload : float, N
     y : (n_unknowns + 1,) float
-        Of the cheap study.
+        Of the old study.
 
     Returns
     -------
     (n_unknowns + 1,) float
     """
-    a, b = cheap.system(preload), rich.system(preload)
-    return embed_between(cheap, rich, a, b, preload, y)
+    return embed_between(old, new, old.system(preload), new.system(preload), preload, y)
 
 
 def embed_between(
-    cheap: Problem, rich: Problem, a: HarmonicSystem, b: HarmonicSystem, preload: float, y: NDArray
+    old: Problem, new: Problem, a: HarmonicSystem, b: HarmonicSystem, preload: float, y: NDArray
 ) -> NDArray:
     """The same for systems that exist already."""
     out = np.zeros(b.n_unknowns + 1)
     out[-1] = y[-1]
     if b.n_mean:
-        old, new = cheap.static(preload).q, rich.static(preload).q
-        out[: b.n_mean] = new
+        before, after = old.static(preload).q, new.static(preload).q
+        out[: b.n_mean] = after
         if a.n_mean:
             at, to = _common(a.bases[0].coordinates, b.bases[0].coordinates)
-            out[to] += y[at] - old[at]
+            out[to] += y[at] - before[at]
     for l in range(1, min(a.n_harmonics, b.n_harmonics) + 1):
         at, to = _common(a.bases[l].coordinates, b.bases[l].coordinates)
         for from_part, to_part in zip(a.slices(l), b.slices(l)):
@@ -131,7 +111,7 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     ----------
     system : HarmonicSystem
     y : (n_unknowns + 1,) float
-        A peak of a simpler system, embedded.
+        A peak of another system, embedded.
     residual : (n_unknowns,) float, optional
         Of equations that differ from those of the system a little, at ``y``; the system's own by default.
     """
@@ -163,25 +143,17 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     new = y + step * columns
     again = np.empty(n)
     if not new[-1] > 0.0 or system.core.evaluate(np.ascontiguousarray(new[:-1]), float(new[-1]), again) != OK:
-        return unknown_change(system, y)
+        return Estimate(np.nan, np.nan, np.inf, y)
     missed = (np.append(again, 0.0) * rows) @ dual
-    parts = -right[:, None] * dual
-    shares = np.array([sum(parts[p].sum(axis=0) for p in system.slices(l)) for l in range(system.n_harmonics + 1)])
-    return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new, shares[:, 0], shares[:, 1])
+    return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new)
 
 
-def unknown_change(system: HarmonicSystem, y: NDArray) -> Estimate:
-    """The estimate where there is none."""
-    nothing = np.full(system.n_harmonics + 1, np.nan)
-    return Estimate(np.nan, np.nan, np.inf, y, nothing, nothing)
-
-
-def change_or_unknown(system: HarmonicSystem, y: NDArray) -> Estimate:
+def estimate_or_unknown(system: HarmonicSystem, y: NDArray) -> Estimate:
     """:func:`estimate_change`, unknown where the equations of the system are not finite."""
     try:
         return estimate_change(system, y)
     except FloatingPointError:
-        return unknown_change(system, y)
+        return Estimate(np.nan, np.nan, np.inf, y)
 
 
 def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
@@ -195,42 +167,3 @@ def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, ND
     grow[c], grow[s] = z.real, z.imag
     turn[c], turn[s] = z.imag, -z.real
     return grow, turn, amplitude
-
-
-# ---- peaks of a curve ----
-
-
-def highest_peaks(
-    system: HarmonicSystem, curve: Curve, share: float = 0.6, options: PeakOptions | None = None
-) -> list[Peak]:
-    """Refined maxima of a curve that come near the highest, the highest first.
-
-    Parameters
-    ----------
-    system : HarmonicSystem
-        The one that the curve was followed with.
-    curve : Curve
-    share : float
-        Of the highest: lower maxima are left out.
-    options : PeakOptions
-    """
-    a = curve.amplitude
-    peaks: list[Peak] = []
-    for i in range(1, len(curve) - 1):
-        same_branch = curve.branch[i - 1] == curve.branch[i] == curve.branch[i + 1]
-        if not (same_branch and a[i] > a[i - 1] and a[i] >= a[i + 1] and a[i] >= share * a.max()):
-            continue
-        y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
-        peak = find_peak(system, y, options=options)
-        if not peak.converged and "maximum" in curve.point_kind[i - 1 : i + 2]:  # a fold beside it may be higher by a hair
-            peak = as_located(peak, y, float(a[i]), float(curve.residual[i]))
-        if peak.converged and not any(same_peak(peak, p, 1e-3) for p in peaks):
-            peaks.append(peak)
-    return sorted(peaks, key=lambda p: -p.amplitude)
-
-
-def as_located(peak: Peak, y: NDArray, amplitude: float, residual: float) -> Peak:
-    """The peak that a search did not find to the last digit, as it was located on a curve."""
-    return replace(
-        peak, y=y, frequency=float(y[-1] / (2.0 * np.pi)), amplitude=amplitude, residual=residual, status="converged"
-    )

@@ -1,13 +1,13 @@
-r"""First loading of a seated damper along its faces: force against displacement at constant load.
+r"""First loading of a seated damper along its faces: force over displacement at constant preload.
 
 The static equations of :mod:`bdamper.contact.static` under the load :math:`P` that seats the damper, then a force
 :math:`Q` at a location of it, growing from zero while :math:`P` stays:
 
 .. math:: K q + G^T F(G q + P x_0) = P f + Q d,
 
-:math:`d` the modes of the location in the direction of :math:`Q`.  Residual modes do not move the location and take no part
-of :math:`Q`, so curves of different contact stiffnesses differ by the contact alone.  As points begin to slip one after
-the other the slope falls from the stuck stiffness to zero, at the force at which the damper slides.
+:math:`d` the modes of the location in the direction of :math:`Q`.  Residual modes do not move the location and :math:`Q`
+does no work on them, so curves of different contact stiffnesses differ by the contact alone.  As points begin to slip one
+after the other the slope falls from the stuck stiffness to zero, at the force at which the damper slides.
 """
 
 from __future__ import annotations
@@ -72,7 +72,6 @@ class Microslip(Plottable, Storable, kind="bdamper-microslip"):
         return "\n".join(lines)
 
 
-
 def microslip(
     problem: Problem,
     preload: float,
@@ -93,21 +92,25 @@ def microslip(
     direction : (3,) float
         Of the force, along X, Y, Z.
 
+    Returns
+    -------
+    Microslip
+
     Raises
     ------
     SettingError
         If the forces do not increase from zero.
     ModelError
-        If the damper does not find its seat.
+        If there is no static state under the preload.
     """
-    validate.instance("study", problem, Problem)
+    validate.instance("problem", problem, Problem)
     wanted = validate.numbers("microslip forces", forces, above=0.0, unit="N")
     if np.any(np.diff(wanted) <= 0.0):
         raise validate.unfit("microslip forces", "increasing forces above 0 N", forces)
     validate.choice("microslip location", location, sorted(problem.model.locations))
     seat = problem.static(preload)
     if not seat.converged:
-        raise ModelError(f"microslip: expected a seat under {preload:g} N, found: {seat.note}")
+        raise ModelError(f"microslip: no static state under {preload:g} N: {seat.note}")
     basis = problem.static_basis
     along = problem.coupling.location_modes(location, 0).real
     d = direction_vector(direction, "microslip direction") @ np.pad(along, ((0, 0), (0, basis.n_modes - along.shape[1])))

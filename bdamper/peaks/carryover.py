@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from bdamper.balance.system import OK, Correction, HarmonicSystem
 from bdamper.continuation.follower import ContinuationOptions, PathPoint, follow
-from bdamper.effects.indicator import amplitude_and_phase, as_located
+from bdamper.effects.indicator import amplitude_and_phase
 from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
 
 STAYS_UP = 0.87
@@ -134,3 +134,10 @@ def _downhill(
 
 def _near(y: NDArray, start: NDArray, scale: NDArray) -> bool:
     return abs(y[-1] / start[-1] - 1.0) < 0.2 and float(np.linalg.norm((y - start)[:-1] / scale[:-1])) < 2.0
+
+
+def as_located(peak: Peak, y: NDArray, amplitude: float, residual: float) -> Peak:
+    """The peak that a search did not find to the last digit, as it was located on a curve."""
+    return replace(
+        peak, y=y, frequency=float(y[-1] / (2.0 * np.pi)), amplitude=amplitude, residual=residual, status="converged"
+    )

@@ -111,7 +111,7 @@ def plot_uncertain(
 
 @draws(Advice)
 def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Bars of the changes that effects would make to a peak, if they were switched on.
+    """Bars of the changes that leaving out single effects makes to a peak.
 
     Parameters
     ----------
@@ -122,8 +122,8 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
     Returns
     -------
     matplotlib axes
-        Estimated changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and
-        logarithmic beyond; effects that must be on are hatched, the tolerance is a grey band.
+        Changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and logarithmic
+        beyond; effects that the scene calls for are hatched, the tolerance is a grey band.
     """
     effects = advice.effects[::-1]
     place = np.arange(len(effects))
@@ -139,16 +139,16 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
             change = 100.0 * np.nan_to_num(np.array(values, float))
             bars = ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
             for bar, e in zip(bars, effects):
-                if e.reliability == "must be on":
+                if e.called_for:
                     bar.set(hatch="////", edgecolor="0.65" if offset > 0.0 else "0.25")
             handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
         ax.set_xscale("symlog", linthresh=tolerance)
         ax.set_yticks(place, [e.name for e in effects])
         ax.axvline(0.0, color="k", linewidth=0.6)
-        if any(e.reliability == "must be on" for e in effects):
-            handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="must be on"))
+        if any(e.called_for for e in effects):
+            handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="called for"))
         handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
-        ax.set_xlabel("Estimated change of the peak (%)")
+        ax.set_xlabel("Change of the peak without the effect (%)")
         ax.legend(handles=handles, fontsize=7.0)
     return ax
 

@@ -1,8 +1,8 @@
-"""The effects that a simulation takes part in, and what is assumed where one is left out.
+"""Physical effects that a simulation includes, and what it assumes where one is left out.
 
-An effect is a part of the physics that costs unknowns, contact points or kernels: further harmonics, the mean, the
-variation of the normal load, separation, motions of the damper, elastic modes, constraint planes, contact points.
-:class:`Effects` names them all; a :class:`~bdamper.study.Study` made with it carries nothing of what is off.
+Each effect costs unknowns, contact points or a dearer contact law: further harmonics, the mean, the variation of the normal
+load, separation, motions of the damper, elastic modes, constraint planes, contact points.  :class:`Effects` names them all.
+The equations of a study hold nothing of an effect that is off.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
 TRACTIONS = ("static", "lower", "upper")
 MAX_HARMONIC = 64
+SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
+"""Effects that are on or off."""
 
 
 def _effect(default: Any, meaning: str, off: str) -> Any:
@@ -27,7 +29,7 @@ def _effect(default: Any, meaning: str, off: str) -> Any:
 
 @dataclass(frozen=True)
 class Effects:
-    """What a simulation takes into account.
+    """Physical effects that a simulation includes.
 
     Parameters
     ----------
@@ -101,8 +103,7 @@ class Effects:
         check_law(self.friction_law)
         validate.fields(self, validate.choice, "residual_traction", choices=TRACTIONS)
         validate.fields(self, _axes, "rotation", "translation")
-        switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints", "stability")
-        validate.fields(self, validate.flag, *switches)
+        validate.fields(self, validate.flag, *SWITCHES, "stability")
         validate.fields(self, validate.whole, "damper_modes")
         validate.fields(self, validate.whole, "blade_modes", least=1)
         if self.contact_points is not None:
@@ -164,45 +165,39 @@ class Effects:
             "blade_modes": self.blade_modes,
         }
 
+    def without(self, name: str) -> Effects:
+        """This set without one effect; the set itself where the effect is off already.
+
+        Parameters
+        ----------
+        name : str
+            "bias", "variable normal load", "separation", "harmonic nodal diameters", "constraints"; "rotation X" or
+            "translation Z" and the like; "harmonics", "damper modes", "blade modes" or "contact points" with the most
+            that remain, as "harmonics beyond 3".
+
+        Raises
+        ------
+        SettingError
+            If there is no such effect.
+        """
+        what, beyond, most = name.partition(" beyond ")
+        field_name = what.replace(" ", "_")
+        motion, _, axis = name.partition(" ")
+        if name.replace(" ", "_") in SWITCHES:
+            return self._with(name.replace(" ", "_"), False)
+        if motion in ("rotation", "translation") and axis in AXES:
+            return self._with(motion, tuple(a for a in getattr(self, motion) if a != axis))
+        if beyond and most.isdigit() and field_name == "harmonics":
+            left = tuple(l for l in self.harmonic_numbers if l <= int(most))
+            return self if left == self.harmonic_numbers else self._with("harmonics", _as_count(left))
+        if beyond and most.isdigit() and field_name in ("damper_modes", "blade_modes", "contact_points"):
+            present = getattr(self, field_name)
+            return self if present is not None and present <= int(most) else self._with(field_name, int(most))
+        raise validate.unfit("effect", "the name of an effect that can be left out", name)
+
     def _with(self, name: str, value: Any) -> Effects:
         changes: dict[str, Any] = {name: value}
         return replace(self, **changes)
-
-    def missing(self, richer: Effects) -> dict[str, Effects]:
-        """Single effects that the richer set has on and this one has off.
-
-        Returns
-        -------
-        dict of str to Effects
-            Name of each effect, and this set with it switched on.
-        """
-        out: dict[str, Effects] = {}
-        if set(richer.harmonic_numbers) - set(self.harmonic_numbers):
-            out["harmonics"] = replace(self, harmonics=_merged(self.harmonic_numbers, richer.harmonic_numbers))
-        for name in ("bias", "harmonic_nodal_diameters", "constraints"):
-            if getattr(richer, name) and not getattr(self, name):
-                out[name.replace("_", " ")] = self._with(name, True)
-        if richer.variable_normal_load and not self.variable_normal_load:
-            out["variable normal load"] = replace(self, variable_normal_load=True, separation=False)
-        if richer.separation and not self.separation:
-            out["separation"] = replace(self, variable_normal_load=True, separation=True)
-        if richer.friction_law != self.friction_law:
-            name = "coupled friction" if richer.friction_law == "coupled" else "friction law"
-            out[name] = replace(self, friction_law=richer.friction_law, residual_traction=richer.residual_traction)
-        elif richer.residual_traction != self.residual_traction:
-            out["residual traction"] = replace(self, residual_traction=richer.residual_traction)
-        for name in ("rotation", "translation"):
-            for axis in getattr(richer, name):
-                if axis not in getattr(self, name):
-                    out[f"{name} {axis}"] = self._with(name, (*getattr(self, name), axis))
-        for name in ("damper_modes", "blade_modes"):
-            if getattr(richer, name) > getattr(self, name):
-                out[name.replace("_", " ")] = self._with(name, getattr(richer, name))
-        if self.contact_points is not None and (
-            richer.contact_points is None or richer.contact_points > self.contact_points
-        ):
-            out["contact points"] = replace(self, contact_points=richer.contact_points)
-        return out
 
     def settings_text(self) -> list[tuple[str, str]]:
         """Name and setting of each effect, as text."""
@@ -256,9 +251,8 @@ def harmonic_numbers(harmonics: int | Sequence[int]) -> tuple[int, ...]:
     return tuple(range(1, int(harmonics) + 1))
 
 
-def _merged(a: tuple[int, ...], b: tuple[int, ...]) -> int | tuple[int, ...]:
-    union = tuple(sorted({*a, *b}))
-    return len(union) if union == tuple(range(1, len(union) + 1)) else union
+def _as_count(numbers: tuple[int, ...]) -> int | tuple[int, ...]:
+    return len(numbers) if numbers == tuple(range(1, len(numbers) + 1)) else numbers
 
 
 def _axes(name: str, value: Sequence[str]) -> tuple[str, ...]:

@@ -15,8 +15,8 @@ from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
 from functools import partial
 from pathlib import Path
-from types import NoneType
-from typing import Any, ClassVar, Self, get_args, get_origin, get_type_hints
+from types import NoneType, UnionType
+from typing import Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
@@ -217,6 +217,8 @@ def _typed(hint: Any, value: Any) -> Any:
     if is_dataclass(hint):
         hints = get_type_hints(hint)
         return hint(**{name: _typed(hints[name], item) for name, item in value.items() if name in hints})  # type: ignore[operator]
+    if origin in (Union, UnionType):  # such as int | tuple[int, ...]
+        return tuple(value) if isinstance(value, list) else value
     if isinstance(hint, type) and issubclass(hint, tuple):  # a named one
         return hint(*value)
     return hint(value)

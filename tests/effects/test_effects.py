@@ -246,20 +246,36 @@ def test_every_effect_has_a_meaning_and_an_assumption():
     assert "excites them" not in bd.Effects(harmonics=(1, 3), variable_normal_load=False).describe()
 
 
-def test_missing_names_each_effect_once(full):
-    rich = replace(bd.Effects.of(full), harmonics=5)
-    cheap = bd.Effects(
-        harmonics=(1, 3), bias=False, variable_normal_load=False, rotation=("X",), damper_modes=0, constraints=False,
-        harmonic_nodal_diameters=False, contact_points=2, blade_modes=1,
-    )
-    missing = cheap.missing(rich)
-    assert set(missing) == {
-        "harmonics", "bias", "variable normal load", "separation", "rotation Y", "rotation Z", "damper modes",
-        "constraints", "harmonic nodal diameters", "contact points", "blade modes",
-    }
-    assert missing["harmonics"].harmonics == 5
-    assert not missing["variable normal load"].separation
-    assert rich.missing(rich) == {}
+@pytest.mark.parametrize(
+    ("name", "changed"),
+    [
+        ("bias", {"bias": False}),
+        ("variable normal load", {"variable_normal_load": False, "separation": False}),
+        ("separation", {"separation": False}),
+        ("harmonic nodal diameters", {"harmonic_nodal_diameters": False}),
+        ("constraints", {"constraints": False}),
+        ("rotation X", {"rotation": ("Y", "Z")}),
+        ("translation Z", {"translation": ("X", "Y")}),
+        ("harmonics beyond 3", {"harmonics": 3}),
+        ("harmonics beyond 1", {"harmonics": 1}),
+        ("damper modes beyond 0", {"damper_modes": 0}),
+        ("blade modes beyond 2", {"blade_modes": 2}),
+        ("contact points beyond 4", {"contact_points": 4}),
+    ],
+)
+def test_a_set_without_one_effect(name, changed):
+    whole = bd.Effects(harmonics=5, damper_modes=2)
+    assert whole.without(name) == replace(whole, **changed)
+    assert whole.without(name).without(name) == whole.without(name)
+
+
+def test_what_is_off_or_fewer_already_remains():
+    assert bd.Effects(harmonics=(1, 3)).without("harmonics beyond 3").harmonics == (1, 3)
+    assert bd.Effects(harmonics=(1, 3, 5)).without("harmonics beyond 3").harmonics == (1, 3)
+    assert bd.Effects(contact_points=3).without("contact points beyond 4").contact_points == 3
+    for name in ("gravity", "rotation", "rotation W", "harmonics beyond", "harmonics beyond all", "stability"):
+        with pytest.raises(bd.SettingError, match=r"effect: expected .* found"):
+            bd.Effects().without(name)
 
 
 def test_stability_is_judged_only_where_it_is_on(full):
@@ -267,7 +283,6 @@ def test_stability_is_judged_only_where_it_is_on(full):
     judged = full.with_effects(effects(full, stability=True))
     curve = judged.track(1000.0, (820.0, 860.0))
     assert curve.stable is not None and curve.stable.shape == (len(curve),)
-    assert effects(full).missing(bd.Effects.of(judged)) == {}
 
 
 @pytest.mark.parametrize(
@@ -288,10 +303,7 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert isinstance(coupled.evaluation, bd.Sampled) and coupled.friction_law == "coupled"
     kept = replace(full, evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
     assert kept.evaluation == bd.Sampled(256)
-    rich = bd.Effects.of(coupled)
-    assert set(bd.Effects.of(full).missing(rich)) == {"coupled friction"}
     ends = effects(full, residual_traction="lower")
-    assert set(bd.Effects.of(full).missing(ends)) == {"residual traction"}
     assert full.with_effects(ends).residual_traction == "lower"
 
 

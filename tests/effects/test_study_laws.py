@@ -112,8 +112,9 @@ def test_comparison_of_laws(study, tmp_path):
     assert "coupled" in str(low)
     low.save(tmp_path / "laws.h5")
     again = bd.load(tmp_path / "laws.h5")
-    assert again.laws == laws and {curve.preload for curve in again.curves} == {200.0}
+    assert str(again) == str(low) and again.laws == laws and {curve.preload for curve in again.curves} == {200.0}
     assert [curve.settings["friction_law"] for curve in again.curves] == ["separable"] * 3 + ["coupled"]
+    assert [curve.settings["friction_axes"] for curve in again.curves] == ["contact", "major", "contact", "contact"]
     high = replace(study, damping_ratio=0.02).compare_laws(50000.0, INTERVAL, laws)
     # turned axes leave out what couples them, so "major" is another linear structure
     for law in ("separable", "constant_normal_load"):

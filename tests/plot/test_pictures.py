@@ -18,6 +18,7 @@ from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
 from bdamper.plot import damper_picture, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
 from bdamper.plot.motion import contact_status
+from bdamper.problem.effects import Effects
 
 INTERVAL = (270.0, 380.0)
 
@@ -132,12 +133,13 @@ class TestOptimalCurves:
 
 def test_advice_legend_shows_what_is_drawn():
     effects = tuple(
-        EffectAdvice(name, change, 0.5 * change, 0.0, reliability, 10, 10, 1.0)
-        for name, change, reliability in (("harmonics", 0.5, "must be on"), ("damper modes", 0.001, "small"))
+        EffectAdvice(name, True, change, 0.5 * change, 0.0, "computed", 0.5, called_for)
+        for name, change, called_for in (("harmonics beyond 1", 0.5, True), ("damper modes beyond 0", 0.001, False))
     )
-    ax = Advice(500.0, 350.0, 1e-4, 0.01, 10, 10, effects).plot()
+    sets = Effects(harmonics=5), Effects(harmonics=5)
+    ax = Advice(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0, 3).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
-    assert list(patches) == ["amplitude", "frequency", "must be on", "tolerance, 1 %"]
+    assert list(patches) == ["amplitude", "frequency", "called for", "tolerance, 1 %"]
     assert [bool(patch.get_hatch()) for patch in patches.values()] == [False, False, True, False]
     bars = [bar for container in ax.containers for bar in container]
     assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False, True]  # from the bottom

@@ -138,12 +138,3 @@ class TestShortTexts:
     )
     def test_percent(self, value, text):
         assert percent(value) == text
-
-    def test_columns_of_advice_stay_apart(self, study):
-        advice = study.advise(8000.0, INTERVAL, against=replace(bd.Effects.of(study), harmonics=2))
-        item = replace(advice.effects[0], points=26, unknowns=3000, cost=263951.8, amplitude_change=1e5, defect=12.5)
-        for cost in (item.cost, 2.0, 4e8):
-            row = str(replace(advice, effects=(replace(item, cost=cost),))).splitlines()[-1]
-            words = re.split(r"\s{2,}", row)
-            assert len(words) in (8, 7)  # "must be on" fills its column
-            assert row.split()[-2:] == ["26", f"{cost:.1f}x" if cost < 1e6 else "4.0e+08x"]
