@@ -1,6 +1,5 @@
 """What results print: short, and true of the result."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
