@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.peaks.newton import amplitude_and_phase
 from bdamper.problem.problem import Problem
 from bdamper.util.repr import brief
 
@@ -154,16 +155,3 @@ def estimate_or_unknown(system: HarmonicSystem, y: NDArray) -> Estimate:
         return estimate_change(system, y)
     except FloatingPointError:
         return Estimate(np.nan, np.nan, np.inf, y)
-
-
-def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
-    """Gradients (n_unknowns,) of the amplitude and of amplitude times phase of the response, and the amplitude."""
-    row = system.response_rows[1]
-    x = system.amplitudes(u, 1) @ row
-    amplitude = float(abs(x))
-    z = np.conj(x) * row / max(amplitude, 1e-300)
-    c, s = system.slices(1)
-    grow, turn = np.zeros(len(u)), np.zeros(len(u))
-    grow[c], grow[s] = z.real, z.imag
-    turn[c], turn[s] = z.imag, -z.real
-    return grow, turn, amplitude

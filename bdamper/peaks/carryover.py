@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from bdamper.balance.system import OK, Correction, HarmonicSystem
 from bdamper.continuation.follower import ContinuationOptions, PathPoint, follow
-from bdamper.effects.indicator import amplitude_and_phase
-from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
+from bdamper.peaks.newton import Peak, PeakOptions, amplitude_and_phase, find_peak, peak_scale
 
 STAYS_UP = 0.87
 """Share of the amplitude of a peak down to which the curve through it is followed to both sides."""

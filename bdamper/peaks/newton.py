@@ -219,6 +219,19 @@ def squared_gradient(system: HarmonicSystem, y: NDArray) -> tuple[NDArray, float
     return np.append(a * re + b * im, 0.0), a * a + b * b
 
 
+def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
+    """Gradients (n_unknowns,) of the amplitude and of amplitude times phase of the response, and the amplitude."""
+    row = system.response_rows[1]
+    x = system.amplitudes(u, 1) @ row
+    amplitude = float(abs(x))
+    z = np.conj(x) * row / max(amplitude, 1e-300)
+    c, s = system.slices(1)
+    grow, turn = np.zeros(len(u)), np.zeros(len(u))
+    grow[c], grow[s] = z.real, z.imag
+    turn[c], turn[s] = z.imag, -z.real
+    return grow, turn, amplitude
+
+
 def amplitude_at(system: HarmonicSystem, y: NDArray) -> float:
     """Amplitude (m) of the first harmonic of the response."""
     re, im = system.response_parts
