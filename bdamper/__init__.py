@@ -7,7 +7,7 @@ from bdamper.accuracy.ladders import Setting, accuracy_cost
 from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.design.sweep import OptimalTask, PeakTask, sweep
 from bdamper.design.uncertainty import draw, robust_optimum, uncertain_curve
 from bdamper.effects.microslip import microslip

@@ -16,7 +16,7 @@ from bdamper.accuracy import tolerance as accuracy_tolerance
 from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws

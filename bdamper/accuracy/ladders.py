@@ -26,8 +26,8 @@ from bdamper.accuracy.estimate import estimate_errors, missing_harmonics, points
 from bdamper.balance.system import OK
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import uninterrupted
-from bdamper.continuation.follower import ContinuationOptions
 from bdamper.continuation.linear_curve import stuck
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.peaks.optimal import highest_peak, peak_interval
 from bdamper.problem.problem import Problem

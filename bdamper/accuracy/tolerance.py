@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal import highest_peak, optimal_curve

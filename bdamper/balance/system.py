@@ -20,7 +20,6 @@ from bdamper import _core
 from bdamper.contact.laws import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, Sampled, check_evaluation
 from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.util.cost import operations
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -32,6 +31,8 @@ STATUS_TEXT = {
     SINGULAR: "singular Jacobian",
     NOT_FINITE: "not finite",
 }
+LINE_SEARCH_TRIALS = 15
+"""Most evaluations of an iteration with line search."""
 
 
 def norm2(x: NDArray) -> float:
@@ -135,10 +136,9 @@ class HarmonicSystem:
         self.n_points = len(points.kn)
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
-        self._made_with = evaluation, force_scale
         self._parameter: dict[str, Any] = {}
-        self.allowed = math.inf
-        """Million operations of the core in all after which no correction is begun (:meth:`limited`)."""
+        self.most_evaluations = math.inf
+        """Evaluations of the core in all after which no correction is begun (:meth:`within`)."""
         self.watched: list[tuple[float, float, NDArray]] = []
         """Linear resonances that a path must not step over: frequency and half-width (rad/s), modal row."""
 
@@ -149,32 +149,25 @@ class HarmonicSystem:
         contact = 28e3 * (2 * self.n_harmonics + 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
         return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
 
-    @property
-    def work_done(self) -> float:
-        """Million operations of the core so far."""
-        return float(self.work @ operations(self.core.cost))
-
-    def limited(self, work: float) -> HarmonicSystem:
-        """The same equations; corrections end without success when so many million operations have been spent on them."""
+    def within(self, evaluations: int) -> HarmonicSystem:
+        """The same equations with a budget: no correction is begun after so many evaluations from now on."""
         out = copy(self)
-        out.allowed = self.work_done + work
+        out.most_evaluations = self.core.cost.evaluations + evaluations
         return out
 
-    @property
-    def iterations_left(self) -> int:
-        """What is left of the limit, in iterations as they have been so far."""
-        done = self.work_done
-        each = max(float(self.work[:3].sum()), done / max(self.core.cost.jacobians, 1))
-        return int(max(self.allowed - done, 0.0) / each)
+    def with_share(self, share: float) -> HarmonicSystem:
+        """The same equations with a part of what is left of the budget of evaluations."""
+        left = self.most_evaluations - self.core.cost.evaluations
+        return self if math.isinf(left) else self.within(int(share * max(left, 0.0)))
 
     @property
     def spent(self) -> bool:
-        """Whether what is left of the limit would not do for three iterations."""
-        return self.allowed < math.inf and self.iterations_left < 3
+        """Whether the budget of evaluations is used up."""
+        return self.most_evaluations < math.inf and self.core.cost.evaluations >= self.most_evaluations
 
     @property
-    def lets_go(self) -> bool:
-        """Whether the parameter fades a support out (:meth:`letting_go`)."""
+    def supported(self) -> bool:
+        """Whether the parameter fades a support out (:meth:`supported_by`)."""
         return "support" in self._parameter
 
     def slices(self, harmonic: int) -> tuple[slice, slice]:
@@ -212,58 +205,29 @@ class HarmonicSystem:
         return out
 
     @property
-    def held_coordinates(self) -> list[NDArray]:
+    def supported_coordinates(self) -> list[NDArray]:
         """For each harmonic (n_modes,) bool: those of free bodies, or all if no body is free."""
         free = [basis.omega2 == 0.0 for basis in self.bases]
         return free if any(f.any() for f in free) else [np.ones_like(f) for f in free]
 
-    def letting_go(self, omega: float, drag: float, spring: float, raising: bool = False) -> HarmonicSystem:
-        """The same equations at fixed omega with free bodies held by a support that fades as the parameter s goes to 1.
+    def supported_by(self, omega: float, drag: float, spring: float) -> HarmonicSystem:
+        """The same equations at fixed omega with free bodies on a support that fades as the parameter s goes to 1.
 
         Viscous ``drag`` on the vibration and ``spring`` on the mean of coordinates without stiffness of their own (of all,
         if there are none), in units of ``omega`` and ``omega**2``, times ``1/s - 1``.  The last entry of a point ``y`` is
-        then s; with ``raising`` it is also the factor on the excitation.
+        then s, which is also the factor on the excitation: bodies without preload, which answer in proportion to it, rest
+        on the support at its start.
         """
         support = np.zeros((self.n_unknowns, self.n_unknowns))
-        for l, free in enumerate(self.held_coordinates):
+        for l, free in enumerate(self.supported_coordinates):
             c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
             if l == 0:
                 support[c[free], c[free]] = spring * omega**2
             else:
                 support[c[free], s[free]] = drag * l * omega**2
                 support[s[free], c[free]] = -drag * l * omega**2
-        return self._supported(omega, support, raising)
-
-    def letting_in(self, omega: float, drag: float, mass: float, first: int | None = None) -> HarmonicSystem:
-        """The same equations at fixed omega with the highest harmonic, or all from the first on, held by a fading support.
-
-        ``drag`` and ``mass`` (stiffness for modes above the harmonic, so that none resonates on the way) in units of its
-        frequency squared, times ``1/s - 1``.  The last entry of a point ``y`` is then s; at 0 the equations are those
-        without these harmonics (:meth:`with_harmonics`), at 1 they are unchanged.
-        """
-        support = np.zeros((self.n_unknowns, self.n_unknowns))
-        for l in range(first or self.n_harmonics, self.n_harmonics + 1):
-            square = (l * omega) ** 2
-            c, s = (np.arange(self.n_unknowns)[part] for part in self.slices(l))
-            support[c, c] = support[s, s] = mass * np.where(self.bases[l].omega2 < square, -square, square)
-            support[c, s], support[s, c] = drag * square, -drag * square
-        return self._supported(omega, support)
-
-    def _supported(self, omega: float, support: NDArray, raising: bool = False) -> HarmonicSystem:
-        """With a linear support times ``1/s - 1``, and the factor s on the excitation if it is to be raised."""
         out = self.excitation_ramp(omega)
-        if not raising:
-            out._parameter["ramp"] = np.zeros(self.n_unknowns)
         out._parameter["support"] = support
-        return out
-
-    def with_harmonics(self, n: int) -> HarmonicSystem:
-        """The same structure with harmonics up to the n-th; its unknowns are the first of those of this one."""
-        m = self.slices(n)[1].stop
-        out = HarmonicSystem(
-            self.bases[: n + 1], self.points, self.force[:m], self.response_rows[: n + 1], *self._made_with
-        )
-        out.spring_bases = self.spring_bases[: n + 1]
         return out
 
     def with_force(self, force: NDArray) -> HarmonicSystem:
@@ -289,7 +253,7 @@ class HarmonicSystem:
         if self._parameter:
             _, J, _ = self.evaluate(y[:-1], self._parameter["omega"])
             by_factor = -self._parameter["ramp"]
-            if self.lets_go:
+            if self.supported:
                 J += (1.0 / y[-1] - 1.0) * self._parameter["support"]
                 by_factor = by_factor - self._parameter["support"] @ y[:-1] / y[-1] ** 2
             return J, by_factor
@@ -324,10 +288,11 @@ class HarmonicSystem:
         """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
         y = np.array(y, float)
         tangent = np.zeros_like(y)
-        if self.allowed < math.inf:
-            if self.spent:
-                return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
-            max_iterations = min(max_iterations, self.iterations_left)
+        if self.spent:
+            return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
+        if self.most_evaluations < math.inf:
+            left = int(self.most_evaluations) - self.core.cost.evaluations
+            max_iterations = min(max_iterations, 1 + left // (LINE_SEARCH_TRIALS if line_search else 1))
         c = self.core.correct(
             y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
         )

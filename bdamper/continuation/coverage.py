@@ -1,23 +1,58 @@
-"""Branches of a response curve: the paths that were followed, and what they make taken together.
+"""Covering a frequency interval with branches of a response curve.
 
-A curve may be in several pieces: one from each end of the interval that turns back, one that was entered from within and
-followed both ways, a closed one apart from the others.  It is complete if they leave no frequency without a solution.
+From both ends of the interval; a little outside of it, where a branch may turn and come back; then in the gaps that are
+left, from solutions beside them and from the chain that finds the first point of a curve.  All within a budget of
+evaluations (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency without a solution; what is
+left out is reported.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from bdamper.continuation.follower import Path, PathPoint
+from bdamper.balance.system import OK, Correction, HarmonicSystem
+from bdamper.continuation.follower import Interrupted, follow
+from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
+from bdamper.util.cost import CostMeter
 
 TWO_PI = 2.0 * np.pi
 GAP = 1e-3
 """Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
 NO_SOLUTION = "no solution found"
+OPERATIONS = 1.5e6
+"""Million operations (:attr:`bdamper.util.cost.Cost.work`) that a budget comes to, within bounds; some half a minute."""
+FEWEST, MOST = 10_000, 60_000
+"""Bounds of a budget in evaluations."""
+SHARE = 0.5
+"""Part of what is left of the budget that one path may take, so that a tangle of folds leaves something for other parts."""
+OUTSIDE = 0.03
+"""Part of the interval at each end, outside of it, in which folds are looked for."""
+OUTSIDE_POINTS = 60
+"""Points that are spent on it."""
+ENTRIES = 4
+"""Times a curve may enter the interval."""
+ARRIVED = ("complete", "turned back")
+PLACES = (0.5, 0.2, 0.8, 0.05, 0.95)
+"""Where in a gap solutions are looked for from those beside it."""
+ASKED = 3
+"""Of these places, those at which the chain of the first point is asked."""
+
+FindStart = Callable[[float], NDArray | None]
+"""The chain of the first point, by frequency (rad/s)."""
+
+
+def evaluation_budget(system: HarmonicSystem) -> int:
+    """Evaluations of the equations that a curve may take if its options name no budget.
+
+    So many that they come to OPERATIONS by the sizes of the problem, but at least FEWEST and at most MOST.  A plain curve
+    of some 100 points takes 300 to 700.
+    """
+    return int(min(max(OPERATIONS / float(system.work[:3].sum()), FEWEST), MOST))
 
 
 class LeftOut(NamedTuple):
@@ -79,12 +114,6 @@ def in_order(pieces: Sequence[Piece]) -> list[tuple[PathPoint, Piece]]:
     return out
 
 
-def finished(pieces: Sequence[Piece], low: float, high: float) -> bool:
-    """Whether nothing is left to be followed: branches lead through from end to end."""
-    through = any(piece.path.status == "complete" and not piece.inside for piece in pieces)
-    return through and not uncovered(pieces, low, high)
-
-
 def _gaps(pieces: Sequence[Piece], low: float, high: float) -> Iterator[tuple[float, float]]:
     reached = low
     for a, b in sorted(span for span in (piece.span for piece in pieces) if span):
@@ -134,3 +163,179 @@ def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut
             ends = path.tangle or (path.points[-1].y[-1],) * 2
             out.append(LeftOut(float(ends[0]) / TWO_PI, float(ends[1]) / TWO_PI, f"{path.status}: {path.reason}"))
     return tuple(sorted(set(out)))
+
+
+@dataclass
+class Coverage:
+    """What is followed, how, and the pieces found so far.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    limits : (low, high), rad/s
+    options : ContinuationOptions
+    meter : CostMeter
+    on_point : callable, optional
+        Called with every accepted point.
+    pieces : list of Piece
+    log : list of str
+        From where paths set off besides the ends.
+    """
+
+    system: HarmonicSystem
+    limits: tuple[float, float]
+    options: ContinuationOptions
+    meter: CostMeter
+    on_point: Callable[[PathPoint], None] | None = None
+    pieces: list[Piece] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
+
+    @property
+    def finished(self) -> bool:
+        """Whether nothing is left to be followed: branches lead through from end to end."""
+        through = any(piece.path.status == "complete" and not piece.inside for piece in self.pieces)
+        return through and not uncovered(self.pieces, *self.limits)
+
+    def note(self, omega: float, text: str) -> None:
+        """Adds a line on a frequency (rad/s) to the log."""
+        self.log.append(f"{omega / TWO_PI:.6g} Hz: {text}")
+
+    def follow(self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False) -> Path:
+        """Adds one path, also if Ctrl-C ends it."""
+        stop = None
+        try:
+            system = self.system.with_share(SHARE)
+            path = follow(system, start, self.limits, up=up, options=self.options, on_point=self.on_point)
+        except Interrupted as interrupted:
+            stop, path = interrupted, interrupted.path
+        self.meter.count(path.iterations, path.failed_steps)
+        number = max((p.branch for p in self.pieces), default=-1) + 1 if branch is None else branch
+        self.pieces.append(Piece(path, up, number, inside))
+        if stop is not None:
+            raise stop
+        return path
+
+    def drop_repeated(self) -> None:
+        """Drops the pieces that start where the last one arrives: it is the same branch, followed further."""
+        last = self.pieces[-1]
+        if last.path.status != "complete":
+            return
+        end = last.path.points[-1]
+        for piece in self.pieces[:-1]:
+            if piece.path.points and not piece.inside and _same(end.y, piece.path.points[0]):
+                self.pieces.remove(piece)
+                self.pieces[-1] = replace(last, branch=piece.branch)
+
+    def both_ways(self, start: NDArray) -> None:
+        """Adds the branch through a solution within the interval, followed both ways."""
+        branch = max((p.branch for p in self.pieces), default=-1) + 1
+        for up in (True, False):
+            if self.follow(start, up, branch, True).status == "closed":
+                return
+
+    # ---- outside the interval ----
+
+    def outside_ends(self) -> None:
+        """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there."""
+        low, high = self.limits
+        margin = OUTSIDE * (high - low)
+        look = replace(
+            self.options, locate=False, max_points=OUTSIDE_POINTS, patience=OUTSIDE_POINTS, step=0.5, max_step=1.0
+        )
+        seen: list[PathPoint] = []
+        while len(seen) < 2 * ENTRIES:
+            paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
+            ends = (p for points in paths for p in (points[0], points[-1]))
+            end = next((p for p in ends if p.y[-1] in self.limits and not any(_same(p.y, q) for q in seen)), None)
+            if end is None:
+                return
+            seen.append(end)
+            up = end.y[-1] == high
+            limits = (high, high + margin) if up else (max(low - margin, 0.5 * low), low)
+            path = follow(self.system, end.y, limits, up=up, options=look)
+            self.meter.count(path.iterations, path.failed_steps)
+            back = path.points[-1] if path.points else end
+            if path.status != "turned back" or any(_same(back.y, q) for q in seen):
+                continue
+            seen.append(back)
+            self.note(back.y[-1], "the branch turns outside the interval and comes back")
+            self.follow(back.y, not up)
+
+    # ---- gaps ----
+
+    def fill(self, find_start: FindStart) -> None:
+        """Looks for solutions in gaps, the widest first, and follows them both ways, until the budget is used up.
+
+        Newton with line search from solutions beside the gap, at several places in it, then the chain that finds the first
+        point of a curve.  A gap in which nothing is found is left; what is found makes other gaps of it.
+        """
+        if self.finished:
+            return
+        left: set[tuple[float, float]] = set()
+        while not self.system.spent:
+            gaps = [gap for gap in uncovered(self.pieces, *self.limits) if gap not in left]
+            if not gaps:
+                return
+            gap = max(gaps, key=lambda g: g[1] - g[0])
+            found = self._within(gap, find_start)
+            if found is None:
+                left.add(gap)
+                continue
+            self.note(found[-1], "set off from a solution within a gap")
+            self.both_ways(found)
+
+    def _within(self, gap: tuple[float, float], find_start: FindStart) -> NDArray | None:
+        """A solution in a gap."""
+        a, b = gap
+        points = [p for piece in self.pieces for p in piece.path.points]
+        places = [a + part * (b - a) for part in PLACES]
+        for omega in places:
+            for point in sorted(points, key=lambda p: abs(p.y[-1] - omega))[:40:8]:
+                c = self._solve(point.y[:-1], omega, point.scale, 30)
+                if c.status == OK:
+                    return c.y
+        return next((start for start in map(find_start, places[:ASKED]) if start is not None), None)
+
+    def _solve(self, guess: NDArray, omega: float, scale: NDArray, iterations: int) -> Correction:
+        c = self.system.correct_at(guess, omega, scale, self.options.tolerance, iterations, True)
+        self.meter.count(c.iterations)
+        return c
+
+    # ---- other branches ----
+
+    def new_solutions(self, starts: Sequence[NDArray]) -> Iterator[NDArray]:
+        """Solutions near the starts, at their frequencies, that lie on none of the pieces (which may grow meanwhile)."""
+        n = self.system.n_mean
+        for start in starts:
+            vibration = max(float(np.linalg.norm(start[n:-1])), 1e-300)
+            scale = np.full(len(start), vibration)
+            scale[:n] = max(vibration, float(np.linalg.norm(start[:n])))
+            scale[-1] = start[-1]
+            c = self.system.correct_at(start[:-1], start[-1], scale, self.options.tolerance, 20)
+            if c.status == OK and not self._known(c.y):
+                yield c.y
+
+    def _known(self, y: NDArray) -> bool:
+        """Whether a solution lies on a path: Newton from where the path crosses its frequency leads to it."""
+        n = self.system.n_mean
+        size = max(float(np.linalg.norm(y[n:-1])), 1e-300)
+        for piece in self.pieces:
+            points = piece.path.points
+            for a, b in zip(points, points[1:]):
+                if (a.y[-1] - y[-1]) * (b.y[-1] - y[-1]) > 0.0:
+                    continue
+                width = b.y[-1] - a.y[-1]
+                part = (y[-1] - a.y[-1]) / width if width else 0.5
+                between = a.y + part * (b.y - a.y)
+                reach = float(np.linalg.norm((b.y - a.y)[n:-1])) + 1e-6 * size
+                if np.linalg.norm((between - y)[n:-1]) > 10.0 * reach:
+                    continue
+                for guess in (between, a.y, b.y):
+                    c = self._solve(guess[:-1], y[-1], a.scale, 60)
+                    if c.status == OK and np.linalg.norm((c.y - y)[n:-1]) < 1e-5 * size:
+                        return True
+        return False
+
+
+def _same(y: NDArray, point: PathPoint) -> bool:
+    return y[-1] == point.y[-1] and bool(np.linalg.norm((y - point.y) / point.scale) < 1e-6)

@@ -67,19 +67,19 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
     branch : (n,) int
         Separate branches are numbered from 0; points of one branch follow each other along it.
     point_kind : tuple of str
-        "regular", "fold", "maximum", "end" or "walk" for each point.
+        "regular", "fold", "maximum", "end" or "drift" for each point.
     preload : float, N
     status, reason : str
     cost : Cost
     left_out : tuple of LeftOut
-        What was not followed: frequencies (Hz) without solution, tangles of folds that were walked around, paths that broke
-        off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
+        What was not followed: frequencies (Hz) without solution, tangles of folds in which a path was left, paths that
+        broke off; each ``(low, high, why)``.  A complete curve has such gaps only below a thousandth of its interval.
     settings : mapping
     model_hash : str
     start_log : tuple of str
         What was tried to find the first point.
     notes : tuple of str
-        What the points show besides: where a damper walks, which mean positions nothing determines.
+        What the points show besides: where a damper drifts, which mean positions nothing determines.
     stable : (n,) bool or None
         Whether small disturbances die out; see :mod:`bdamper.stability.floquet`.
     stability_note : str
@@ -160,7 +160,7 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
     def peak_at_end(self) -> bool:
         """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
         top = self.peak
-        if self.kind == "tracking" and self.point_kind[top.index] in ("maximum", "fold", "walk"):
+        if self.kind == "tracking" and self.point_kind[top.index] in ("maximum", "fold", "drift"):
             return False
         return top.frequency in (self.frequency.min(), self.frequency.max())
 

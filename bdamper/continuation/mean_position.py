@@ -1,4 +1,4 @@
-"""What the mean position of free bodies does along a curve: where it walks, what does not determine it, why it has none."""
+"""Mean positions of free bodies along a curve: where they drift, what does not determine them, why there is none."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import HarmonicSystem
-from bdamper.continuation.follower import PathPoint
+from bdamper.continuation.path import PathPoint
 from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
 
@@ -30,17 +30,17 @@ def notes(
     n = system.n_mean
     i = 0
     while i < len(points):
-        if points[i].kind != "walk":
+        if points[i].kind != "drift":
             i += 1
             continue
         j = i
-        while j + 1 < len(points) and points[j + 1].kind == "walk":
+        while j + 1 < len(points) and points[j + 1].kind == "drift":
             j += 1
         a, b = points[max(i - 1, 0)].y, points[j].y
         k = int(np.argmax(np.abs((b - a)[:n])))
         c = coordinates[k]
         out.append(
-            f"{c.body} walks along {c.name} at {points[i].y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
+            f"{c.body} drifts along {c.name} at {points[i].y[-1] / TWO_PI:.6g} Hz, where its mean force vanishes: from "
             f"{_displacement(model, c, a[k])} to {_displacement(model, c, b[k])}"
         )
         i = j + 1
@@ -91,6 +91,6 @@ def why_no_solution(
                 )
             return (
                 f"no periodic solution near here: a mean force of {force:.3g} N along {c.name} drives {c.body}, whatever "
-                "its mean position; it walks until a constraint plane carries load, and none does"
+                "its mean position; it drifts until a constraint plane carries load, and none does"
             )
     return ""

@@ -1,43 +1,34 @@
-"""A tracking curve of a study: all branches that are found over a frequency interval at one preload.
+"""A tracking curve: all branches that are found over a frequency interval at one preload.
 
-From the end where it starts; from the other end if it does not lead through; from within what is then left; on demand from
-solutions at other preloads, which may lie on branches apart.
+From the end where it starts; from the other end if it does not lead through; from within what is then left, within a budget
+of evaluations; on demand from solutions at other preloads, which may lie on branches apart.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.linear import linear_resonances
-from bdamper.continuation.coverage import TWO_PI, LeftOut, Piece, ending, in_order
-from bdamper.continuation.curve import Curve, passing
-from bdamper.continuation.follower import ContinuationOptions, Path
+from bdamper.continuation.coverage import TWO_PI, Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.follower import OUT_OF_BUDGET
 from bdamper.continuation.mean_position import notes, why_no_solution
-from bdamper.continuation.search import EVERY_VISIT, BranchSearch, Visits
-from bdamper.continuation.start import NO_AIDS, NOT_CLIMBED, NOT_LET_IN, PROMISING, SUPPORTS, WALKS, Aids, first_point
+from bdamper.continuation.path import ContinuationOptions, Path
+from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.blas import one_thread
+from bdamper.util.blas import one_thread, single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import progress_bar
 
-CLIMBS = 4
-"""Times that harmonics may be let in one by one in vain before that is given up for a curve."""
-LETTINGS_IN = 12
-"""The same of the highest harmonic alone, from solutions without it."""
-VISIT_PROMISING, VISIT_FEWER, VISIT_REST, VISIT_CLIMBING = 0, 1, 2, 2
-"""Visits of a narrow gap, from 0, on which ways that take long are tried: longer paths of bodies let go from the supports
-that promise most; the highest harmonic let in (where it is not, the next way already); longer paths from the others, and
-one harmonic let in after the other.  The ends of the interval and wide gaps, which have one visit, get all at once."""
 
-
-@one_thread
 def track(
     problem: Problem,
     preload: float,
@@ -64,6 +55,7 @@ def track(
     search_branches : bool or sequence of float
         Look for branches apart from the one that is followed, with solutions at other preloads as starts: ratios to
         the preload, 0.9 and 1.2 by default.
+
     Returns
     -------
     Curve
@@ -78,15 +70,70 @@ def track(
         ratios = tuple(validate.numbers("search_branches, ratios to the preload", search_branches, above=0.0).tolist())
     if options is not None:
         validate.instance("options", options, ContinuationOptions)
-    return track_curve(
-        problem, preload, frequency, from_high=from_high, options=options or ContinuationOptions(), progress=progress,
-        ratios=ratios,
-    )  # fmt: skip
+    with single_thread():
+        state = problem.static(preload)
+        if not state.converged:
+            reason = f"static state: {state.note}"
+            return _without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
+        search = _search(problem, preload, frequency, options or ContinuationOptions())
+        find_start = partial(_start, problem, preload, search)
+        try:
+            with progress_bar(progress, *search.limits) as search.on_point:
+                for up in (not from_high, from_high):
+                    start = find_start(search.limits[0 if up else 1])
+                    if start is None:
+                        search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
+                        continue
+                    search.follow(start, up)
+                    search.drop_repeated()
+                    search.outside_ends()
+                    if search.finished:
+                        break
+                search.fill(find_start)
+                for start in search.new_solutions(_other_solutions(problem, preload, ratios, search)):
+                    search.note(start[-1], "a solution apart from the branches so far")
+                    search.both_ways(start)
+        except KeyboardInterrupt:
+            if not any(piece.path.status == "interrupted" for piece in search.pieces):
+                search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
+        return _curve(problem, search, preload)
+
+
+def _search(
+    problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions
+) -> Coverage:
+    """What is to be followed, with its budget."""
+    low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
+    system = problem.system(preload)
+    if options.budget is None:
+        options = replace(options, budget=evaluation_budget(system))
+    assert options.budget is not None
+    system = system.within(options.budget)
+    system.watched = linear_resonances(system, (None, problem.stuck_springs(problem.static(preload))), low, high)
+    search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
+    search.meter.watch(system)
+    return search
+
+
+def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> NDArray | None:
+    """A solution at one frequency (rad/s); the log of the search says how."""
+    state = problem.static(preload)
+    found, tried, last = first_point(
+        search.system, state, problem.stuck_springs(state), omega, search.options, search.meter
+    )
+    why = "" if found is not None else _why_none(problem, search, last)
+    for line in [*tried, why] if why else tried:
+        search.note(omega, line)
+    return found
+
+
+def _why_none(problem: Problem, search: Coverage, last: NDArray) -> str:
+    return why_no_solution(search.system, problem.coupling.model, problem.bases[0].coordinates, last)
 
 
 @one_thread
 def find_start(
-    problem: Problem, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter, aids: Aids = NO_AIDS
+    problem: Problem, preload: float, omega: float, options: ContinuationOptions, meter: CostMeter
 ) -> tuple[NDArray | None, list[str]]:
     """A solution at one frequency (rad/s); see :func:`bdamper.continuation.start.first_point`.
 
@@ -97,158 +144,44 @@ def find_start(
     state = problem.static(preload)
     if not state.converged:
         return None, [f"static state: {state.note}"]
-    system = problem.system(preload)
-    meter.watch(system)
-    found, log, last = first_point(system, state, problem.stuck_springs(state), omega, options, meter, aids)
-    why = why_no_solution(system, problem.coupling.model, problem.bases[0].coordinates, last) if found is None else ""
+    search = Coverage(problem.system(preload), (omega, omega), options, meter)
+    meter.watch(search.system)
+    found, log, last = first_point(search.system, state, problem.stuck_springs(state), omega, options, meter)
+    why = "" if found is not None else _why_none(problem, search, last)
     return found, [*log, why] if why else log
 
 
-def track_curve(
-    problem: Problem,
-    preload: float,
-    frequency: tuple[float, float],
-    *,
-    from_high: bool,
-    options: ContinuationOptions,
-    progress: bool,
-    ratios: Sequence[float],
-    guesses: Callable[[float], list[NDArray]] | None = None,
-) -> Curve:
-    """The tracking curve under given settings; :meth:`bdamper.Study.track` explains the arguments.
-
-    Parameters
-    ----------
-    ratios : sequence of float
-        Of the other preloads, whose solutions are starts for branches apart, to this one.
-    guesses : callable, optional
-        Of solutions at a frequency (rad/s), (n_unknowns,) each.
-    """
-    state = problem.static(preload)
-    if not state.converged:
-        return _without_points(problem, preload, f"static state: {state.note}", options, state.cost)
-    low, high = limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
-    system = problem.system(preload)
-    system.watched = linear_resonances(system, (None, problem.stuck_springs(state)), low, high)
-    search = BranchSearch(system, limits, options, CostMeter(time.perf_counter()))
-    search.meter.watch(system)
-    try:
-        with progress_bar(progress, low, high) as search.on_point:
-            for at_high in (from_high, not from_high):
-                _from_end(problem, preload, search, high if at_high else low, guesses)
-                search.leap()
-                search.beyond_ends()
-                if search.finished:
-                    break
-            several = len(problem.harmonic_numbers) > 1
-            fewer = _Fewer(problem, preload, frequency, options, search.meter) if several else None
-            search.fill(lambda omega, visits: _start(problem, preload, search, omega, guesses, fewer, visits))
-            if ratios:
-                for start in search.new_solutions(_other_starts(problem, preload, ratios, search)):
-                    search.log.append(f"{start[-1] / TWO_PI:.6g} Hz: a solution apart from the branches so far")
-                    search.both_ways(start)
-    except KeyboardInterrupt:
-        if not any(piece.path.status == "interrupted" for piece in search.pieces):
-            search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-    status, reason, left_out = ending(search.pieces, low, high)
-    if status in ("incomplete", "no start"):
-        if any(WALKS in line for line in search.log):
-            reason += f"; bodies that were held and let go {WALKS}, constraint planes would hold them"
-        if 0.0 < preload < 2.0 * problem.excitation.amplitude:
-            ratio = preload / problem.excitation.amplitude
-            reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
-        if any(piece.path.points for piece in search.pieces):
-            reason += "; study.settle(curve) marches in time where no solution was found"
-    return _curve(problem, search, (status, reason, left_out), preload)
-
-
-class _Fewer:
-    """Solutions of a study without its highest harmonic, from a tracking curve that is followed when they are asked for.
-
-    Where a curve runs into a tangle, that with one harmonic fewer often passes; it may have a tangle of its own elsewhere.
-    The study has more than one harmonic.
-    """
-
-    def __init__(
-        self,
-        problem: Problem,
-        preload: float,
-        frequency: tuple[float, float],
-        options: ContinuationOptions,
-        meter: CostMeter,
-    ) -> None:
-        self._asked = problem, preload, frequency, replace(options, locate=False)
-        self._meter = meter
-        self._curve: Curve | None = None
-
-    def __call__(self, omega: float) -> list[NDArray]:
-        if self._curve is None:
-            problem, preload, frequency, options = self._asked
-            self._curve = track_curve(
-                problem.with_(harmonics=problem.harmonic_numbers[:-1]), preload, frequency, from_high=False,
-                options=options, progress=False,
-                ratios=(),
-            )  # fmt: skip
-            self._meter.add(self._curve.cost)
-            if self._curve.status == "interrupted":
-                raise KeyboardInterrupt
-        return passing(self._curve, omega)
-
-
-def _start(
-    problem: Problem,
-    preload: float,
-    search: BranchSearch,
-    omega: float,
-    guesses: Callable[[float], list[NDArray]] | None = None,
-    fewer: _Fewer | None = None,
-    visits: Visits = EVERY_VISIT,
-) -> NDArray | None:
-    """A solution at one frequency; ways that take minutes only on the visits that are meant for them."""
-    climbed, let_in = (sum(vain in line for line in search.log) for vain in (NOT_CLIMBED, NOT_LET_IN))
-    letting_in = fewer is not None and let_in < LETTINGS_IN
-    visit_rest = VISIT_REST if letting_in else VISIT_FEWER
-    aids = Aids(
-        guesses,
-        fewer if VISIT_FEWER in visits and letting_in else None,
-        climbing=VISIT_CLIMBING in visits and climbed < CLIMBS,
-        longer=[by for by in SUPPORTS if (VISIT_PROMISING if by in PROMISING else visit_rest) in visits],
-        completing=search.limits[0] < omega < search.limits[1],
-    )
-    start, tried = find_start(problem, preload, omega, search.options, search.meter, aids)
-    search.log += [f"{omega / TWO_PI:.6g} Hz: {line}" for line in tried]
-    return start
-
-
-def _from_end(
-    problem: Problem,
-    preload: float,
-    search: BranchSearch,
-    omega: float,
-    guesses: Callable[[float], list[NDArray]] | None = None,
-) -> None:
-    """The branch through the solution that the chain finds at an end of the interval."""
-    up = omega == search.limits[0]
-    start = _start(problem, preload, search, omega, guesses)
-    if start is None:
-        search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
-    else:
-        search.from_end(start, up)
-
-
-def _other_starts(problem: Problem, preload: float, ratios: Sequence[float], search: BranchSearch) -> list[NDArray]:
-    """Solutions at other preloads, spread over the frequency interval."""
+def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], search: Coverage) -> list[NDArray]:
+    """Solutions at other preloads, spread over the frequency interval; each has the budget of a curve."""
     out: list[NDArray] = []
     for other in (ratio * preload for ratio in ratios):
         if not problem.static(other).converged:
             continue
-        options = replace(search.options, locate=False)
-        elsewhere = BranchSearch(problem.system(other), search.limits, options, search.meter)
-        search.meter.watch(elsewhere.system)
-        _from_end(problem, other, elsewhere, search.limits[0])
-        points = [p for piece in elsewhere.pieces for p in piece.path.points]
-        out += [p.y for p in points[:: max(1, len(points) // 40)]]
+        frequency = search.limits[0] / TWO_PI, search.limits[1] / TWO_PI
+        elsewhere = _search(problem, other, frequency, replace(search.options, locate=False))
+        elsewhere.meter = search.meter
+        elsewhere.meter.watch(elsewhere.system)
+        start = _start(problem, other, elsewhere, search.limits[0])
+        search.log += elsewhere.log
+        if start is not None:
+            path = elsewhere.follow(start, True)
+            out += [p.y for p in path.points[:: max(1, len(path.points) // 40)]]
     return out
+
+
+def _ending(problem: Problem, search: Coverage, preload: float) -> tuple[str, str, tuple[LeftOut, ...]]:
+    """Status and reason of the curve, with advice where it is not complete, and what is left out."""
+    status, reason, left_out = ending(search.pieces, *search.limits)
+    if status not in ("incomplete", "no start"):
+        return status, reason, left_out
+    if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
+        reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
+    if any(DRIFTED_AWAY in line for line in search.log):
+        reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
+    if 0.0 < preload < 2.0 * problem.excitation.amplitude:
+        ratio = preload / problem.excitation.amplitude
+        reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
+    return status, f"{reason}; study.settle marches in time where no solution was found", left_out
 
 
 def _without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
@@ -274,14 +207,13 @@ def _without_points(problem: Problem, preload: float, reason: str, options: Cont
     )
 
 
-def _curve(
-    problem: Problem, search: BranchSearch, end: tuple[str, str, tuple[LeftOut, ...]], preload: float
-) -> Curve:
+def _curve(problem: Problem, search: Coverage, preload: float) -> Curve:
+    status, reason, left_out = _ending(problem, search, preload)
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
     onward = [p.tangent[-1] * (1.0 if way.up else -1.0) for p, way in ordered]
-    backward = np.array([p.kind != "walk" and to < 0.0 for p, to in zip(points, onward)], bool)
+    backward = np.array([p.kind != "drift" and to < 0.0 for p, to in zip(points, onward)], bool)
     return Curve(
         kind="tracking",
         frequency=y[:, -1] / TWO_PI,
@@ -294,9 +226,9 @@ def _curve(
         branch=np.array([way.branch for _, way in ordered], int),
         point_kind=tuple(p.kind for p in points),
         preload=preload,
-        status=end[0],
-        reason=end[1],
-        left_out=end[2],
+        status=status,
+        reason=reason,
+        left_out=left_out,
         cost=search.meter.read(time.perf_counter()),
         settings=problem.record(search.options),
         model_hash=problem.model.hash,

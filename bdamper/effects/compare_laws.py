@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from bdamper.continuation.curve import Curve, uninterrupted
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.problem.effects import Effects
 from bdamper.problem.problem import Problem

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import OK, Correction, HarmonicSystem
-from bdamper.continuation.follower import ContinuationOptions, PathPoint, follow
+from bdamper.continuation.follower import follow
+from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.peaks.newton import Peak, PeakOptions, amplitude_and_phase, find_peak, peak_scale
 
 STAYS_UP = 0.87

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
-from bdamper.continuation.follower import ContinuationOptions, PathPoint
+from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.repr import brief
@@ -473,7 +473,7 @@ def _newton_to_peak(
 
 def coarse_options(tolerance: float = 1e-7) -> ContinuationOptions:
     """Settings with which a curve is followed only to learn which peaks it has."""
-    return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05, searches=4)
+    return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05)
 
 
 def refine_maxima(

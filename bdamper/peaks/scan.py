@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 
 from bdamper.balance.linear import around, linear_maximum, linear_resonances
 from bdamper.balance.system import HarmonicSystem
-from bdamper.continuation.coverage import Piece
+from bdamper.continuation.coverage import Coverage, Piece
 from bdamper.continuation.curve import uninterrupted
-from bdamper.continuation.follower import ContinuationOptions, PathPoint
-from bdamper.continuation.search import BranchSearch
+from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.continuation.track import track
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima
 from bdamper.peaks.optimal_curve import Limit
@@ -27,7 +26,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
 FROM_WITHIN = ContinuationOptions(
-    tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1, to_planes=True,
+    tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1,
     corner_step=0.1, locate_folds=False,
 )
 """Settings with which a curve is followed from a known solution."""
@@ -163,7 +162,7 @@ def scan(
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    drift = max((i for i, kind in enumerate(curve.point_kind) if kind == "walk"), key=curve.amplitude.item, default=None)
+    drift = max((i for i, kind in enumerate(curve.point_kind) if kind == "drift"), key=curve.amplitude.item, default=None)
     return Scan(
         peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points,
         None if drift is None else (float(curve.frequency[drift]), float(curve.amplitude[drift])),
@@ -204,7 +203,7 @@ def scan_from(
     """
     low, high = (2.0 * np.pi * f for f in frequency)
     system.watched = linear_resonances(system, (None, problem.stuck_springs(problem.static(preload))), low, high)
-    search = BranchSearch(system, (low, high), FROM_WITHIN, meter)
+    search = Coverage(system, (low, high), FROM_WITHIN, meter)
     search.both_ways(start)
     pieces = search.pieces
     points = [p for i, piece in enumerate(pieces) for p in (piece.path.points if i else piece.path.points[::-1])]

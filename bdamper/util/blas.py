@@ -9,8 +9,9 @@ work, and is taken back then.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import cache, wraps
-from typing import ParamSpec, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
@@ -24,12 +25,18 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
+def single_thread() -> AbstractContextManager[Any]:
+    """A context with one thread for linear algebra."""
+    limit: AbstractContextManager[Any] = _controller().limit(limits=1, user_api="blas")
+    return limit
+
+
 def one_thread(function: Callable[P, T]) -> Callable[P, T]:
     """The function, with one thread for linear algebra."""
 
     @wraps(function)
     def limited(*args: P.args, **keywords: P.kwargs) -> T:
-        with _controller().limit(limits=1, user_api="blas"):
+        with single_thread():
             return function(*args, **keywords)
 
     return limited

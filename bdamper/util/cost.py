@@ -118,6 +118,11 @@ class CostMeter:
         """Count in what a part of the work, done while this meter ran, has metered by itself."""
         self.parts.append(cost)
 
+    def count(self, iterations: int, failed_steps: int = 0) -> None:
+        """Adds iterations and failed steps."""
+        self.iterations += iterations
+        self.failed_steps += failed_steps
+
     def watch(self, system: Counted) -> None:
         self.systems.append((system, system.core.cost))
 

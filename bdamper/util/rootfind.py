@@ -5,14 +5,17 @@ from both sides (Anderson and Bjoerck, BIT 13 (1973), 253-264; a refinement of I
 functions).  A function that jumps through zero has its root at the jump; where a trial is not half the value that it
 replaces, the middle of the bracket comes next.
 
-The search stops on the step of the secant through the last two trials: once it is within the tolerance, the last trial is
-the root, however wide the bracket still is.
+The search stops on the step of the secant through the last trial and the one before on the same side: once it is
+within the tolerance, the last trial is the root, however wide the bracket still is.  A secant across the root would take a
+jump for a root beside it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import NamedTuple
+
+import numpy as np
 
 MOST_TRIALS = 80
 
@@ -25,7 +28,7 @@ class Root(NamedTuple):
     at, value : float
         Place of the last evaluation and the function there.
     step : float
-        Of the secant through the last two trials, or the bracket if that is less: about the error.
+        Of the secant through the last two trials on one side, or the bracket if that is less: about the error.
     trials : int
         Evaluations of the function.
     """
@@ -70,26 +73,22 @@ def find_root(
     sign = 1.0 if f_b > f_a else -1.0
     true_a, true_b = f_a, f_b  # f_a and f_b are what the secant takes them for
     kept = ""  # the end that stayed in the trial before
-    before, f_before = (a, f_a) if abs(f_a) < abs(f_b) else (b, f_b)
     x = _secant(a, f_a, b, f_b)
     for trials in range(1, most_trials + 1):
-        f = function(x)
-        step = abs(f * (x - before) / (f - f_before)) if f != f_before else b - a
-        before, f_before = x, f
+        at, f = x, function(x)
         if sign * f < 0.0:
-            level = abs(f) > 0.5 * abs(true_a)
+            moved, before = at - a, true_a
             f_b *= _weight(f, true_a) if kept == "b" else 1.0
-            a, f_a, true_a, kept = x, f, f, "b"
+            a, f_a, true_a, kept = at, f, f, "b"
         else:
-            level = abs(f) > 0.5 * abs(true_b)
+            moved, before = b - at, true_b
             f_a *= _weight(f, true_b) if kept == "a" else 1.0
-            b, f_b, true_b, kept = x, f, f, "a"
-        if level or b - a < step:  # a function that is level and jumps has no use for its secant
-            step = b - a
-        if step <= tolerance:
+            b, f_b, true_b, kept = at, f, f, "a"
+        step = min(abs(f * moved / (before - f)) if f != before else np.inf, b - a)
+        if step <= tolerance or f == 0.0:
             break
-        x = 0.5 * (a + b) if level else _secant(a, f_a, b, f_b)
-    return Root(before, f_before, step, trials)
+        x = 0.5 * (a + b) if abs(f) > 0.5 * abs(before) else _secant(a, f_a, b, f_b)
+    return Root(at, f, step, trials)
 
 
 def _weight(new: float, old: float) -> float:

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from bdamper.balance.system import NOT_CONVERGED, OK, Correction
-from bdamper.continuation.follower import ContinuationOptions, _Follower, follow
+from bdamper.continuation.follower import Follower, follow
+from bdamper.continuation.path import ContinuationOptions
 
 
 class Equations:
     """Equations in closed form, with Newton's method in scaled unknowns as the core has it."""
 
-    n_mean, n_unknowns, watched, n_harmonics, lets_go = 0, 1, (), 1, False
+    n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
 
     @property
     def response_rows(self):
@@ -20,9 +21,6 @@ class Equations:
 
     def amplitudes(self, u, harmonic):
         return np.asarray(u[self.n_mean :], complex)
-
-    def closing(self, u, direction):
-        return np.zeros(1), np.zeros(1)
 
     def derivatives(self, y):
         J = self.jacobian(y)
@@ -70,7 +68,7 @@ def test_a_part_of_the_curve_that_runs_the_other_way_is_refused():
     step = 0.1
     system = Beside(0.25 * step**2)
     start = np.array([2.0, 10.0])
-    follower = _Follower(system, (9.0, 11.0), ContinuationOptions(), None)
+    follower = Follower(system, (9.0, 11.0), ContinuationOptions(), None)
     scale = follower.scale_at(start)
     assert scale[-1] == 1.0
     first = system.correct_at(start[:-1], 10.0, scale, 1e-12, 5)
@@ -112,7 +110,7 @@ def test_the_end_of_the_interval_is_where_the_curve_leads(distance, ends):
         assert "no solution at" in path.reason
 
 
-class Walks(Equations):
+class Drifts(Equations):
     """``u = 1``, ``omega = 2 - exp(-m)``: the mean m moves without bound while the frequency stays."""
 
     n_mean, n_unknowns = 1, 2
@@ -124,12 +122,12 @@ class Walks(Equations):
         return np.array([[-np.exp(-y[0]), 0.0, 1.0], [0.0, 1.0, 0.0]])
 
 
-def test_a_walk_without_end_is_left_a_million_vibrations_away():
-    path = follow(Walks(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
-    assert path.status == "walked off"
+def test_a_drift_without_end_is_left_a_million_vibrations_away():
+    path = follow(Drifts(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    assert path.status == "drifted off"
     assert "moves without bound" in path.reason
     away = np.array([abs(p.y[0]) for p in path.points])
     assert away[-1] > 1e6
     assert away[-2] <= 1e6
-    assert path.points[-1].kind == "walk"
+    assert path.points[-1].kind == "drift"
     assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)

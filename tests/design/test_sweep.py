@@ -17,7 +17,7 @@ import pytest
 from scipy import stats
 
 import bdamper as bd
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.design.sweep import OptimalTask, PeakTask, study_fingerprint
 from bdamper.peaks import scan as peakscan
 from bdamper.peaks.optimal import highest_peak, optimal_curve
@@ -283,7 +283,7 @@ class TestWarnings:
     @pytest.fixture
     def short(self, monkeypatch):
         """Scans that stop early."""
-        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, searches=0, max_points=50)
+        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, budget=600)
         monkeypatch.setattr(peakscan, "coarse_options", lambda: options)
 
     def test_a_peak_of_an_incomplete_scan(self, study, short):

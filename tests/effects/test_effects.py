@@ -10,8 +10,8 @@ import bdamper as bd
 from bdamper.balance.linear import linear_resonances
 from bdamper.contact.laws import LAW_CONSTANT
 from bdamper.contact.static import OPEN
-from bdamper.continuation.follower import PathPoint
 from bdamper.continuation.mean_position import notes, why_no_solution
+from bdamper.continuation.path import PathPoint
 from bdamper.model.coarsening import group_patches, unite_contact_points
 from bdamper.peaks.newton import drifted
 from tests import models
@@ -436,7 +436,7 @@ def test_residual_modes_are_no_bodies_that_walk(full):
     moved[next(k for k, c in enumerate(coordinates) if c.body not in model.bodies)] = 1.0
     points = [
         PathPoint(p, np.zeros_like(p), np.ones_like(p), np.zeros(3), 0.0, 1, 0, kind)
-        for p, kind in ((y, "regular"), (moved, "walk"))
+        for p, kind in ((y, "regular"), (moved, "drift"))
     ]
     assert "kg^1/2 m" in notes(system, model, coordinates, points)[0]
 

@@ -11,9 +11,19 @@ from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation import follower as continuation
 from bdamper.continuation import start
 from bdamper.continuation import track as tracking
-from bdamper.continuation.coverage import Piece, ending, in_order, uncovered
-from bdamper.continuation.follower import ContinuationOptions, Path, PathPoint, follow
-from bdamper.continuation.search import EVERY_VISIT, BranchSearch
+from bdamper.continuation.coverage import (
+    FEWEST,
+    MOST,
+    OPERATIONS,
+    Coverage,
+    Piece,
+    ending,
+    evaluation_budget,
+    in_order,
+    uncovered,
+)
+from bdamper.continuation.follower import follow
+from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
@@ -62,7 +72,7 @@ class Clock:
 
     def __init__(self, monkeypatch, at):
         self.left = at
-        inner = continuation._Follower.record
+        inner = continuation.Follower.record
 
         def accept(follower, *args, **keywords):
             self.left -= 1
@@ -70,7 +80,7 @@ class Clock:
                 raise KeyboardInterrupt
             return inner(follower, *args, **keywords)
 
-        monkeypatch.setattr(continuation._Follower, "record", accept)
+        monkeypatch.setattr(continuation.Follower, "record", accept)
 
 
 @pytest.mark.parametrize("at", [1, 30])
@@ -95,7 +105,7 @@ def test_ctrl_c_ends_what_is_made_of_curves(monkeypatch, work, at):
         work(s)
 
 
-@pytest.mark.parametrize("settings", [{"effects": "auto"}, {"tolerance": 0.01}])
+@pytest.mark.parametrize("settings", [{"tolerance": 0.01}])
 def test_ctrl_c_while_settings_of_a_curve_are_chosen(monkeypatch, settings):
     s = study(harmonics=3)
     Clock(monkeypatch, 20)
@@ -123,7 +133,7 @@ def test_ctrl_c_in_the_chain_of_a_start_is_not_a_stage_that_failed(monkeypatch):
     Clock(monkeypatch, 1)
     curve = s.track(preload, interval)
     assert curve.status == "interrupted"
-    assert not any("bodies held" in line for line in curve.start_log)
+    assert not any("support homotopy" in line for line in curve.start_log)
 
 
 def test_interrupted_before_the_first_point(monkeypatch):
@@ -131,7 +141,7 @@ def test_interrupted_before_the_first_point(monkeypatch):
         raise KeyboardInterrupt
 
     s = study()
-    monkeypatch.setattr("bdamper.continuation.track.find_start", stop)
+    monkeypatch.setattr("bdamper.continuation.track.first_point", stop)
     curve = s.track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert len(curve) == 0
@@ -146,7 +156,7 @@ def test_search_finds_a_branch_that_was_not_followed_and_no_other():
     assert len(folds) == 2
     first, last = path.points[: folds[0] + 1], path.points[folds[1] + 1 :]
     pieces = [Piece(replace(path, points=first, status="stalled", reason="cut off"), True)]
-    search = BranchSearch(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
     assert not list(search.new_solutions([p.y for p in first[1:-1:3]]))  # known
     beyond = [p.y for p in last if p.y[-1] < first[-1].y[-1]]
     assert beyond  # two solutions at these frequencies
@@ -171,7 +181,7 @@ def test_search_on_a_curve_of_one_branch_adds_none():
 class Ellipse:
     """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``."""
 
-    n_mean, n_unknowns, watched, n_harmonics, lets_go = 0, 1, (), 1, False
+    n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
     response_rows = (np.zeros(0), np.ones(1))
 
     @staticmethod
@@ -181,6 +191,9 @@ class Ellipse:
     @staticmethod
     def gradient(y):
         return np.array([2.0 * (y[0] - 2.0), 0.5 * (y[1] - 10.0)])
+
+    def with_share(self, share):
+        return self
 
     def amplitudes(self, u, harmonic):
         return np.asarray(u, complex)
@@ -247,8 +260,8 @@ def test_a_gap_between_known_solutions_is_filled():
         for branch, points in enumerate((low, high))
     ]
     assert ending(pieces, 1.0, 3.5)[0] == "incomplete"
-    search = BranchSearch(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
-    search.fill(lambda omega, visits: None)
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    search.fill(lambda omega: None)
     assert len(search.log) == 1
     assert not uncovered(pieces, 1.0, 3.5)
 
@@ -267,7 +280,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     pieces = [
         Piece(part(1.0, 2.0, status="tangle", tangle=(1.7, 1.9)), True),
         Piece(part(2.0 + gap, 3.0, status="stalled"), True, 1, True),
-        Piece(part(3.5, 2.9, status="walked off"), False, 2),
+        Piece(part(3.5, 2.9, status="drifted off"), False, 2),
     ]
     found, _, left = ending(pieces, 1.0, 3.5)
     assert found == status
@@ -275,7 +288,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     expected = [
         (1.7, 1.9, "tangle: told"),
         (2.0, 2.0 + gap, "no solution found"),
-        (2.9, 2.9, "walked off: told"),
+        (2.9, 2.9, "drifted off: told"),
         (3.0, 3.0, "stalled: told"),
     ]
     assert [entry.why for entry in left] == [why for *_, why in expected]
@@ -287,7 +300,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     assert "left out" not in str(whole)
     curve = replace(whole, left_out=left)
     assert str(curve).count("left out: ") == 4
-    assert f"left out: {2.9 * hertz:.6g} Hz: walked off: told" in str(curve)
+    assert f"left out: {2.9 * hertz:.6g} Hz: drifted off: told" in str(curve)
     curve.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").left_out == left
     labels = [text.get_text() for text in curve.plot().get_legend().get_texts()]
@@ -299,7 +312,7 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     s = study(harmonics=2)
     system, omega = s.system(200.0), 2.0 * np.pi * 300.0
     drag, spring, part = 0.7, 0.2, 0.25
-    held = system.letting_go(omega, drag, spring)
+    held = system.supported_by(omega, drag, spring)
     free = [np.array([c.body == "damper" and c.name in bd.RIGID_NAMES for c in basis.coordinates]) for basis in s.bases]
     share = 1.0 / part - 1.0
     arrays = dict(system.arrays)
@@ -316,21 +329,23 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     np.testing.assert_allclose(got, J, rtol=0, atol=1e-12 * np.abs(J).max())
     # with respect to the parameter: differences of the residual
     support = held.derivatives(np.append(y[:-1], 0.5))[0] - system.evaluate(y[:-1], omega)[1]
+    ramp = system.excitation_ramp(omega).derivatives(y)[1]
+    assert np.abs(ramp).max() > 0.0
     h = 1e-6
-    slope = (1.0 / (part + h) - 1.0 / (part - h)) / (2.0 * h) * support @ y[:-1]
+    slope = (1.0 / (part + h) - 1.0 / (part - h)) / (2.0 * h) * support @ y[:-1] + ramp
     np.testing.assert_allclose(by_part, slope, rtol=0, atol=1e-6 * np.abs(slope).max())
 
 
 @pytest.mark.parametrize(("seed", "wide"), [(1889, False), (127, True)])
-def test_bodies_held_and_let_go_where_nothing_else_starts(seed, wide, monkeypatch):
+def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch):
     """Shrouds that just touch, and a damper thrown about by 16 times its preload."""
     s, preload, interval = random_study(seed, wide)
     curve = s.track(preload, interval)
     assert curve.complete
-    assert any("bodies held" in line and "no solution" not in line for line in curve.start_log)
+    assert any("support homotopy: support gone" in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
-    monkeypatch.setattr("bdamper.continuation.start.SUPPORTS", ())
+    monkeypatch.setattr(start, "_support_homotopy", lambda *_: None)
     assert not s.track(preload, interval).complete
 
 
@@ -395,10 +410,6 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from
         assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
 
 
-BY_THREE = [frozenset((v // 3,)) for v in range(9)]
-"""Three places on each visit."""
-
-
 class Unsolvable(Ellipse):
     def correct_at(self, u, omega, *args):
         return Correction(NOT_CONVERGED, np.append(u, omega), np.zeros(2), 1, np.inf, 0.0, 0)
@@ -409,123 +420,93 @@ def span(low, high, branch):
     return Piece(Path(points, "tangle", "cut off", 0, 0), True, branch)
 
 
-@pytest.mark.parametrize(("high", "visits"), [(2.05, BY_THREE), (2.5, [EVERY_VISIT] * 5)])
-def test_a_narrow_gap_is_visited_again_at_other_frequencies(high, visits):
-    """Each visit has ways of its own; a wide gap has only one visit, with all of them."""
-    pieces = [span(1.0, 2.0, 0), span(high, 3.5, 1)]
-    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+def test_places_in_a_gap_are_asked_once_the_widest_gap_first():
+    pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
     seen = []
-
-    def ask(omega, visits):
-        seen.append((omega, visits))
-
-    search.fill(ask)
-    assert [of for _, of in seen] == visits
-    assert len({omega for omega, _ in seen}) == len(seen)
-    assert all(2.0 < omega < high for omega, _ in seen)
-    few = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(searches=2), CostMeter(0.0), pieces=pieces)
-    few.fill(ask)
-    assert len(seen) == len(visits) + 2
+    search.fill(seen.append)
+    np.testing.assert_allclose(seen, [3.1, 3.04, 3.16, 2.025, 2.01, 2.04])
 
 
-def test_another_visit_asks_a_place_again(monkeypatch):
-    monkeypatch.setattr("bdamper.continuation.search.PLACES", 3 * ((0.5, 0.2, 0.8),))
+def test_what_is_found_in_a_gap_makes_other_gaps_of_it(monkeypatch):
     pieces = [span(1.0, 2.0, 0), span(2.1, 3.5, 1)]
-    seen = []
-    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
-    search.fill(lambda omega, visits: seen.append((omega, visits)))
-    np.testing.assert_allclose([omega for omega, _ in seen], 3 * [2.05, 2.02, 2.08])
-    assert [visits for _, visits in seen] == BY_THREE
-
-
-def asked_until_filled(monkeypatch, before, after, call):
-    """Frequencies and visits asked in a gap from 2 to ``before``, which the solution of one call narrows to ``after``."""
-    pieces = [span(1.0, 2.0, 0), span(before, 3.5, 1)]
-    search = BranchSearch(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
-    monkeypatch.setattr(search, "both_ways", lambda y: search.pieces.append(span(after, before, 2)))
+    search = Coverage(Unsolvable(), (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    monkeypatch.setattr(search, "both_ways", lambda y: pieces.append(span(2.05, 2.1, 2)))
     seen = []
 
-    def ask(omega, visits):
-        seen.append((omega, visits))
-        return np.array([1.0, omega]) if len(seen) == call else None
+    def ask(omega):
+        seen.append(omega)
+        return np.array([1.0, omega]) if len(seen) == 2 else None
 
     search.fill(ask)
-    return [omega for omega, _ in seen], [visits for _, visits in seen]
+    np.testing.assert_allclose(seen, [2.05, 2.02, 2.025, 2.01, 2.04])
 
 
-def test_no_place_is_asked_twice_on_the_same_visit(monkeypatch):
-    """A solution at the third place narrows the gap a little: its places are those asked before, but that one."""
-    omegas, visits = asked_until_filled(monkeypatch, 2.1, 2.096, call=3)
-    first = [2.05, 2.02, 2.08]
-    second = [2.0 + 0.096 * part for part in (0.8, 0.35, 0.65, 0.12, 0.88, 0.27, 0.73)]
-    np.testing.assert_allclose(omegas, first + second, atol=1e-12)
-    assert visits == [frozenset((v,)) for v in (0, 0, 0, 0, 1, 1, 1, 2, 2, 2)]
+def test_gaps_are_left_when_the_budget_is_used_up():
+    pieces = [span(1.0, 2.0, 0), span(2.05, 3.0, 1), span(3.2, 3.5, 2)]
+    system = Unsolvable()
+    search = Coverage(system, (1.0, 3.5), ContinuationOptions(), CostMeter(0.0), pieces=pieces)
+    seen = []
+
+    def ask(omega):
+        seen.append(omega)
+        system.spent = True
+
+    search.fill(ask)
+    assert 1 <= len(seen) <= 3
+    assert max(abs(omega - 3.1) for omega in seen) < 0.1
 
 
-def test_a_wide_gap_asked_in_vain_was_asked_on_every_visit(monkeypatch):
-    """Once it is narrow, its places near those asked before are not asked on any visit."""
-    omegas, visits = asked_until_filled(monkeypatch, 2.26, 2.24, call=5)
-    wide = [2.0 + 0.26 * part for part in (0.5, 0.2, 0.8, 0.05, 0.95)]
-    narrow = [2.0 + 0.24 * part for part in (0.8, 0.35, 0.65, 0.12, 0.27, 0.73)]  # not 0.5, 0.2, 0.88
-    np.testing.assert_allclose(omegas, wide + narrow, atol=1e-12)
-    assert visits == [EVERY_VISIT] * 5 + [frozenset((v,)) for v in (0, 1, 1, 1, 2, 2)]
+@pytest.mark.parametrize("budget", [40, 150, 400])
+def test_a_curve_ends_with_what_it_has_when_its_budget_is_used_up(budget):
+    """It says so, names what is left out and what to do, and takes no more than the correction it was at."""
+    s = study()
+    curve = s.track(200.0, (250.0, 450.0), options=ContinuationOptions(budget=budget))
+    whole = s.track(200.0, (250.0, 450.0))
+    assert whole.complete and whole.cost.evaluations > 400
+    assert curve.status == "incomplete"
+    assert 0.9 * budget <= curve.cost.evaluations <= budget + 100
+    assert curve.settings["continuation"]["budget"] == budget
+    assert f"the budget was {budget} evaluations" in curve.reason
+    assert "study.settle" in curve.reason
+    assert "no solution found" in [part.why for part in curve.left_out]
+    first = curve.unknowns[curve.branch == 0]
+    assert len(first) > 3
+    np.testing.assert_array_equal(first, whole.unknowns[: len(first)])
 
 
-def test_long_paths_only_by_the_supports_asked_for(monkeypatch):
+def test_the_budget_is_set_by_the_sizes_of_the_problem_and_stands_in_the_result():
+    small, large = study(), study(harmonics=7)
+    budgets = [evaluation_budget(s.system(200.0)) for s in (small, large)]
+    assert FEWEST <= budgets[1] < budgets[0] <= MOST
+    assert small.track(200.0, (250.0, 260.0)).settings["continuation"]["budget"] == budgets[0]
+    for s, budget in zip((small, large), budgets):
+        work = float(s.system(200.0).work[:3].sum())
+        assert budget in (FEWEST, MOST) or budget * work == pytest.approx(OPERATIONS, rel=1e-3)
+
+
+def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
     s, preload, _ = random_study(3)
-    letting_go = start.HarmonicSystem.letting_go
-    asked, held_by = [], {}
-
-    def hold(self, omega, *by):
-        held = letting_go(self, omega, *by)
-        held_by[id(held)] = held, by  # kept, so that no other gets its number
-        return held
-
-    def cut_off(system, y, options, meter, points=start.RAMP_POINTS):
-        if system.lets_go:
-            asked.append((held_by[id(system)][1], points))
-        return Path((), "too many points", "cut off", 0, 0)
-
-    monkeypatch.setattr(start.HarmonicSystem, "letting_go", hold)
-    monkeypatch.setattr(start, "_homotopy", cut_off)
-    monkeypatch.setattr(start.HarmonicSystem, "correct_at", _unless_held(start.HarmonicSystem.correct_at))
-    for longer in (start.PROMISING[1:3], ()):
-        asked.clear()
-        aids = start.Aids(longer=longer)
-        found, _ = find_start(s, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0), aids)
-        assert found is None
-        assert [by for by, points in asked if points == start.RAMP_POINTS] == list(longer)
-        assert len([by for by, points in asked if points == start.FEW_POINTS]) >= 5
-
-
-def test_every_way_of_letting_go_gets_few_points_before_any_gets_all(monkeypatch):
-    s, preload, _ = random_study(3)
+    correct_at = start.HarmonicSystem.correct_at
     asked = []
 
-    def cut_off(system, y, options, meter, points=start.RAMP_POINTS):
-        asked.append((points, system.lets_go))
-        assert options.patience <= points
+    def cut_off(system, y, options, meter):
+        asked.append((system.supported, options.patience, options.max_turn))
         return Path((), "too many points", "cut off", 0, 0)
 
+    def only_on_a_support(self, u, omega, scale, *args):
+        c = correct_at(self, u, omega, scale, *args)
+        return c if self.supported else replace(c, status=NOT_CONVERGED)
+
     monkeypatch.setattr(start, "_homotopy", cut_off)
-    monkeypatch.setattr(start.HarmonicSystem, "correct_at", _unless_held(start.HarmonicSystem.correct_at))
+    monkeypatch.setattr(start.HarmonicSystem, "correct_at", only_on_a_support)
     found, log = find_start(s, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
     assert found is None
-    assert "no solution" in "".join(log)
-    let_go = [points for points, held in asked if held]
-    n = len(let_go) // 2
-    assert 5 <= n <= len(start.SUPPORTS)
-    assert let_go == [start.FEW_POINTS] * n + [start.RAMP_POINTS] * n
-
-
-def _unless_held(correct_at):
-    """Newton that fails unless bodies are held."""
-
-    def failing(self, u, omega, scale, *args):
-        c = correct_at(self, u, omega, scale, *args)
-        return c if self.lets_go else replace(c, status=NOT_CONVERGED)
-
-    return failing
+    assert asked == [(False, 400, 0.45), (True, start.RAMP_POINTS, start.LOOSE_TURN)]
+    assert [line.split(":")[0] for line in log[1:4]] == [
+        "Newton from the stuck response", "Newton with line search from the stuck response", "excitation ramp"
+    ]  # fmt: skip
+    assert log[4] == "support homotopy failed after 0 points (too many points)"
 
 
 def test_both_ways_from_a_solution_make_one_branch():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.stability.disturbances import WaveDisturbances, _pencil
 from bdamper.stability.floquet import NEUTRAL, bases_beside, monodromy, multipliers

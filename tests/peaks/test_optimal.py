@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.continuation.follower import _Follower, follow
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.peaks.envelope import Branch, PeakEnvelope
 from bdamper.peaks.follower import PeakFollower, follow_peak
@@ -291,34 +290,7 @@ class TestScanFromAKnownSolution:
         far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
         assert not found.passes(far, study.system(preload).n_mean)
 
-    def test_walks_go_straight_to_the_plane(self):
-        """The way of a walking body to the plane: there the first open point touches, a little before it none does."""
-        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
-        at = study.track(30.0, (300.0, 302.0))
-        system = study.system(30.0)
-        start = np.append(at.unknowns[0], 2 * np.pi * at.frequency[0])
-        ends = []
-        for to in (False, True):
-            path = follow(system, start, (1600.0, 1900.0), up=False, options=bd.ContinuationOptions(to_planes=to))
-            assert path.status == "complete"
-            ends.append(path.points[-1].y)
-        assert ends[1] == pytest.approx(ends[0], rel=1e-6, abs=1e-12)
-        walks = [point for point in path.points if point.kind == "walk"]
-        assert walks
-        follower = _Follower(system, (1600.0, 1900.0), bd.ContinuationOptions(), None)
-        for point in walks:
-            for sense in (1.0, -1.0):
-                direction = sense * point.tangent * point.scale
-                way = follower.way_to_touch(point.y, direction)
-                if not np.isfinite(way):
-                    continue
-                unit = direction / np.linalg.norm(direction / follower.scale_at(point.y))
-                before, there = (
-                    system.closing((point.y + part * way * unit)[:-1], direction[: system.n_mean])[0]
-                    for part in (1.0 - 1e-6, 1.0 + 1e-6)
-                )
-                open_ = system.closing(point.y[:-1], direction[: system.n_mean])[0] < 0.0
-                assert before[open_].max() < 0.0 < there[open_].max()
+
 
 
 class TestVary:

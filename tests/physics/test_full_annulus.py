@@ -16,7 +16,7 @@ import pytest
 import bdamper as bd
 from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.points import PointArrays
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis

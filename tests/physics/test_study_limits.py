@@ -8,7 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.balance.system import OK
-from bdamper.continuation.follower import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError

@@ -60,6 +60,13 @@ def test_a_jump_through_zero_is_found(jump, heights):
     assert root.trials <= 80
 
 
+@pytest.mark.parametrize("small", [1e-3, 1e-7])
+def test_a_jump_is_not_taken_for_a_root_beside_it(small):
+    """On one side the function is small and falls toward the jump without reaching zero."""
+    root = solve(lambda x: -small * (0.7 - x) - 0.1 * small if x < 0.6 else 1.0, 0.0, 1.0, 1e-8)
+    assert root.at == pytest.approx(0.6, abs=4e-8)
+
+
 def test_a_root_that_is_hit_ends_the_search():
     root = solve(lambda x: x - 0.5, 0.0, 1.0, 1e-3)
     assert (root.at, root.value, root.step, root.trials) == (0.5, 0.0, 0.0, 1)

@@ -130,7 +130,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
     [
         *(lambda n=n, v=v: bd.ContinuationOptions(**{n: v}) for n, v in [
             ("max_turn", 0), ("max_turn", "1"), ("corner_step", -1), ("max_points", 2.5), ("locate_tolerance", 0),
-            ("locate", "no"), ("tolerance", "1e-9"), ("searches", -1), ("step", 1.0), ("to_planes", None),
+            ("locate", "no"), ("tolerance", "1e-9"), ("budget", 0), ("step", 1.0),
             ("patience", 1), ("max_iterations", "8"),
         ]),
         *(lambda n=n, v=v: bd.PeakOptions(**{n: v}) for n, v in [

@@ -1,0 +1,255 @@
+"""Where a curve does something between two of its points: folds, maxima, corners, resonances.
+
+Where the frequency component of the tangent changes sign there is a fold, where the derivative of the response amplitude
+does, a maximum; the root along the step is found by :func:`bdamper.util.rootfind.find_root` with a Newton corrector for
+each trial.  Two of them in one step leave the signs as they were: there the cubic through both ends of the step, with their
+slopes, turns within.
+
+The Jacobian is only piecewise continuous: where a contact starts or ceases to slip or to separate, the curve may have a
+corner.  The Jacobian along a step that fails tells where: its null vector jumps there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from bdamper.balance.system import OK, Correction, HarmonicSystem, norm2
+from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
+from bdamper.util.rootfind import find_root
+
+Event = Callable[[NDArray, NDArray], float]
+"""A function of point and tangent that changes sign at an event."""
+BISECTIONS = 7
+"""Of a step that is searched for a corner."""
+
+
+def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) -> bool:
+    """Whether the cubic on (0, 1) with these slopes at its ends, which agree in sign, and this rise turns within.
+
+    Its slope is ``first + b t + c t**2``; by how much of the larger slope it must run the other way is ``margin``.
+    """
+    if first * last <= 0.0:
+        return False
+    if first < 0.0:
+        first, last, rise = -first, -last, -rise
+    b, c = 6.0 * rise - 4.0 * first - 2.0 * last, 3.0 * (first + last) - 6.0 * rise
+    if c <= 0.0 or not -2.0 * c < b < 0.0:
+        return False
+    return first - 0.25 * b * b / c < -margin * max(first, last)
+
+
+class Events:
+    """Events of the steps along one curve.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    options : ContinuationOptions
+    """
+
+    def __init__(self, system: HarmonicSystem, options: ContinuationOptions) -> None:
+        self.system = system
+        self.options = options
+        self.iterations = 0
+        self.sense = 0.0
+        """Of travel in frequency, the last that was not zero."""
+        self._tilt = np.random.default_rng(1).standard_normal(system.n_unknowns + 1)
+        self._tilt *= 0.3 / norm2(self._tilt)
+
+    # ---- what a step may hide ----
+
+    def over_resonance(self, a: NDArray, b: NDArray) -> bool:
+        """Whether a linear resonance in a step is not resolved: the phase of its modal coordinate jumps."""
+        for omega, width, row in self.system.watched:
+            if (a[-1] - omega) * (b[-1] - omega) < 0.0 and abs(b[-1] - a[-1]) > width:
+                before = self.system.amplitudes(a[:-1], 1) @ row
+                after = self.system.amplitudes(b[:-1], 1) @ row
+                if (before.conjugate() * after).real < 0.5 * abs(before * after):
+                    return True
+        return False
+
+    def over_pair(self, y: NDArray, tangent: NDArray, scale: NDArray, c: Correction) -> bool:
+        """Whether frequency or amplitude seems to turn twice within a step, which its ends do not show."""
+        n = self.system.n_mean
+        if is_drift(tangent, n) or is_drift(c.tangent, n):
+            return False
+        length = norm2((c.y - y) / scale)
+        if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
+            return True
+        before, after = (abs(self.system.amplitudes(p[:-1], 1) @ self.system.response_rows[1]) ** 2 for p in (y, c.y))
+        first, last = (length * self.amplitude_slope(p, t, scale) for p, t in ((y, tangent), (c.y, c.tangent)))
+        return turns_twice(first, last, 0.5 * (after - before))
+
+    def amplitude_slope(self, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
+        """Derivative along the path of half the squared amplitude of the first response harmonic."""
+        x = self.system.amplitudes(y[:-1], 1) @ self.system.response_rows[1]
+        dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
+        return float((x.conjugate() * dx).real)
+
+    # ---- folds and maxima ----
+
+    def between(self, a: PathPoint, b: Correction, end: float) -> tuple[list[PathPoint], str]:
+        """Events of a step, located.
+
+        Parameters
+        ----------
+        a : PathPoint
+            Where the step sets off.
+        b : Correction
+            Where it ends.
+        end : float
+            How far it reaches along the tangent at a.
+
+        Returns
+        -------
+        list of PathPoint, in the order of the path, and the kind of b: that of an event which could not be located
+        """
+        n = self.system.n_mean
+        sense = 0.0 if is_drift(b.tangent, n) else float(np.sign(b.tangent[-1]))
+        turned = sense * self.sense < 0.0
+        self.sense = sense or self.sense
+        if not self.options.locate:
+            return [], "regular"
+        found: list[tuple[Event, str]] = []
+        missed = "regular"
+        if turned and self.options.locate_folds and not is_drift(a.tangent, n):
+            found.append((lambda y, t: float(t[-1]), "fold"))
+        elif turned:  # a drift is one point in frequency, and so is the fold at its end
+            missed = "fold"
+
+        def slope(y: NDArray, t: NDArray) -> float:
+            return self.amplitude_slope(y, t, a.scale)
+
+        drifting = is_drift(a.tangent, n) or is_drift(b.tangent, n)
+        if not drifting and slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
+            found.append((slope, "maximum"))
+        located = []
+        for event, kind in found:
+            at: list[Correction] = []
+            first, last = event(a.y, a.tangent), event(b.y, b.tangent)
+            if first * last <= 0.0:
+                trial = self._trial(a, event, last, at)
+                find_root(trial, (0.0, first), (end, last), self.options.locate_tolerance * end)
+            if at:
+                located.append(point_of(at[-1], a.scale, kind))
+            else:
+                missed = kind
+        located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
+        return located, missed
+
+    def _trial(self, a: PathPoint, event: Event, beyond: float, reached: list[Correction]) -> Callable[[float], float]:
+        """The event function over the distance along the tangent at a; points that were found are noted.
+
+        Points lie in planes normal to the tangent; where such a plane misses the curve it lies beyond a corner, and beyond
+        the event.
+        """
+
+        def trial(s: float) -> float:
+            guess = a.y + s * a.tangent * a.scale
+            c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, self.options.max_iterations)
+            self.iterations += c.iterations
+            if c.status != OK or norm2((c.y - a.y) / a.scale) > 2.0 * s:
+                return beyond
+            reached.append(c)
+            return event(c.y, c.tangent)
+
+        return trial
+
+    # ---- corners ----
+
+    def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
+        """Direction of travel that the Jacobian at y gives, on the curve or off it."""
+        n = len(y) - 1
+        try:
+            J, r_omega = self.system.derivatives(y)
+        except FloatingPointError:
+            return None
+        A = np.empty((n + 1, n + 1))
+        A[:n, :n] = J * scale[:n]
+        A[:n, n] = r_omega * scale[n]
+        A[:n] /= np.maximum(np.abs(A[:n]).max(axis=1, keepdims=True), 1e-300)
+        A[n] = border
+        factors, pivots, _ = dgetrf(A)
+        diagonal = np.diag(factors)
+        if not (np.abs(diagonal) > 1e-15).all():
+            return None
+        right = np.zeros(n + 1)
+        right[n] = 1.0
+        x, _ = dgetrs(factors, pivots, right)
+        if not np.isfinite(x).all():
+            return None
+        here = int(np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(pivots != np.arange(n + 1)))
+        x *= (here * sign if sign else 1.0) / norm2(x)
+        return np.asarray(x)
+
+    def around_corner(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, sign: int, desperate: bool = False
+    ) -> tuple[Correction, float] | None:
+        """The first point beyond a corner within a step, and the length of the part beyond the corner.
+
+        Bisection between where the null vector of the Jacobian is the tangent and where it is another.  A curve without a
+        corner shows no such jump, and is left alone.
+
+        Parameters
+        ----------
+        y, tangent, scale : (n_unknowns + 1,) float
+        step : float
+        sign : int
+            Of det [J; tangent] along the path, 0 where it is not known.
+        desperate : bool
+            Take what comes for a corner.
+        """
+        border = tangent + self._tilt
+        near, far = 0.0, step
+        first, beyond = tangent, self._direction(y + far * tangent * scale, scale, border, sign)
+        if beyond is None:
+            return None
+        total = norm2(beyond - tangent)
+        if total < 0.2 and not desperate:
+            return None
+        for _ in range(BISECTIONS):
+            middle = 0.5 * (near + far)
+            t = self._direction(y + middle * tangent * scale, scale, border, sign)
+            if t is None:
+                return None
+            if norm2(t - tangent) < 0.5 * total:
+                near, first = middle, t
+            else:
+                far, beyond = middle, t
+        if norm2(beyond - first) < 0.4 * total and not desperate:
+            return None  # curvature
+        for sense in (1.0,) if sign else (1.0, -1.0):
+            direction = sense * beyond
+            for part in (0.5, 0.1, 0.01):
+                guess = y + (far * tangent + part * step * direction) * scale
+                c = self._beyond_corner(y, tangent, scale, guess, direction, 0.5 * part * step + far - near, sign)
+                if c is not None:
+                    return c, part * step
+        return None
+
+    def _beyond_corner(
+        self, y: NDArray, tangent: NDArray, scale: NDArray, guess: NDArray, direction: NDArray, reach: float, sign: int
+    ) -> Correction | None:
+        if not guess[-1] > 0.0:
+            return None
+        c = self.system.correct(guess, direction, scale, self.options.tolerance, self.options.max_iterations)
+        self.iterations += c.iterations
+        if c.status != OK or norm2((c.y - guess) / scale) > reach:
+            return None
+        if float(c.tangent @ direction) < np.cos(self.options.max_turn):
+            return None
+        if sign and c.orientation == -sign:
+            return None  # on the way back
+        moved = (c.y - y) / scale
+        if not sign and float(moved @ tangent) < -0.99 * norm2(moved):
+            return None
+        return None if self.over_resonance(y, c.y) else c
+
+
+def point_of(c: Correction, scale: NDArray, kind: str = "regular") -> PathPoint:
+    """A correction as a point of a path."""
+    return PathPoint(c.y, c.tangent, scale, np.array(c.shares), c.residual, c.iterations, c.rank_deficiency, kind)

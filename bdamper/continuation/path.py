@@ -1,0 +1,134 @@
+"""What a path along a curve is: its settings, its points, how it ended."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.balance.system import norm2
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+
+@dataclass(frozen=True)
+class ContinuationOptions:
+    """Settings of the continuation.
+
+    Parameters
+    ----------
+    tolerance : float
+        On the largest residual, relative to excitation and static load.
+    step, min_step, max_step : float
+        First, smallest and largest step in scaled unknowns (0.1: a tenth of the present vibration).
+    max_turn : float, rad
+        Largest angle between successive tangents of an accepted step.
+    max_points : int
+        Of one path.
+    patience : int
+        Points without getting any further in frequency, to either side of where it set off, after which a path is left as a
+        tangle of folds.
+    budget : int or None
+        Evaluations of the equations after which a curve ends with what it has; None sets it from the sizes of the problem
+        (:func:`bdamper.continuation.coverage.evaluation_budget`).
+    max_iterations : int
+        Newton iterations in a step.
+    locate : bool
+        Refine folds and amplitude maxima.
+    locate_folds : bool
+        False: the point beyond a fold is marked as the fold.
+    locate_tolerance : float
+        On folds and maxima, relative to the step in which they lie.
+    corner_step : float
+        Longest failed step that is searched for a corner of the curve; longer ones are shortened first.
+    """
+
+    tolerance: float = 1e-9
+    step: float = 0.05
+    min_step: float = 1e-7
+    max_step: float = 0.15
+    max_turn: float = 0.45
+    max_points: int = 5000
+    patience: int = 400
+    budget: int | None = None
+    max_iterations: int = 8
+    locate: bool = True
+    locate_folds: bool = True
+    locate_tolerance: float = 1e-8
+    corner_step: float = 0.3
+
+    def __post_init__(self) -> None:
+        validate.fields(self, validate.number, "tolerance", above=0.0, below=1e-2)
+        validate.fields(self, validate.number, "step", "min_step", "max_step", "corner_step", above=0.0)
+        validate.fields(self, validate.number, "max_turn", above=0.0, most=np.pi)
+        validate.fields(self, validate.number, "locate_tolerance", above=0.0, below=1.0)
+        validate.fields(self, validate.whole, "max_points", "patience", "max_iterations", least=2)
+        if self.budget is not None:
+            validate.fields(self, validate.whole, "budget", least=1)
+        validate.fields(self, validate.flag, "locate", "locate_folds")
+        if not 0.0 < self.min_step <= self.step <= self.max_step:
+            raise SettingError(
+                f"steps: expected 0 < min_step <= step <= max_step, found {self.min_step}, {self.step}, {self.max_step}"
+            )
+
+
+@brief
+@dataclass(frozen=True)
+class PathPoint:
+    """One solution on the path.
+
+    Parameters
+    ----------
+    y, tangent : (n_unknowns + 1,) float
+        Point and direction of travel, the latter of unit length in the units of the step.
+    scale : (n_unknowns + 1,) float
+    shares : (3,) float
+        Stick, slip and open shares of the cycle, mean over friction points.
+    residual : float
+    iterations : int
+    rank_deficiency : int
+    kind : str
+        "regular", "fold", "maximum", "end", or "drift": the mean position moves while vibration and frequency stay.
+    """
+
+    y: NDArray
+    tangent: NDArray
+    scale: NDArray
+    shares: NDArray
+    residual: float
+    iterations: int
+    rank_deficiency: int
+    kind: str = "regular"
+
+
+@brief
+@dataclass(frozen=True)
+class Path:
+    """Points of a path and how it ended.
+
+    Parameters
+    ----------
+    points : tuple of PathPoint
+    status : str
+        "complete", "turned back" (to the bound away from which it set off), "closed" (on itself), "tangle" (too many folds
+        without progress), "drifted off" (a free body that nothing stops), "stalled", "too many points", "out of budget" or
+        "interrupted".
+    reason : str
+    iterations, failed_steps : int
+    tangle : (low, high), rad/s, or None
+        Of the folds in which the path was left.
+    """
+
+    points: tuple[PathPoint, ...]
+    status: str
+    reason: str
+    iterations: int
+    failed_steps: int
+    tangle: tuple[float, float] | None = None
+
+
+def is_drift(tangent: NDArray, n_mean: int) -> bool:
+    """Whether a path moves the mean position alone: same vibration, same frequency."""
+    return norm2(tangent[n_mean:]) < 1e-6
