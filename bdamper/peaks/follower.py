@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.balance.system import norm2
-from bdamper.peaks.newton import Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
+from bdamper.peaks.newton import FAR, Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
 from bdamper.peaks.sensitivity import sensitivities
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.repr import brief
@@ -166,7 +166,7 @@ class PeakFollower:
             return norm2((peak.y - y)[n:-1] / scale[n:-1])
 
         if distance(guess) > self.options.max_distance:
-            self.reason = "a peak far from its prediction"
+            self.reason = FAR
             return None
         if len(self.known) > 1:
             errors = [distance(p) for p in predictions]

@@ -300,12 +300,11 @@ class _Search:
         """
         for _ in range(6):
             predicted = a.y + s * a.tangent * self.scale
-            if predicted[-1] > 0.0:
-                b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)) if abs(s) > 3e-4 else 0.0)
-                if b is not None:
-                    if norm2((b.y - predicted) / self.scale) <= max(0.5 * abs(s), 1e-6):
-                        return b
-                    self.reason = "solution far from its prediction"
+            b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)) if abs(s) > 3e-4 else 0.0)
+            if b is not None:
+                if norm2((b.y - predicted) / self.scale) <= max(0.5 * abs(s), 1e-6):
+                    return b
+                self.reason = "solution far from its prediction"
             s *= 0.5
         return None
 
@@ -350,7 +349,7 @@ class _Search:
             )
             y += (f - float(normal @ ((y - a.y) / self.scale)) / length) * (b.y - a.y)
             c = self.correct(y, normal)
-            if c is None or norm2((c.y - y) / self.scale) > length:
+            if c is None:
                 raise ArithmeticError
             points.append(c)
             return c.slope

@@ -25,10 +25,10 @@ The sum over ``l`` is cut off at the harmonics of the motion, as harmonic balanc
 **Number of growing disturbances.**  ``det D`` is analytic, so by the argument principle the turn of its phase around a
 region counts the roots in it: those to the right of a line parallel to the imaginary axis, up to a highest frequency.  The
 phase is taken relative to the product of ``lambda - lambda_r`` over estimates of roots, which is smooth where there is a
-root to each estimate and an estimate to each root.  An estimate beside the line that is none would hide a root on the other
-side of it, so these are followed to a root of their own (secant method on the determinant over the distances to the others)
-or left out.  A root without an estimate shows in the phase, the size or the bend of the determinant between places, and
-there the way is refined, so the count does not depend on the estimates.
+root to each estimate and an estimate to each root.  An estimate beside the line without a root would hide a root on the
+other side of it, so these are followed to a root of their own (secant method on the determinant over the distances to the
+others) or left out.  A root without an estimate shows in the phase, the size or the bend of the determinant between places,
+and there the path is refined, so the count does not depend on the estimates.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class WaveDisturbances:
     def improved(self, roots: NDArray, rate: float, band: float, new: NDArray | None = None) -> tuple[NDArray, bool]:
         """Estimates after some steps of the secant method on those that matter, and whether all of them came to a root.
 
-        These are the ones next to the line or the way across, on the scale of the places there, and those that grow.  Each
+        These are the ones next to the line or the path across, on the scale of the places there, and those that grow.  Each
         step is on the determinant over the distances to all other estimates, so that no two meet.  What does not come to a
         root of its own is left out: an estimate without a root would hide one beside it.
 
@@ -174,10 +174,10 @@ class WaveDisturbances:
             others, own = self._all(at), np.arange(len(active))
             apart, reach = now[active, None] - others, before[active, None] - others
             apart[own, active] = reach[own, active] = 1.0
-            change, way = sizes[active] - sizes_before[active], (now - before)[active]
+            change, path = sizes[active] - sizes_before[active], (now - before)[active]
             # how far the next root of the determinant itself is
-            error[active] = np.abs(_secant(change, way))
-            step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), way)
+            error[active] = np.abs(_secant(change, path))
+            step = _secant(change - np.log(_nonzero(apart / _nonzero(reach))).sum(axis=1), path)
             step *= np.minimum(1.0, 0.1 * self.omega / np.maximum(np.abs(step), 1e-300))
             if self.mirrored:
                 step[at[active].imag == 0.0] = step[at[active].imag == 0.0].real
@@ -202,7 +202,7 @@ class WaveDisturbances:
         return np.concatenate([roots, roots[roots.imag != 0.0].conj()]) if self.mirrored else roots
 
     def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
-        """To the line, and from the right half plane to the way across as well."""
+        """To the line, and from the right half plane to the path across as well."""
         aside, over = exponent.real - rate, np.abs(exponent.imag) - band
         return np.asarray(np.where(aside > 0.0, np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
                                    np.hypot(aside, np.maximum(over, 0.0))))
@@ -232,12 +232,13 @@ class WaveDisturbances:
             fresh = roots[~self._matters(roots, rate, band)]
             roots = np.concatenate([start[self._matters(start, rate, band)], fresh])
         roots, complete = self.improved(roots, rate, band)
-        count, way, sizes = self._counted(roots, rate, band)
+        count, path, sizes = self._counted(roots, rate, band)
         if not complete or count != self.right(roots, rate, band):
             # roots without an estimate pull the determinant down beside them
-            height = (sizes - self._reference(way, roots)).real
+            height = (sizes - self._reference(path, roots)).real
             low = (height < np.append(np.inf, height[:-1])) & (height < np.append(height[1:], np.inf))
-            roots, _ = self.improved(roots, rate, band, way[low & (np.abs(way.imag) < band) & (way.real <= way[0].real)])
+            inside = (np.abs(path.imag) < band) & (path.real <= path[0].real)
+            roots, _ = self.improved(roots, rate, band, path[low & inside])
         return count, roots
 
     def fastest(self, roots: NDArray, band: float) -> float:
@@ -268,13 +269,13 @@ class WaveDisturbances:
         line = np.concatenate([np.arange(step, band, step), np.abs(close.imag)])
         away = np.concatenate([np.geomspace(self.omega / 8.0, far, ACROSS), close.real - rate])
         line, away = _spread(line, apart, band - apart), _spread(away, apart, far)
-        way = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
+        path = np.concatenate([rate + 1j * np.concatenate([[0.0], line, [band]]), rate + away + 1j * band, [rate + far]])
         if not self.mirrored:
-            way = np.concatenate([way[:-1], way[::-1].conj()])
-        sizes = self._determinant(way)
-        value = sizes - self._reference(way, roots)
+            path = np.concatenate([path[:-1], path[::-1].conj()])
+        sizes = self._determinant(path)
+        value = sizes - self._reference(path, roots)
         while True:
-            gap = np.diff(way)
+            gap = np.diff(path)
             width, change = np.abs(gap), np.diff(value)
             change.imag = _wrapped(change.imag)
             rough = (np.abs(change.imag) > PHASE) | (np.abs(change.real) > LEVEL)
@@ -288,17 +289,17 @@ class WaveDisturbances:
             rough &= width > 1e-13 * self.omega
             if not rough.any():
                 break
-            if len(way) > MOST_PLACES:
+            if len(path) > MOST_PLACES:
                 raise FloatingPointError("the phase of the determinant cannot be followed")
-            new = 0.5 * (way[:-1] + way[1:])[rough]
+            new = 0.5 * (path[:-1] + path[1:])[rough]
             at = np.flatnonzero(rough) + 1
             found = self._determinant(new)
-            way, sizes = np.insert(way, at, new), np.insert(sizes, at, found)
+            path, sizes = np.insert(path, at, new), np.insert(sizes, at, found)
             value = np.insert(value, at, found - self._reference(new, roots))
         turn = float(_wrapped(np.diff(value.imag)).sum()) / (np.pi if self.mirrored else TWO_PI)
         if abs(turn - round(turn)) > 0.05:
             raise FloatingPointError("the phase of the determinant does not come to a whole number of turns")
-        return self.right(roots, rate, band) - round(turn), way, sizes
+        return self.right(roots, rate, band) - round(turn), path, sizes
 
     def _determinant(self, exponent: NDArray) -> NDArray:
         """(k,) complex logarithm of det D."""
@@ -329,10 +330,10 @@ def _spread(places: NDArray, low: float, high: float) -> NDArray:
     return places[np.append(np.diff(places) > low, True)] if len(places) else places
 
 
-def _secant(change: NDArray, way: NDArray) -> NDArray:
-    """Step of the secant method from the end of a way on which the logarithm of a function changed."""
+def _secant(change: NDArray, path: NDArray) -> NDArray:
+    """Step of the secant method from the end of a path on which the logarithm of a function changed."""
     ratio = np.exp(np.minimum(change.real, 600.0) + 1j * change.imag)
-    return np.asarray(way * ratio / np.where(ratio == 1.0, 1e-300, ratio - 1.0))
+    return np.asarray(path * ratio / np.where(ratio == 1.0, 1e-300, ratio - 1.0))
 
 
 def _nonzero(x: NDArray) -> NDArray:

@@ -200,7 +200,7 @@ class Ring:
         return out / self.mass
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
-        """Harmonic whose modes describe this one, and whether it runs the other way round."""
+        """Harmonic whose modes describe this one, and whether it travels in the opposite direction."""
         d = (harmonic * self.wave) % self.n
         if d in self.families:
             return self.families[d], False
