@@ -45,7 +45,6 @@ class Study(Problem):
     free = linear_curve.free
     stuck = linear_curve.stuck
 
-    @one_thread
     def track(
         self,
         preload: float,

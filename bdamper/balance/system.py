@@ -250,14 +250,16 @@ class HarmonicSystem:
 
     def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
         """Jacobian and derivative with respect to the parameter at a point."""
+        n, omega = self.n_unknowns, self._parameter.get("omega", y[-1])
+        r, J, r_omega = np.empty(n), np.empty((n, n)), np.empty(n)
+        if self.core.evaluate(np.ascontiguousarray(y[:-1], float), float(omega), r, J, r_omega) != OK:
+            raise FloatingPointError("the residual is not finite at this point")
         if self._parameter:
-            _, J, _ = self.evaluate(y[:-1], self._parameter["omega"])
             by_factor = -self._parameter["ramp"]
             if self.supported:
                 J += (1.0 / y[-1] - 1.0) * self._parameter["support"]
                 by_factor = by_factor - self._parameter["support"] @ y[:-1] / y[-1] ** 2
             return J, by_factor
-        _, J, r_omega = self.evaluate(y[:-1], y[-1])
         return J, r_omega
 
     def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:

@@ -1,7 +1,7 @@
 """Where a curve does something between two of its points: folds, maxima, corners, resonances.
 
 Where the frequency component of the tangent changes sign there is a fold, where the derivative of the response amplitude
-does, a maximum; the root along the step is found by :func:`bdamper.util.rootfind.find_root` with a Newton corrector for
+does, a maximum; the root along the step is found by :func:`bdamper.util.rootfind.root_trials` with a Newton corrector for
 each trial.  Two of them in one step leave the signs as they were: there the cubic through both ends of the step, with their
 slopes, turns within.
 
@@ -19,7 +19,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from bdamper.balance.system import OK, Correction, HarmonicSystem, norm2
 from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
-from bdamper.util.rootfind import find_root
+from bdamper.util.rootfind import root_trials
 
 Event = Callable[[NDArray, NDArray], float]
 """A function of point and tangent that changes sign at an event."""
@@ -132,8 +132,13 @@ class Events:
             at: list[Correction] = []
             first, last = event(a.y, a.tangent), event(b.y, b.tangent)
             if first * last <= 0.0:
-                trial = self._trial(a, event, last, at)
-                find_root(trial, (0.0, first), (end, last), self.options.locate_tolerance * end)
+                trials = root_trials((0.0, first), (end, last), self.options.locate_tolerance * end)
+                s = next(trials)
+                try:
+                    while True:
+                        s = trials.send(self._trial(a, event, last, s, at))
+                except StopIteration:
+                    pass
             if at:
                 located.append(point_of(at[-1], a.scale, kind))
             else:
@@ -141,23 +146,19 @@ class Events:
         located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
         return located, missed
 
-    def _trial(self, a: PathPoint, event: Event, beyond: float, reached: list[Correction]) -> Callable[[float], float]:
-        """The event function over the distance along the tangent at a; points that were found are noted.
+    def _trial(self, a: PathPoint, event: Event, beyond: float, s: float, reached: list[Correction]) -> float:
+        """The event function at a distance along the tangent at a; a point that is found is noted.
 
         Points lie in planes normal to the tangent; where such a plane misses the curve it lies beyond a corner, and beyond
         the event.
         """
-
-        def trial(s: float) -> float:
-            guess = a.y + s * a.tangent * a.scale
-            c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, self.options.max_iterations)
-            self.iterations += c.iterations
-            if c.status != OK or norm2((c.y - a.y) / a.scale) > 2.0 * s:
-                return beyond
-            reached.append(c)
-            return event(c.y, c.tangent)
-
-        return trial
+        guess = a.y + s * a.tangent * a.scale
+        c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, self.options.max_iterations)
+        self.iterations += c.iterations
+        if c.status != OK or norm2((c.y - a.y) / a.scale) > 2.0 * s:
+            return beyond
+        reached.append(c)
+        return event(c.y, c.tangent)
 
     # ---- corners ----
 

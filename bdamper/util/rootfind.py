@@ -12,7 +12,7 @@ jump for a root beside it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -67,6 +67,20 @@ def find_root(
     ValueError
         If the values at the ends have the same sign.
     """
+    trials = root_trials(low, high, tolerance, most_trials)
+    at = next(trials)
+    while True:
+        try:
+            at = trials.send(function(at))
+        except StopIteration as found:
+            root: Root = found.value
+            return root
+
+
+def root_trials(
+    low: tuple[float, float], high: tuple[float, float], tolerance: float, most_trials: int = MOST_TRIALS
+) -> Generator[float, float, Root]:
+    """The same as a generator: yields places and is sent the values of the function there, so that it calls nothing."""
     (a, f_a), (b, f_b) = low, high
     if f_a * f_b > 0.0:
         raise ValueError(f"a bracket needs values of different signs at its ends, found {f_a:g} and {f_b:g}")
@@ -75,7 +89,7 @@ def find_root(
     kept = ""  # the end that stayed in the trial before
     x = _secant(a, f_a, b, f_b)
     for trials in range(1, most_trials + 1):
-        at, f = x, function(x)
+        at, f = x, (yield x)
         if sign * f < 0.0:
             moved, before = at - a, true_a
             f_b *= _weight(f, true_a) if kept == "b" else 1.0

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import bdamper as bd
 from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions
@@ -131,3 +132,17 @@ def test_a_drift_without_end_is_left_a_million_vibrations_away():
     assert away[-2] <= 1e6
     assert path.points[-1].kind == "drift"
     assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)
+
+
+@pytest.mark.parametrize(("preload", "points", "most_evaluations"), [(200.0, 97, 860), (2000.0, 83, 440)])
+def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations):
+    """Counts, not times: steps grow as they may, the predictor is the tangent, events are located in few trials."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
+        excitation=bd.Excitation("tip", "tangential", 1.0),
+    )  # fmt: skip
+    curve = study.track(preload, (250.0, 400.0))
+    assert curve.complete
+    assert abs(len(curve) - points) <= 3
+    assert 0.9 * most_evaluations <= curve.cost.evaluations <= 1.02 * most_evaluations
+    assert curve.cost.iterations <= 4.5 * len(curve)
