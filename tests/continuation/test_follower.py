@@ -8,7 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation.follower import Follower, follow
-from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.path import ContinuationOptions, PathPoint
 
 
 class Equations:
@@ -146,3 +146,35 @@ def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluation
     assert abs(len(curve) - points) <= 3
     assert 0.9 * most_evaluations <= curve.cost.evaluations <= 1.02 * most_evaluations
     assert curve.cost.iterations <= 6.1 * len(curve)
+
+
+@pytest.mark.parametrize(("off", "refused"), [(0.4, False), (0.6, True)])
+def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
+    step = 0.1
+    system = FarAtTheEnd(0.0)
+    follower = Follower(system, (9.0, 11.0), ContinuationOptions())
+    y, tangent, scale = np.array([1.0, 10.0]), np.array([0.0, 1.0]), np.ones(2)
+    system.correct = lambda guess, *_: Correction(OK, guess + [off * step, 0.0], tangent, 1, 0.0, 1.0, 0)
+    why = follower.try_step(y, tangent, scale, step)[1]
+    assert (why == "solution far from its prediction") == refused
+
+
+@pytest.mark.parametrize(("beside", "closes"), [(0.04, True), (0.06, False)])
+def test_a_path_closes_only_through_its_first_point(beside, closes):
+    """A branch that runs beside its first point at a twentieth of the step is another turn of it."""
+    follower = Follower(FarAtTheEnd(0.0), (9.0, 11.0), ContinuationOptions())
+    first = np.array([1.0, 10.0])
+    follower.points = [PathPoint(first, np.array([0.0, 1.0]), np.ones(2), np.zeros(3), 0.0, 1, 0)]
+    before, after = first + [0.1 * beside, -0.05], first + [0.1 * beside, 0.05]
+    new = Correction(OK, after, np.array([0.0, 1.0]), 1, 0.0, 1.0, 0)
+    assert follower._closes(before, new) == closes
+
+
+def test_on_a_support_a_drift_ends_a_hundred_vibrations_away():
+    system = Drifts()
+    system.supported = True
+    path = follow(system, np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    assert path.status == "drifted off"
+    away = np.array([abs(p.y[0]) for p in path.points])
+    assert 1e2 < away[-1] < 1e6
+    assert away[-2] <= 1e2
