@@ -128,7 +128,7 @@ class Effects:
 
     @classmethod
     def of(cls, problem: Any) -> Effects:
-        """The effects that a study simulates."""
+        """The effects that a problem includes."""
         rigid = problem.rigid_modes
         return cls(
             harmonics=problem.harmonics,

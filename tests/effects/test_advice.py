@@ -146,11 +146,12 @@ def test_effects_that_change_more_together_are_taken_back():
     ]
 
 
-def test_an_effect_without_which_there_is_no_peak_is_called_for(full, monkeypatch):
+def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_for(full, monkeypatch):
     def none(problem, *scene):
         if not problem.separation:
             raise bd.BdamperError("no peak there")
-        return found(problem, *scene)
+        peak = found(problem, *scene)
+        return peak if problem.constraints else replace(peak, scan="incomplete")
 
     found = module.highest_peak
     monkeypatch.setattr(module, "highest_peak", none)
@@ -158,7 +159,9 @@ def test_an_effect_without_which_there_is_no_peak_is_called_for(full, monkeypatc
     reference = module._Reference(full, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
     assert (row.source, row.verdict, row.reason) == ("unknown", "keep", "no peak there") and row.size == np.inf
-    assert reference.row("constraints", Effects.of(full), TOLERANCE).source == "computed"
+    partial = reference.row("constraints", Effects.of(full), TOLERANCE)
+    assert partial.source == "unknown" and partial.reason == "the curve without it ended as: incomplete"
+    assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
 def test_the_check_computes_both(full, advice, tmp_path):
