@@ -36,8 +36,8 @@ def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_s
     assert disk.check(advice).agrees
 
 
-def test_an_estimate_that_misses_more_than_the_tolerance_is_computed(disk):
-    """Without separation the peak of the rig moves by 1.3 %; the estimate is four times that, and says it may miss 3.7 %."""
+def test_an_estimate_that_is_far_off_says_so():
+    """Separation in the test rig at 500 N: off by more than a percent, and no smaller a miss is claimed."""
     rig = bd.Study(
         bd.reference_model("test_rig"), bd.Excitation("tip"), 0, friction_coefficient=0.4, effects=Effects(harmonics=3)
     )
