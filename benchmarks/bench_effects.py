@@ -73,8 +73,9 @@ def scenes(n: int) -> Iterator[Scene]:
         name, level = list(models)[i % 3], list(LEVELS)[i // 3 % 3]
         load = float(np.exp(draw.uniform(*np.log(LEVELS[level]))))
         friction, tolerance = float(draw.uniform(0.2, 0.6)), float(draw.choice([0.01, 0.02, 0.05]))
-        order = int(draw.choice([5, 10, 15])) if name == "bladed_disk" else 0
-        direction = str(draw.choice(["tangential", "axial"])) if name == "bladed_disk" else "tangential"
+        disk = name == "bladed_disk"
+        direction = str(draw.choice(["tangential", "axial"])) if disk else "tangential"
+        order = int(draw.choice([5] if direction == "axial" else [5, 10, 15])) if disk else 0
         ground = name == "blade_to_ground"
         study = bd.Study(
             models[name], bd.Excitation("tip", direction), order, friction_coefficient=friction,
