@@ -19,8 +19,7 @@ from bdamper.accuracy.estimate import estimate_errors, points_on_a_face
 from bdamper.accuracy.ladders import varied
 from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed_between
-from bdamper.peaks.carryover import carried_over, higher_nearby
-from bdamper.peaks.newton import Peak
+from bdamper.peaks.newton import Peak, find_peak
 from tests.effect_cases import Case, draw, scene, study_of
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes")
@@ -101,10 +100,10 @@ def compare(number: int) -> Compared | None:
 
 
 def apart_from(study: bd.Study, richer: bd.Study, curve: Curve) -> Peak | None:
-    """The peak of a richer study that Newton finds from the highest point of a curve, and from there the highest nearby."""
+    """The peak of a richer study that Newton finds from the highest point of a curve."""
     top = curve.peak
     a, b = study.system(curve.preload), richer.system(curve.preload)
     y = np.append(curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
     start = embed_between(study, richer, a, b, curve.preload, y)
-    found = carried_over(b, [start], start, 0.01 * y[-1])
-    return None if found is None else higher_nearby(b, found)
+    found = find_peak(b, start)
+    return found if found.converged else None

@@ -1,12 +1,10 @@
-"""Error estimates of a peak by source: what richer settings would change, found without a new analysis.
+"""Error estimates of a peak by source: what richer settings would change.
 
-For each source the converged peak is embedded in a richer study and the change of amplitude and frequency follows from one
-Newton step there (:func:`bdamper.effects.indicator.estimate_change`); where that step cannot be trusted (a large change,
-or a second residual that contradicts it) Newton goes on to the end in the richer study; if that leads nowhere, the peak is
-found anew, with one harmonic if harmonics are not in question.  A curve that is highest at an end of its interval is
-compared at this frequency, to which more harmonics are carried a few at a time; where that changes by more than 30 % or
-leads nowhere, another resonance may have come into the interval, and the highest points of two curves with one harmonic
-are compared (not if harmonics are in question).
+For each source the converged peak is embedded in a richer problem; the change of amplitude and frequency follows from one
+Newton step there (:func:`bdamper.effects.indicator.estimate_change`).  Where that step cannot be trusted (a large change,
+or a second residual that contradicts it) Newton goes on to the peak itself; where this leads nowhere, or to another peak,
+the highest points of two whole curves with one harmonic are compared, unless harmonics are in question.  A curve that is
+highest at an end of its interval is compared at this frequency.  An estimate that may miss more than it finds is unknown.
 
 ``harmonics``
     As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
@@ -34,15 +32,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.balance.system import OK
 from bdamper.contact.laws import Sampled
-from bdamper.continuation.curve import Curve
+from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
-from bdamper.effects.indicator import embed_between, estimate_change
+from bdamper.effects.indicator import change_or_unknown, embed_between, estimate_change
 from bdamper.model.model import Model
-from bdamper.peaks.carryover import carried_over, higher_nearby
-from bdamper.peaks.newton import Peak, find_peak, peak_scale
-from bdamper.peaks.optimal import highest_peak
+from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -56,7 +52,9 @@ TRUSTED = 0.01
 POINTS_FACTOR = 1.0
 """Error of n contact points over the change to n/2 of them."""
 ANOTHER = 0.3
-"""Relative change at an end of the interval beyond which the highest point of a richer curve may be elsewhere."""
+"""Relative change beyond which the highest point of a richer curve may be elsewhere."""
+LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
+"""How exactly the peak of the richer problem is found."""
 MODES_FACTOR = 1.0 / 3.0
 """Error of n modes over the change to n/2 of them."""
 
@@ -111,38 +109,47 @@ def estimate_errors(
     sources = validate.names("sources", sources, SOURCES)
     validate.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
     begin = time.perf_counter()
-    end_of: tuple[float, float] | None = None
     problem = problem.matching(result.settings)
     if isinstance(result, Curve):
         check_curve(problem, result)
-        top = result.peak
-        if result.point_kind[top.index] == "end":
-            end_of = float(result.frequency.min()), float(result.frequency.max())
-        preload = result.preload
-        y = np.append(result.unknowns[top.index], 2.0 * np.pi * top.frequency)
-        peak = find_peak(problem.system(preload), y)
-        amplitude, frequency = top.amplitude, top.frequency
-        near = abs(peak.amplitude / amplitude - 1.0) < 0.05 and abs(peak.frequency / frequency - 1.0) < 0.02
-        many = isinstance(problem.evaluation, Sampled)  # samples make many small peaks
-        if not (peak.converged and near) or end_of or many:
-            peak = replace(peak, y=y, frequency=frequency, amplitude=amplitude, residual=float(result.residual[top.index]),
-                           status="converged")  # fmt: skip
+        preload, amplitude, frequency = result.preload, result.peak.amplitude, result.peak.frequency
+        peak, end_of = _top_of(problem, result)
     else:
-        if not result.converged:
-            raise SettingError(f"peak: expected a converged one, found status '{result.status}'")
-        preload = result.parameter if preload is None else problem.check_preload(preload)
-        if not np.isfinite(preload):
-            raise SettingError("preload: expected a number, since the peak carries none, found nothing")
-        if len(result.y) != problem.system(preload).n_unknowns + 1:
-            raise SettingError(
-                f"peak: expected one of this study with {problem.system(preload).n_unknowns} unknowns, found "
-                f"{len(result.y) - 1}"
-            )
-        peak, amplitude, frequency = result, result.amplitude, result.frequency
+        preload = _preload_of(problem, result, preload)
+        peak, end_of, amplitude, frequency = result, None, result.amplitude, result.frequency
     location = peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0
     items = [_of_source(problem, source, preload, peak, end_of, location) for source in sources]
     found = tuple(item for item in items if item is not None)
     return ErrorEstimates(preload, frequency, amplitude, found, time.perf_counter() - begin)
+
+
+def _top_of(problem: Problem, curve: Curve) -> tuple[Peak, tuple[float, float] | None]:
+    """The highest peak of a curve, refined; the interval (Hz) if the curve is highest at an end of it."""
+    top = curve.peak
+    end_of = (float(curve.frequency.min()), float(curve.frequency.max())) if curve.point_kind[top.index] == "end" else None
+    y = np.append(curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
+    peak = find_peak(problem.system(curve.preload), y)
+    near = abs(peak.amplitude / top.amplitude - 1.0) < 0.05 and abs(peak.frequency / top.frequency - 1.0) < 0.02
+    many = isinstance(problem.evaluation, Sampled)  # samples make many small peaks
+    if not (peak.converged and near) or end_of or many:
+        peak = replace(
+            peak, y=y, frequency=top.frequency, amplitude=top.amplitude, residual=float(curve.residual[top.index]),
+            status="converged",
+        )  # fmt: skip
+    return peak, end_of
+
+
+def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
+    """The preload of a converged peak of this problem, that it carries or that is given."""
+    if not peak.converged:
+        raise SettingError(f"peak: expected a converged one, found status '{peak.status}'")
+    preload = peak.parameter if preload is None else problem.check_preload(preload)
+    if not np.isfinite(preload):
+        raise SettingError("preload is required: this peak has no stored preload")
+    n = problem.system(preload).n_unknowns
+    if len(peak.y) != n + 1:
+        raise SettingError(f"peak: expected one of this study with {n} unknowns, found {len(peak.y) - 1}")
+    return preload
 
 
 def _of_source(
@@ -176,111 +183,67 @@ def _of_source(
     except BdamperError as error:
         return result(np.nan, np.nan, np.inf, str(error))
     f = richer.factor
+    if uncertainty > max(abs(amplitude), abs(frequency)):
+        return result(np.nan, np.nan, np.inf, f"{richer.text}; {how} would miss by more than it finds")
     return result(f * amplitude, f * frequency, abs(f) * uncertainty, f"{richer.text}; {how}")
 
 
-def change_of_peak(
-    problem: Problem, richer: Problem, preload: float, peak: Peak, *, solve: bool = True
-) -> tuple[float, float, float, str]:
-    """Relative change of amplitude and frequency from one study to another, how much it may miss, and how it was found.
+Change = tuple[float, float, float, str]
+"""Relative change of amplitude and of frequency, how much it may miss, and how it was found."""
 
-    Parameters
-    ----------
-    study, richer : Study
-    preload : float, N
-    peak : Peak
-        Of the first study.
-    solve : bool
-        Go on with Newton where one step cannot be trusted.
-    """
+
+def _unknown(why: str) -> Change:
+    return np.nan, np.nan, np.inf, why
+
+
+def change_of_peak(problem: Problem, richer: Problem, preload: float, peak: Peak) -> Change:
+    """How a peak (of the first problem, under ``preload`` in N) changes with the settings of a richer problem."""
     if not richer.static(preload).converged:
-        return np.nan, np.nan, np.inf, f"no static state: {richer.static(preload).note}"
-    a, b = problem.system(preload), richer.system(preload)
-    y = embed_between(problem, richer, a, b, preload, peak.y)
-    try:
-        e = estimate_change(b, y)
-    except FloatingPointError:
-        return np.nan, np.nan, np.inf, "not finite"
+        return _unknown(f"no static state: {richer.static(preload).note}")
+    system = richer.system(preload)
+    y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
+    e = change_or_unknown(system, y)
     change = max(abs(e.amplitude), abs(e.frequency))
     stationary = not isinstance(problem.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
-    trusted = np.isfinite(e.size) and change <= TRUSTED and e.defect <= 0.1 * change and stationary
-    if trusted or not solve or e.size < 1e-9:
+    if (stationary and change <= TRUSTED and e.defect <= 0.1 * change) or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
-    guesses = [e.y] if np.isfinite(e.size) and e.size < 0.3 else []
-    found = carried_over(b, [*guesses, y], y, peak.scale[-1])
-    if found is not None:
-        found = higher_nearby(b, found)
-        return found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0, 0.0, "solved"
+    for guess in [e.y] * (e.size < ANOTHER) + [y]:
+        found = find_peak(system, guess, options=LOOSE)
+        changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
+        if found.converged and max(map(abs, changes)) <= ANOTHER:
+            return *changes, 0.0, "solved"
     moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
-    around = (0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency)
-    try:
-        if richer.harmonic_numbers != problem.harmonic_numbers or problem.harmonic_numbers == (1,):
-            before, how = (peak.amplitude, peak.frequency), "found anew"
-            after = _highest(richer, preload, around)
-        else:
-            before, after = (_highest(s, preload, around) for s in _with_one_harmonic(problem, richer))
-            how = "peaks with one harmonic compared"
-    except BdamperError as error:
-        return np.nan, np.nan, np.inf, f"no peak found: {error}"
-    return after[0] / before[0] - 1.0, after[1] / before[1] - 1.0, 0.0, how
+    around = 0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency
+    return _change_of_curves(problem, richer, preload, around)
 
 
-def change_at_end(
-    problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]
-) -> tuple[float, float, float, str]:
+def change_at_end(problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
     """The same where a curve is highest at an end of its interval (Hz)."""
-    same = richer.harmonic_numbers == problem.harmonic_numbers
-    way = [richer]
-    if not same:
-        top, own = richer.harmonic_numbers[-1], problem.harmonic_numbers[-1]
-        way = [with_stand_ins(problem, n) for n in range(own + 2, top, 2)] + way
-    y: NDArray | None = peak.y
-    before, a = problem, problem.system(preload)
-    for after in way:
-        if y is None or not after.static(preload).converged:
-            continue
-        b = after.system(preload)
-        y = _at_frequency(b, embed_between(before, after, a, b, preload, y))
-        before, a = after, b
-    if y is not None:
-        change = float(abs(a.response(y[:-1])[1])) / peak.amplitude - 1.0
-        if abs(change) <= ANOTHER or not same:
-            return change, 0.0, 0.0, "solved at the end of the interval"
-    if not same:
-        return np.nan, np.nan, np.inf, "no solution found at the end of the interval"
-    tops = []
-    for s in _with_one_harmonic(problem, richer):
-        curve = track(s, preload, interval)
-        if not curve.complete:
-            return np.nan, np.nan, np.inf, f"no whole curve with one harmonic: {curve.reason}"
-        tops.append((curve.peak.amplitude, curve.peak.frequency))
-    return tops[1][0] / tops[0][0] - 1.0, tops[1][1] / tops[0][1] - 1.0, 0.0, "curves with one harmonic compared"
-
-
-def _at_frequency(system: HarmonicSystem, y: NDArray) -> NDArray | None:
-    """A solution near a point, at its frequency."""
-    scale = peak_scale(system, y, y[-1])
+    if not richer.static(preload).converged:
+        return _unknown(f"no static state: {richer.static(preload).note}")
+    system = richer.system(preload)
+    y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
     for search in (False, True):
-        c = system.correct_at(y[:-1], float(y[-1]), scale, 1e-9, 60 if search else 20, search)
-        if c.status == OK:
-            return c.y
-    return None
+        c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
+        change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
+        if c.status == OK and abs(change) <= ANOTHER:
+            return change, 0.0, 0.0, "solved at the end of the interval"
+    return _change_of_curves(problem, richer, preload, interval)
 
 
-def _with_one_harmonic(*studies: Problem) -> list[Problem]:
-    return [s.with_effects(replace(Effects.of(s), harmonics=1)) for s in studies]
-
-
-def _highest(problem: Problem, preload: float, around: tuple[float, float]) -> tuple[float, float]:
-    """Amplitude and frequency of the highest peak, or of the highest point of the curve where that is no maximum."""
-    try:
-        peak = highest_peak(problem, preload, around)
-        return peak.amplitude, peak.frequency
-    except BdamperError:
-        curve = track(problem, preload, around)
-        if not curve.complete or curve.point_kind[curve.peak.index] == "end":
-            raise
-        return curve.peak.amplitude, curve.peak.frequency
+def _change_of_curves(problem: Problem, richer: Problem, preload: float, interval: tuple[float, float]) -> Change:
+    """Difference of the highest points of two whole curves, both with one harmonic."""
+    if richer.harmonic_numbers != problem.harmonic_numbers:
+        return _unknown("no solution with so many harmonics near that with fewer")
+    tops = []
+    for p in (problem, richer):
+        curve = uninterrupted(track(p.with_(harmonics=1), preload, interval))
+        if not curve.complete:
+            return _unknown(f"no whole curve with one harmonic: {curve.reason}")
+        tops.append(curve.peak)
+    before, after = tops
+    change = after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
+    return *change, 0.0, "curves with one harmonic compared"
 
 
 def _stuck_resonance(problem: Problem, preload: float, frequency: float) -> float:
@@ -299,7 +262,7 @@ def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float,
     r = [np.empty(exact.n_unknowns), np.empty(exact.n_unknowns)]
     for samples, out in zip((n, 2 * n), r):
         dense = replace(problem, evaluation=Sampled(samples))
-        dense._states.update(problem._states)
+        dense.share_static_states(problem)
         dense.system(preload).core.evaluate(np.ascontiguousarray(y[:-1]), float(y[-1]), out)
     e = estimate_change(exact, y, (4.0 * r[1] - r[0]) / 3.0)
     return e.amplitude, e.frequency, 2 * n
@@ -347,9 +310,7 @@ def _model_with_stand_ins(problem: Problem, harmonics: list[int]) -> Model:
             for l in harmonics:
                 bases.setdefault(model.folded_nodal_diameter(problem.engine_order * l)[0], bases[own])
         bodies[name] = replace(body, bases=bases)
-    out = replace(model, bodies=bodies)
-    object.__setattr__(out, "_checked", True)
-    return out
+    return replace(model, bodies=bodies)
 
 
 def _more_harmonics(problem: Problem) -> Richer:

@@ -51,7 +51,7 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     own = replace(study, **changes)
     curve = own.track(*place)
     estimated = own.estimate_errors(curve, sources=[source])[source]
-    true = richer_study(own, source).study.peak(*place)
+    true = richer_study(own, source).problem.peak(*place)
     error = np.array([true.amplitude / curve.peak.amplitude - 1.0, true.frequency / curve.peak.frequency - 1.0])
     assert np.abs(error).max() > 1e-6
     size = max(abs(estimated.amplitude), abs(estimated.frequency))
@@ -61,7 +61,7 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
     curve = study.track(place[0], (350.0, 354.5))  # the response still rises
     estimated = study.estimate_errors(curve, sources=["harmonics"])["harmonics"]
-    true = richer_study(study, "harmonics").study.track(place[0], (350.0, 354.5)).peak
+    true = richer_study(study, "harmonics").problem.track(place[0], (350.0, 354.5)).peak
     assert estimated.frequency == 0.0 and "solved at the end" in estimated.against
     assert estimated.amplitude == pytest.approx(true.amplitude / curve.peak.amplitude - 1.0, rel=1e-5)
 
