@@ -17,7 +17,8 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Answer, by_peak, by_sweep, by_tracking, by_tracking_with
+from bdamper.accuracy.ladders import AccuracyCost
+from bdamper.accuracy.ways import Answer, by_peak, by_sweep, by_tracking, by_tracking_with
 from bdamper.balance.system import OK
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk

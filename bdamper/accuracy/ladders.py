@@ -16,19 +16,16 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
 from bdamper.accuracy.estimate import estimate_errors, missing_harmonics, points_on_a_face, with_stand_ins
-from bdamper.balance.system import OK
+from bdamper.accuracy.ways import QUANTITIES, Answer, Solver
 from bdamper.contact.laws import Sampled
-from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.linear_curve import stuck
-from bdamper.continuation.path import ContinuationOptions
-from bdamper.continuation.track import track
 from bdamper.peaks.optimal import highest_peak, peak_interval
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -38,11 +35,6 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
-
-Answer = tuple[float, float]
-"""Amplitude (m) and frequency (Hz) of the highest peak; not finite if none was found."""
-Solver = Callable[[Problem, float, tuple[float, float]], Answer]
-"""Finds the answer for a study, a preload and an interval of frequencies."""
 
 SOURCE_OF = {
     "harmonics": "harmonics",
@@ -233,84 +225,6 @@ def _error(value: float, sign: bool = True) -> str:
     return (f"{value:+.1e}" if sign else f"{value:.1e}") if np.isfinite(value) else "none"
 
 
-# ---- ways to find the peak ----
-
-
-def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
-    """A coarse scan and the peak condition (:meth:`bdamper.Study.peak`)."""
-    try:
-        peak = highest_peak(problem, preload, interval)
-    except BdamperError:
-        return np.nan, np.nan
-    return (peak.amplitude, peak.frequency) if peak.converged else (np.nan, np.nan)
-
-
-def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
-    """The highest point of a tracking curve."""
-    return _top_of_curve(problem, preload, interval, None)
-
-
-def by_tracking_with(options: ContinuationOptions) -> Solver:
-    """The highest point of a tracking curve with given options."""
-
-    def solve(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
-        return _top_of_curve(problem, preload, interval, options)
-
-    return solve
-
-
-def _top_of_curve(
-    problem: Problem, preload: float, interval: tuple[float, float], options: ContinuationOptions | None
-) -> Answer:
-    curve = uninterrupted(track(problem, preload, interval, options=options))
-    return (curve.peak.amplitude, curve.peak.frequency) if curve.complete else (np.nan, np.nan)
-
-
-def by_sweep(n: int) -> Solver:
-    """The largest of n responses at fixed frequencies, equally spaced, each started from the one before, up and down."""
-
-    def solve(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
-        return sweep_peak(problem, preload, interval, n)
-
-    return solve
-
-
-def sweep_peak(problem: Problem, preload: float, interval: tuple[float, float], n: int) -> Answer:
-    """Largest response on a grid of frequencies, swept upward and downward by Newton at fixed frequency.
-
-    Points at which Newton fails from the point before and from the stuck response are left out.
-    """
-    system = problem.system(preload)
-    state = problem.equilibrium(preload)
-    springs = problem.stuck_springs(state)
-    omegas = 2.0 * np.pi * np.linspace(*interval, n)
-    best = (np.nan, np.nan)
-    for sweep in (omegas, omegas[::-1]):
-        y = None
-        for omega in sweep:
-            stuck = system.pack(state.q[: system.n_mean], system.linear_response(omega, springs))
-            scale = np.ones(system.n_unknowns + 1)
-            scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), 1e-300)
-            scale[system.n_mean : -1] = max(float(np.linalg.norm(stuck[system.n_mean :])), 1e-300)
-            scale[-1] = omega
-            for guess, search, iterations in ((y, False, 12), (stuck, True, 40)):
-                if guess is None:
-                    continue
-                c = system.correct_at(guess, omega, scale, 1e-9, iterations, search)
-                if c.status == OK:
-                    y = c.y[:-1]
-                    amplitude = float(abs(system.response(y)[1]))
-                    if not best[0] >= amplitude:
-                        best = amplitude, float(omega / (2.0 * np.pi))
-                    break
-            else:
-                y = None
-    return best
-
-
-QUANTITIES: dict[str, Solver] = {"peak": by_peak, "curve": by_tracking}
-
-
 # ---- ladders ----
 
 
@@ -487,25 +401,28 @@ def accuracy_cost(
     own = solver if reference_quantity else None
     references = [_reference(problem, name, rungs, preload, interval, reference, own) for name, rungs in ladders.items()]
     answers, seconds = _timed(problem, settings, solver, preload, interval, repeats, progress)
-    rungs = []
-    for ref in references:
-        at_hand = [i for i, s in enumerate(settings) if s.ladder == ref.ladder]
-        cheapest = min(seconds[i] for i in at_hand)
-        rows = []
-        for i in at_hand:
-            amplitude, at = answers[i]
-            rows.append(
-                Rung(
-                    ref.ladder, settings[i].name, amplitude, at, amplitude / ref.amplitude - 1.0, at / ref.frequency - 1.0,
-                    seconds[i], seconds[i] / cheapest, False,
-                )
-            )  # fmt: skip
-        rungs += [replace(r, pareto=_on_front(r, rows)) for r in rows]
+    rungs = [rung for ref in references for rung in _rungs(ref, settings, answers, seconds)]
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"),
         preload, (float(interval[0]), float(interval[1])), tolerance, tuple(rungs), tuple(references), repeats,
         problem.record(None),
     )  # fmt: skip
+
+
+def _rungs(
+    reference: Reference, settings: Sequence[Setting], answers: Sequence[Answer], seconds: Sequence[float]
+) -> list[Rung]:
+    """The settings of one ladder beside its reference."""
+    own = [i for i, s in enumerate(settings) if s.ladder == reference.ladder]
+    cheapest = min(seconds[i] for i in own)
+    rows = []
+    for i in own:
+        amplitude, at = answers[i]
+        errors = amplitude / reference.amplitude - 1.0, at / reference.frequency - 1.0
+        rows.append(
+            Rung(reference.ladder, settings[i].name, amplitude, at, *errors, seconds[i], seconds[i] / cheapest, False)
+        )
+    return [replace(r, pareto=_on_front(r, rows)) for r in rows]
 
 
 def slipping_preload(problem: Problem, frequency: tuple[float, float], share: float = 0.3) -> float:
