@@ -2,9 +2,9 @@
 
 For each source the converged peak is embedded in a richer problem; the change of amplitude and frequency follows from one
 Newton step there (:func:`bdamper.effects.indicator.estimate_change`).  Where that step cannot be trusted (a large change,
-or a second residual that contradicts it) Newton goes on to the peak itself; where this leads nowhere, or to another peak,
-the highest points of two whole curves with one harmonic are compared, unless harmonics are in question.  A curve that is
-highest at an end of its interval is compared at this frequency.  An estimate that may miss more than it finds is unknown.
+or a second residual that contradicts it), or the curve is highest at an end of its interval, the peak is compared with the
+highest point of a whole curve of the richer problem; with more harmonics, whose curves take long, Newton goes on to the
+peak (at an end of the interval: at this frequency) instead.  An estimate that may miss more than it finds is unknown.
 
 ``harmonics``
     As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
@@ -36,7 +36,7 @@ from bdamper.balance.system import OK
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
-from bdamper.effects.indicator import change_or_unknown, embed_between, estimate_change
+from bdamper.effects.indicator import embed_between, estimate_change, estimate_or_unknown
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers
@@ -202,48 +202,46 @@ def change_of_peak(problem: Problem, richer: Problem, preload: float, peak: Peak
         return _unknown(f"no static state: {richer.static(preload).note}")
     system = richer.system(preload)
     y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
-    e = change_or_unknown(system, y)
+    e = estimate_or_unknown(system, y)
     change = max(abs(e.amplitude), abs(e.frequency))
     stationary = not isinstance(problem.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
     if (stationary and change <= TRUSTED and e.defect <= 0.1 * change) or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
+    if richer.harmonic_numbers == problem.harmonic_numbers:
+        moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
+        around = 0.85 * min(1.0, moved) * peak.frequency, 1.2 * max(1.0, moved) * peak.frequency
+        return _change_to_curve(richer, preload, peak, around)
     for guess in [e.y] * (e.size < ANOTHER) + [y]:
         found = find_peak(system, guess, options=LOOSE)
         changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
         if found.converged and max(map(abs, changes)) <= ANOTHER:
             return *changes, 0.0, "solved"
-    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
-    around = 0.9 * min(1.0, moved) * peak.frequency, 1.1 * max(1.0, moved) * peak.frequency
-    return _change_of_curves(problem, richer, preload, around)
+    return _unknown("no peak with so many harmonics near that with fewer")
 
 
 def change_at_end(problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
     """The same where a curve is highest at an end of its interval (Hz)."""
     if not richer.static(preload).converged:
         return _unknown(f"no static state: {richer.static(preload).note}")
+    if richer.harmonic_numbers == problem.harmonic_numbers:
+        return _change_to_curve(richer, preload, peak, interval)
     system = richer.system(preload)
     y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
     for search in (False, True):
         c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
-        change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
-        if c.status == OK and abs(change) <= ANOTHER:
+        if c.status == OK:
+            change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
             return change, 0.0, 0.0, "solved at the end of the interval"
-    return _change_of_curves(problem, richer, preload, interval)
+    return _unknown("no solution with so many harmonics near that with fewer")
 
 
-def _change_of_curves(problem: Problem, richer: Problem, preload: float, interval: tuple[float, float]) -> Change:
-    """Difference of the highest points of two whole curves, both with one harmonic."""
-    if richer.harmonic_numbers != problem.harmonic_numbers:
-        return _unknown("no solution with so many harmonics near that with fewer")
-    tops = []
-    for p in (problem, richer):
-        curve = uninterrupted(track(p.with_(harmonics=1), preload, interval))
-        if not curve.complete:
-            return _unknown(f"no whole curve with one harmonic: {curve.reason}")
-        tops.append(curve.peak)
-    before, after = tops
-    change = after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
-    return *change, 0.0, "curves with one harmonic compared"
+def _change_to_curve(richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
+    """From a peak to the highest point of the whole curve of the richer problem."""
+    curve = uninterrupted(track(richer, preload, interval))
+    if not curve.complete:
+        return _unknown(f"no whole curve: {curve.reason}")
+    top = curve.peak
+    return top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0, 0.0, "found anew by a whole curve"
 
 
 def _stuck_resonance(problem: Problem, preload: float, frequency: float) -> float:

@@ -2,11 +2,11 @@
 
 The whole answer is computed with 1, 3, 5, 9 and 13 harmonics until two in a row agree: amplitude and frequency of the
 highest point (amplitude and preload of the optimum) differ by no more than the tolerance.  The answer with the more
-harmonics of these two is the result.  If none agree, the one with the most harmonics is the result, and it says "not
-converged" with the last difference.  Incomplete answers agree with nothing.  Where the model lacks the nodal diameters of
-more harmonics, or samples are too few for them, the rule stops at the largest odd number that is possible.
+harmonics of these two is the result.  If none agree, that with the most is, and says "not converged" with the last
+difference.  Incomplete answers agree with nothing.  Where the model lacks the nodal diameters of more harmonics, or samples
+are too few for them, the rule stops at the largest odd number that is possible.
 
-Agreement is no proof: harmonics come into resonance one by one.
+Agreement is no proof: of 130 random scenes 121 converged, and 117 of these hold against nine harmonics (docs/accuracy.md).
 """
 
 from __future__ import annotations
