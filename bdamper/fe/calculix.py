@@ -1,4 +1,4 @@
-r"""Input for CalculiX, an independent finite element program, and the frequencies that it finds.
+"""Input for CalculiX, an independent finite element program.
 
 The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
 faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so
@@ -8,7 +8,6 @@ real and the imaginary part.
 
 from __future__ import annotations
 
-import re
 import subprocess
 from collections.abc import Mapping
 from pathlib import Path
@@ -110,17 +109,6 @@ def sector_input(
     )
 
 
-def free_input(body: Discretisation, n_modes: int) -> str:
-    """Input file for a free body; ``n_modes`` counts the six rigid ones."""
-    return "\n".join([_model(body), "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
-
-
-def clamped_input(body: Discretisation, clamped: NDArray, n_modes: int) -> str:
-    """Input file for a body that is held at some of its nodes (n,), without symmetry."""
-    held = ["*NSET, NSET=CLAMPED", _numbers(clamped), "*BOUNDARY", "CLAMPED, 1, 3"]
-    return "\n".join([_model(body), *held, "*STEP", "*FREQUENCY", f"{n_modes},", "*END STEP", ""])
-
-
 def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
     """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
 
@@ -140,36 +128,7 @@ def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str
     return "\n".join([*lines, "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
 
 
-def read_frequencies(path: Path) -> NDArray:
-    """Frequencies, Hz, from the eigenvalue table of a ``.dat`` file; squares below zero count as zero."""
-    values = []
-    for line in path.read_text().splitlines():
-        # Mode, eigenvalue, then rad/s and cycles/s; with a nodal diameter the row starts with one more
-        # integer.
-        match = re.match(r"\s*(?:\d+\s+)?\d+((?:\s+[-+]?\d\.\d+E[-+]\d+){4})\s*$", line)
-        if match:
-            values.append(float(match.group(1).split()[0]))
-        elif values and "P A R T I C I P A T I O N" in line:
-            break
-    return np.sqrt(np.maximum(values, 0.0)) / (2.0 * np.pi)
-
-
-def run(text: str, folder: Path, program: str = "ccx", timeout: float = 600.0) -> NDArray:
-    """Run CalculiX on an input text in ``folder`` and return the frequencies, Hz, in its order.
-
-    Raises
-    ------
-    RuntimeError
-        If it fails or lists no frequency; the message ends with its last lines of output.
-    """
-    output = run_job(text, folder, "job", program, timeout)
-    frequencies = read_frequencies(folder / "job.dat") if (folder / "job.dat").exists() else np.empty(0)
-    if not len(frequencies):
-        raise RuntimeError(f"CalculiX gave no frequencies:\n{output[-1500:]}")
-    return frequencies
-
-
-def run_job(text: str, folder: Path, job: str, program: str = "ccx", timeout: float = 600.0) -> str:
+def run_job(text: str, folder: Path, job: str) -> str:
     """Write ``job.inp`` in ``folder``, run CalculiX on it and return what it printed.
 
     Raises
@@ -178,7 +137,7 @@ def run_job(text: str, folder: Path, job: str, program: str = "ccx", timeout: fl
         If it fails; the message ends with its last lines of output.
     """
     (folder / f"{job}.inp").write_text(text)
-    done = subprocess.run([program, "-i", job], cwd=folder, capture_output=True, text=True, timeout=timeout, check=False)
+    done = subprocess.run(["ccx", "-i", job], cwd=folder, capture_output=True, text=True, timeout=600.0, check=False)
     if done.returncode:
         raise RuntimeError(f"CalculiX failed on {job}.inp:\n{done.stdout[-1500:]}")
     return done.stdout

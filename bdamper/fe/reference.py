@@ -18,12 +18,6 @@ pitch; the phase of the neighbouring sector enters where the interface is put to
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
-import numpy as np
-import scipy.sparse as sp
-
-from bdamper.fe.assemble import Discretisation
 from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
@@ -44,18 +38,6 @@ def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, en
         interface("back", back, "damper", "ground", clearance=end_gap),
     )
     return {face.name: face for face in faces}
-
-
-def _assert_same_place(body: Discretisation, contact: sp.spmatrix, faces: Iterable[Interface]) -> None:
-    """The mean positions of the patches of ``body`` are the points of ``faces``.
-
-    Components along the contact axes do not change when points and axes turn together, so this holds as well for a body
-    that an interface meets in the neighbouring sector.
-    """
-    expected = np.concatenate([np.einsum("pij,pj->pi", f.frame, f.points) for f in faces])
-    distance = np.abs((contact @ body.nodes.ravel()).reshape(-1, 3) - expected).max()
-    if distance > 1e-10:
-        raise AssertionError(f"patches and contact points are up to {distance:.3g} m apart")
 
 
 def bladed_disk(
@@ -115,8 +97,6 @@ def bladed_disk(
     interfaces = _interfaces(left, right, front, back, g.end_gap)
     contact_blade = fe.blade_contact(left, right)
     contact_damper = fe.damper_contact(left, right, front, back)
-    _assert_same_place(fe.blade, contact_blade, [interfaces[name] for name, _ in BLADE_PORTS])
-    _assert_same_place(fe.damper.body, contact_damper, interfaces.values())
 
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     blade = constrained_body(

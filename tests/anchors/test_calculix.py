@@ -13,12 +13,13 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper.fe import calculix
 from bdamper.fe.blade_to_ground import blade_structure
+from bdamper.fe.calculix import sector_input
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.rig import rig_structure
 from bdamper.fe.sector import SectorFE
+from tests.calculix_runs import clamped_input, free_input, run
 
 SHIPPED = Path(__file__).resolve().parents[2] / "bdamper" / "data" / "bladed_disk_24.h5"
 
@@ -29,8 +30,8 @@ def fe():
 
 
 def cyclic_frequencies(fe, d, n_modes, folder):
-    text = calculix.sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, n_modes)
-    pairs = calculix.run(text, folder).reshape(-1, 2)
+    text = sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, n_modes)
+    pairs = run(text, folder).reshape(-1, 2)
     np.testing.assert_allclose(pairs[:, 0], pairs[:, 1], rtol=1e-8)
     return pairs[:, 0]
 
@@ -43,7 +44,7 @@ def test_sector(fe, d, tmp_path):
 
 def test_free_damper(fe, tmp_path):
     ours = np.sqrt(fe.damper.modes(14)[0]) / (2 * np.pi)
-    theirs = calculix.run(calculix.free_input(fe.damper.body, 14), tmp_path)
+    theirs = run(free_input(fe.damper.body, 14), tmp_path)
     assert np.all(theirs[:6] < 1.0)
     np.testing.assert_allclose(theirs[6:], ours[6:], rtol=1e-5)
 
@@ -52,7 +53,7 @@ def test_free_damper(fe, tmp_path):
 def test_acyclic_structures(structure, tmp_path):
     body, held = structure(Geometry(), MeshDensity.preset("coarse"), Material())
     ours = np.sqrt(held.modes(8)[0]) / (2 * np.pi)
-    theirs = calculix.run(calculix.clamped_input(body, held.clamped, 8), tmp_path)
+    theirs = run(clamped_input(body, held.clamped, 8), tmp_path)
     np.testing.assert_allclose(theirs, ours, rtol=1e-5)
 
 
@@ -67,5 +68,5 @@ def test_shipped_reference_model(tmp_path):
     np.testing.assert_allclose(cyclic_frequencies(fe, 5, 5, tmp_path), ours, rtol=1e-4)
     ours = np.sqrt(model.bodies["damper"].bases[0].omega2[6:10]) / (2 * np.pi)
     (tmp_path / "damper").mkdir()
-    theirs = calculix.run(calculix.free_input(fe.damper.body, 10), tmp_path / "damper")
+    theirs = run(free_input(fe.damper.body, 10), tmp_path / "damper")
     np.testing.assert_allclose(theirs[6:], ours, rtol=1e-4)

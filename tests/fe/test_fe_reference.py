@@ -7,7 +7,7 @@ from scipy.sparse.linalg import eigsh
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.contact_points import averaging_matrix, wedge_patches
+from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
 from bdamper.fe.geometry import turn
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
@@ -61,6 +61,18 @@ def test_rotation_of_everything_opens_no_contact(fe):
     left, right = (wedge_patches(fe.geometry, side, 24) for side in ("left", "right"))
     damper = np.concatenate([averaging_matrix(fe.damper.body, p) @ rotation[1] for p in (left, right)])
     np.testing.assert_allclose(fe.blade_contact(left, right) @ rotation[0], damper, atol=1e-14)
+
+
+def test_patches_stand_at_the_contact_points(fe, model):
+    """Mean positions of the patches along the contact axes, which do not change where points and axes turn together."""
+    left, right = (wedge_patches(fe.geometry, side, 9) for side in ("left", "right"))
+    front, back = (end_patches(fe.geometry, side) for side in ("front", "back"))
+    of_blade = (fe.blade, fe.blade_contact(left, right), ("left", "right"))
+    of_damper = (fe.damper.body, fe.damper_contact(left, right, front, back), ("left", "right", "front", "back"))
+    for body, contact, names in (of_blade, of_damper):
+        faces = [model.interfaces[name] for name in names]
+        expected = np.concatenate([np.einsum("pij,pj->pi", f.frame, f.points) for f in faces])
+        np.testing.assert_allclose((contact @ body.nodes.ravel()).reshape(-1, 3), expected, atol=1e-10)
 
 
 def test_flexibility_is_hermitian_and_more_than_its_modes(model):

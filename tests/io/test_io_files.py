@@ -32,6 +32,7 @@ from bdamper.reduction.facets import area_vectors
 from bdamper.reduction.patches import Facets
 from bdamper.util.errors import BdamperError, ModelError
 from bdamper.util.hdf5 import load
+from tests.calculix_runs import free_input
 
 NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
 
@@ -249,7 +250,7 @@ def run(bar, tmp_path_factory):
     folder = tmp_path_factory.mktemp("ccx")
     body = discretise(damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material())
     calculix.run_job(calculix.matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
-    free = calculix.free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")
+    free = free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")
     calculix.run_job(free, folder, "modes")
     return folder, body
 
