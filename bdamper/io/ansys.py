@@ -18,9 +18,9 @@ is what ``a + i b`` of a pair has over one sector.
 
 from __future__ import annotations
 
-import os
 import re
 import struct
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,12 +29,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
-from bdamper.io.reading import check_count, reading
+from bdamper.io.reading import Lines, check_count, grouped, reading
+from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
-
-FilePath = str | os.PathLike[str]
+from bdamper.util.hdf5 import FilePath
 
 _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
 _HEADER = 103  # the second record starts here
@@ -150,12 +150,21 @@ def _long(low: int, high: int) -> int:
 
 
 class _Header:
-    """The second record, by positions that count from one; short headers end in zeros."""
+    """A record of whole numbers, by positions that count from one; short headers end in zeros."""
 
-    def __init__(self, values: NDArray, item: str) -> None:
-        if values.dtype.kind != "i":
-            raise mismatch(item, "whole numbers", str(values.dtype))
-        self.values = values
+    def __init__(self, file: _Binary, word: int, name: str) -> None:
+        self.item = f"{file.source}: {name}"
+        self.values, self.largest = file.record(word, name), len(file.data)
+        if self.values.dtype.kind != "i":
+            raise mismatch(self.item, "whole numbers", str(self.values.dtype))
+
+    def count(self, position: int, what: str, smallest: int = 1) -> int:
+        """A number that the size of the file bounds."""
+        return check_count(self[position], self.item, what, smallest, self.largest)
+
+    def pointer(self, low: int, high: int) -> int:
+        """A place in the file, of two words."""
+        return _long(self[low], self[high])
 
     def __getitem__(self, position: int) -> int:
         return int(self.values[position - 1]) if position <= len(self.values) else 0
@@ -194,26 +203,23 @@ def read_full(path: FilePath) -> FullMatrices:
     """
     with reading(path, "a matrix file of Ansys (.full)") as source:
         file = _Binary(source, _FULL)
-        head = _Header(file.record(_HEADER, "header"), f"{source}: header")
-        if head[1] != -4:
-            raise mismatch(f"{source}: header", "a symbolically assembled matrix (-4)", head[1])
-        n_eq = check_count(head[2], f"{source}: header", "a number of equations", 1, len(file.data))
-        n_nodes = check_count(head[33], f"{source}: header", "a number of nodes", 1, len(file.data))
-        if head[14]:
-            raise mismatch(f"{source}: header", "symmetric matrices", "unsymmetric ones")
-        if head[11]:
-            raise mismatch(f"{source}: header", "a consistent mass matrix (LUMPM,OFF)", "a lumped one")
-        if head[21]:
-            raise mismatch(f"{source}: header", "no constraint equations in the matrices", f"{head[21]} of them")
+        head = _Header(file, _HEADER, "header")
+        for refused, expected, found in (
+            (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
+            (head[14], "symmetric matrices", "unsymmetric ones"),
+            (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
+            (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
+        ):
+            if refused:
+                raise mismatch(head.item, expected, found)
+        n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
         dof_names, node_numbers = file.run(206, 2, "degrees of freedom and nodes")
-        counts, constraint = file.run(_long(head[36], head[37]), 2, "degrees of freedom of each node")
+        counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
         dofs = _full_dofs(source, dof_names, node_numbers, counts, n_nodes, n_eq)
         if len(constraint) < n_eq:
             raise mismatch(f"{source}: table of fixed components", f"{n_eq} entries", len(constraint))
-        matrices = [
-            _full_matrix(file, _long(*words), n_eq, name)
-            for name, words in (("stiffness", (head[19], head[20])), ("mass", (head[27], head[28])))
-        ]
+        places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
+        matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
     keep = np.flatnonzero(constraint[:n_eq] >= 0)
     empty = matrices[0].diagonal()[keep] == 0.0
     keep = keep[~empty]
@@ -291,25 +297,6 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
 # Archive
 
 
-def _widths(text: str, item: str) -> list[tuple[str, int]]:
-    """Fields of a Fortran format like (3i9,6e21.13e3): letter and width, repeated."""
-    fields: list[tuple[str, int]] = []
-    for count, letter, width in re.findall(r"(\d*)([ie])(\d+)", text.lower()):
-        repeat = check_count(int(count or 1), item, "a repetition of fields", 1, 100)
-        fields += repeat * [(letter, check_count(int(width), item, "a width of fields", 1, 100))]
-    if not fields:
-        raise mismatch(item, "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
-    return fields
-
-
-def _integers(line: str, width: int, item: str) -> list[int]:
-    text = line.rstrip()
-    try:
-        return [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
-    except ValueError:
-        raise mismatch(item, f"whole numbers, {width} columns each", f"'{text[:60]}'") from None
-
-
 def read_cdb(path: FilePath) -> FEBody:
     """Nodes, solid elements and components of nodes of an archive (CDWRITE).
 
@@ -317,34 +304,43 @@ def read_cdb(path: FilePath) -> FEBody:
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "an archive of Ansys (.cdb)") as source, open(source, encoding="latin-1") as file:
-        return _Archive(source, file.read().splitlines()).body()
+    with reading(path, "an archive of Ansys (.cdb)") as source:
+        return _Archive(Lines(source, "latin-1")).body()
 
 
 class _Archive:
-    def __init__(self, source: Path, lines: list[str]) -> None:
-        self.source, self.lines, self.at = source, lines, 0
+    def __init__(self, lines: Lines) -> None:
+        self.source, self.lines = str(lines.source), lines
         self.numbers: list[int] = []
         self.positions: list[list[float]] = []
         self.angles: list[list[float]] = []
         self.types: dict[int, str] = {}
-        self.elements: dict[int, list[list[int]]] = {}
+        self.elements: list[list[int]] = []
         self.sets: dict[str, NDArray] = {}
-        self.skipped: dict[str, int] = {}
+        self.skipped: Counter[str] = Counter()
 
-    def _item(self) -> str:
-        return f"{self.source}: line {self.at + 1}"
+    def _integers(self, what: str, width: int) -> list[int]:
+        """Whole numbers in columns of equal width on the next line."""
+        text = self.lines.take(what).rstrip()
+        try:
+            return [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
+        except ValueError:
+            raise self.lines.error(f"whole numbers, {width} columns each", f"'{text[:60]}'") from None
 
-    def _next(self, what: str) -> str:
-        if self.at >= len(self.lines):
-            raise mismatch(str(self.source), what, "the end of the file")
-        self.at += 1
-        return self.lines[self.at - 1]
+    def _fields(self, block: str) -> list[tuple[str, int]]:
+        """Fields of a Fortran format like (3i9,6e21.13e3), which opens a block: letter and width, repeated."""
+        text = self.lines.take(f"the format of {block}")
+        fields: list[tuple[str, int]] = []
+        for count, letter, width in re.findall(r"(\d*)([ie])(\d+)", text.lower()):
+            repeat = check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)
+            fields += repeat * [(letter, check_count(int(width), self.lines.item, "a width of fields", 1, 100))]
+        if not fields:
+            raise self.lines.error("a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
+        return fields
 
     def body(self) -> FEBody:
-        while self.at < len(self.lines):
-            words = [w.strip() for w in self.lines[self.at].split(",")]
-            self.at += 1
+        for line in self.lines:
+            words = [w.strip() for w in line.split(",")]
             key = words[0].upper()
             if key == "NBLOCK":
                 self._nodes()
@@ -355,29 +351,28 @@ class _Archive:
             elif key == "ET" and len(words) >= 3 and words[1].isdigit():
                 self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
         if not self.numbers:
-            raise mismatch(str(self.source), "a block of nodes (NBLOCK)", "none")
+            raise mismatch(self.source, "a block of nodes (NBLOCK)", "none")
         numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
         return FEBody(
             numbers,
             nodes,
-            elements=tuple(np.array(e, np.int64) for e in self.elements.values()),
+            elements=grouped(self.elements),
             node_sets=self.sets,
             node_axes=axes,
-            source=str(self.source),
+            source=self.source,
             notes=tuple(
                 f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()
             ),
         )
 
     def _nodes(self) -> None:
-        fields = _widths(self._next("the format of NBLOCK"), self._item())
-        integer = next((w for letter, w in fields if letter == "i"), 9)
-        n_integers = sum(letter == "i" for letter, _ in fields)
+        fields = self._fields("NBLOCK")
+        integers = [w for letter, w in fields if letter == "i"] or [9]
+        integer, start = integers[0], integers[0] * sum(letter == "i" for letter, _ in fields)
         real = next((w for letter, w in fields if letter == "e"), 21)
-        start = integer * n_integers
         while True:
-            line = self._next("the end of NBLOCK (-1)")
+            line = self.lines.take("the end of NBLOCK (-1)")
             if line.startswith(("N,", "-1")) or not line.strip():
                 break
             try:
@@ -385,52 +380,47 @@ class _Archive:
                 text = line[start:].rstrip()
                 values = [float(text[k : k + real]) for k in range(0, len(text), real)]
             except ValueError:
-                raise mismatch(f"{self.source}: line {self.at}", "a node", f"'{line[:60]}'") from None
+                raise self.lines.error("a node", f"'{line[:60]}'") from None
             if number < 0:
                 break
             if len(values) > 6 or not np.isfinite(values).all():
-                raise mismatch(f"{self.source}: line {self.at}", "at most six finite numbers", f"'{line[:60]}'")
+                raise self.lines.error("at most six finite numbers", f"'{line[:60]}'")
             values += [0.0] * (6 - len(values))
             self.numbers.append(number)
             self.positions.append(values[:3])
             self.angles.append(values[3:])
 
     def _elements(self, solid: bool) -> None:
-        width = _widths(self._next("the format of EBLOCK"), self._item())[0][1]
-        while True:
-            line = self._next("the end of EBLOCK (-1)")
-            if line.strip().startswith("-1"):
-                return
-            item = f"{self.source}: line {self.at}"
-            words = _integers(line, width, item)
+        width = self._fields("EBLOCK")[0][1]
+        while (words := self._integers("the end of EBLOCK (-1)", width))[:1] != [-1]:
             if not solid or len(words) < 12:
-                raise mismatch(item, "an element of a block of SOLID form", f"'{line[:60]}'")
+                raise self.lines.error("an element of a block of SOLID form", words)
             kind, count, nodes = words[1], words[8], words[11:]
             while len(nodes) < count:
-                nodes += _integers(self._next("the nodes of an element"), width, item)
+                nodes += self._integers("the nodes of an element", width)
             name = self.types.get(kind, "")
             known = _SOLIDS.get(name, count if not name else 0)
             if known not in (4, 8, 10, 20) or len(nodes) != count:
-                self.skipped[name or f"{count} nodes"] = self.skipped.get(name or f"{count} nodes", 0) + 1
+                self.skipped[name or f"{count} nodes"] += 1
                 continue
             if 0 in nodes or count != known:  # nodes between corners left out
-                n_corner = 8 if known in (8, 20) else 4
-                nodes, known = nodes[:n_corner], n_corner
-            self.elements.setdefault(known, []).append(nodes)
+                nodes = nodes[: N_CORNER[known]]
+            self.elements.append(nodes)
 
     def _component(self, words: list[str]) -> None:
         name, kind = words[1].strip(), words[2].strip().upper()
         count = re.match(r"\d+", words[3].strip())
-        item = self._item()
         if count is None:
-            raise mismatch(item, "a number of items in CMBLOCK", f"'{words[3][:20]}'")
+            raise self.lines.error("a number of items in CMBLOCK", f"'{words[3][:20]}'")
+        item = self.lines.item
         total = check_count(int(count[0]), item, "a number of items", 0, 50_000_000)
-        width = _widths(self._next("the format of CMBLOCK"), item)[0][1]
+        width = self._fields("CMBLOCK")[0][1]
         found: list[int] = []
+        wanted = f"{total} items of component '{name}'"
         while len(found) < total:
-            more = _integers(self._next(f"{total} items of component '{name}'"), width, f"{self.source}: line {self.at}")
+            more = self._integers(wanted, width)
             if not more:
-                raise mismatch(f"{self.source}: line {self.at}", f"{total} items of component '{name}'", len(found))
+                raise self.lines.error(wanted, len(found))
             found += more
         members: list[NDArray] = []
         for number in found[:total]:
@@ -474,58 +464,42 @@ def read_rst(path: FilePath) -> FEBody:
     """
     with reading(path, "a result file of Ansys (.rst)") as source:
         file = _Binary(source, _RESULT)
-        head = _Header(file.record(_HEADER, "header"), f"{source}: header")
-        largest = len(file.data)
-        n_nodes = check_count(head[3], f"{source}: header", "a number of nodes", 1, largest)
-        n_sets = check_count(head[9], f"{source}: header", "a number of result sets", 1, largest)
-        room = check_count(head[4], f"{source}: header", "room for result sets", n_sets, largest)
-        pointers = {
-            name: _long(head[low], head[high])
-            for name, low, high in (
-                ("sets", 11, 41),
-                ("frequencies", 12, 42),
-                ("nodes", 15, 46),
-                ("geometry", 16, 47),
-                ("harmonic indices", 17, 44),
-            )
-        }
-        index = file.record(pointers["sets"], "index of result sets")
+        head = _Header(file, _HEADER, "header")
+        n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
+        room = head.count(4, "room for result sets", n_sets)
+        index = file.record(head.pointer(11, 41), "index of result sets")
         if len(index) < 2 * room or index.dtype.kind != "i":
             raise mismatch(f"{source}: index of result sets", f"{2 * room} whole numbers", len(index))
         places = [_long(index[k], index[room + k]) for k in range(n_sets)]
-        frequency = file.record(pointers["frequencies"], "frequencies")[:n_sets].astype(float)
-        numbers = file.record(pointers["nodes"], "node numbers")[:n_nodes].astype(np.int64)
+        frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
+        numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
         diameter = np.zeros(n_sets, int)
-        n_sectors = head[21]
-        if n_sectors > 1 and pointers["harmonic indices"] > 0:
-            diameter = np.abs(file.record(pointers["harmonic indices"], "harmonic indices")[:n_sets].astype(int))
+        n_sectors, indices = head[21], head.pointer(17, 44)
+        if n_sectors > 1 and indices > 0:
+            diameter = np.abs(file.record(indices, "harmonic indices")[:n_sets].astype(int))
         if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
             raise mismatch(str(source), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
-        body, axes = _rst_mesh(file, pointers["geometry"])
-        shapes = np.stack([_rst_shape(file, places[k], numbers, axes, k) for k in range(n_sets)], axis=2)
-    modes = []
-    for d in np.unique(diameter):
-        of = np.flatnonzero(diameter == d)
-        of = of[np.argsort(frequency[of], kind="stable")]
-        modes.append(Modes(int(d), frequency[of], numbers, shapes[:, :, of], np.ones(len(of)), str(path)))
+        body, axes = _rst_mesh(file, head.pointer(16, 47))
+        shapes = [_rst_shape(file, place, numbers, axes, k) for k, place in enumerate(places)]
+        each = zip(diameter.tolist(), frequency.tolist(), shapes)
+        modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
-    return replace(body, modes=tuple(modes), notes=notes)
+    return replace(body, modes=modes, notes=notes)
 
 
 def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
     """Nodes and solid elements; axes of the nodes that have their own."""
-    head = _Header(file.record(word, "geometry header"), f"{file.source}: geometry header")
-    n_nodes = check_count(head[4], f"{file.source}: geometry", "a number of nodes", 1, len(file.data))
-    n_elements = check_count(head[5], f"{file.source}: geometry", "a number of elements", 0, len(file.data))
+    head = _Header(file, word, "geometry header")
+    n_nodes, n_elements = head.count(4, "a number of nodes"), head.count(5, "a number of elements", 0)
     table = np.empty((n_nodes, 7))
-    for k, row in enumerate(file.run(_long(head[27], head[28]) or head[9], n_nodes, "nodes")):
+    for k, row in enumerate(file.run(head.pointer(27, 28) or head[9], n_nodes, "nodes")):
         if len(row) < 7 or row.dtype.kind != "f" or not np.isfinite(row[:7]).all():
             raise mismatch(f"{file.source}: nodes, record {k + 1}", "seven finite numbers", len(row))
         table[k] = row[:7]
     numbers = table[:, 0].astype(np.int64)
-    groups: dict[int, list[NDArray]] = {}
+    elements = []
     if n_elements:
-        place = _long(head[29], head[30]) or head[11]
+        place = head.pointer(29, 30) or head[11]
         offsets = file.record(place, "index of elements")
         words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
         for k in range(n_elements):
@@ -533,21 +507,20 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
                 raise mismatch(f"{file.source}: index of elements", f"{n_elements} entries", len(words))
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
-                groups.setdefault(len(element), []).append(element)
-    body = FEBody(numbers, table[:, 1:4], elements=tuple(np.array(g) for g in groups.values()), source=str(file.source))
+                elements.append(element)
+    body = FEBody(numbers, table[:, 1:4], elements=grouped(elements), source=str(file.source))
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 
 
 def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArray], k: int) -> NDArray:
     """(n_nodes, 3) displacements of one result set in the axes of the file."""
-    item = f"{file.source}: result set {k + 1}"
-    head = _Header(file.record(word, f"result set {k + 1}"), item)
-    n = check_count(head[3], item, "a number of nodes", 1, len(file.data))
+    head = _Header(file, word, f"result set {k + 1}")
+    item, n = head.item, head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
     if names[:3] != [1, 2, 3]:
         raise mismatch(item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
-    place = word + (_long(head[105], head[106]) or head[11])
+    place = word + (head.pointer(105, 106) or head[11])
     values = file.record(place, f"displacements of result set {k + 1}").astype(float)
     if len(values) < n * per_node or n != len(numbers):
         raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")

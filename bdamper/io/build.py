@@ -20,7 +20,7 @@ from bdamper.io.contact_faces import ContactFaces, LaidContacts, lay_contacts
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.from_matrices import constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
-from bdamper.io.import_report import ImportReport
+from bdamper.io.import_report import ImportReport, frequencies_of
 from bdamper.io.model_file import save_model
 from bdamper.io.plausible import (
     check_frequencies_against,
@@ -286,9 +286,9 @@ def _assembled(
     check_units: bool,
 ) -> BuiltModel:
     """The model and its report."""
-    frequencies = {d: np.sqrt(b.omega2) / (2.0 * np.pi) for d, b in made["blade"].bases.items()}
     checks = [check for body in bodies.values() for check in body.checks]
     if known:
+        frequencies = {d: frequencies_of(basis) for d, basis in made["blade"].bases.items()}
         checks.append(check_frequencies_against(frequencies, known, "blade", "expected_frequencies"))
     if check_units:
         for name, body in bodies.items():
@@ -303,15 +303,9 @@ def _assembled(
     )
     check_model(model, where="built model")
     checks.append("the model passes the checks of the model file")
-    free = made.get("damper")
     report = ImportReport(
         sources={name: str(body.given) for name, body in bodies.items()},
-        frequencies=frequencies,
-        damper_frequencies=np.empty(0) if free is None else np.sqrt(free.bases[0].omega2[6:]) / (2.0 * np.pi),
         faces=laid.faces,
-        mass=None if free is None else free.mass,
-        centre=None if free is None else free.centre,
-        inertia=None if free is None else free.inertia,
         checks=tuple(checks),
         missing=tuple(text for body in bodies.values() for text in body.missing),
         model=model,

@@ -20,13 +20,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.fe_body import FEBody, Modes, modes_by_diameter
 from bdamper.io.matrices import as_integers, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, reading
+from bdamper.io.reading import LARGEST_COUNT, Lines, grouped, reading
 from bdamper.reduction.facets import N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
-
-FilePath = str | os.PathLike[str]
+from bdamper.util.hdf5 import FilePath
 
 _SOLIDS = {"C3D4": 4, "C3D10": 10, "C3D6": 6, "C3D15": 15, "C3D8": 8, "C3D20": 20}
 _IGNORED_STRUCTURE = ("*EQUATION", "*MPC", "*TIE", "*RIGID BODY", "*TRANSFORM", "*SPRING", "*DISTRIBUTING COUPLING")
@@ -52,7 +51,6 @@ class _Deck:
         self.source = source
         self.numbers: list[int] = []
         self.positions: list[list[float]] = []
-        self.elements: dict[int, list[list[int]]] = {}
         self.element_of: dict[int, list[int]] = {}
         self.node_sets: dict[str, list[int]] = {}
         self.element_sets: dict[str, list[int]] = {}
@@ -157,7 +155,6 @@ class _Deck:
         if len(words) % (n + 1):
             raise mismatch(item, f"1 + {n} numbers for each element of type {kind}", f"{len(words)} numbers in all")
         for k in range(0, len(words), n + 1):
-            self.elements.setdefault(n, []).append(words[k + 1 : k + n + 1])
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
         if parameters.get("ELSET"):
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
@@ -202,7 +199,7 @@ class _Deck:
         return FEBody(
             numbers,
             nodes,
-            elements=tuple(np.array(e, dtype=np.int64) for e in self.elements.values()),
+            elements=grouped(self.element_of.values()),
             node_sets=sets,
             face_sets=self._face_sets(numbers, nodes),
             source=str(self.source),
@@ -336,76 +333,56 @@ def read_frd(path: FilePath) -> FEBody:
         with open(source, "rb") as raw:
             if b"\x00" in raw.read(100_000):
                 raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
-        with open(source, encoding="ascii", errors="replace") as file:
-            return _Frd(source, file.read().splitlines()).body()
+        return _Frd(Lines(source, "ascii")).body()
 
 
 class _Frd:
-    def __init__(self, source: Path, lines: list[str]) -> None:
-        self.source, self.lines, self.at = source, lines, 0
+    def __init__(self, lines: Lines) -> None:
+        self.source, self.lines = str(lines.source), lines
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
-        self.elements: dict[int, list[list[int]]] = {}
-        self.blocks: list[tuple[int, int, float, str, NDArray, NDArray]] = []  # diameter, mode, Hz, name, nodes, values
+        self.elements: list[list[int]] = []
+        self.modes: list[tuple[int, float, float, NDArray, NDArray]] = []  # diameter, Hz, modal mass, nodes, shape
+        self.latest = (0, 0)  # diameter and number of the latest mode
 
-    def _here(self) -> str:
-        return f"{self.source}: line {self.at + 1}"
-
-    def _rows(self, width: int, n_values: int) -> tuple[NDArray, NDArray]:
-        """Node numbers and values of the lines up to the end of a block."""
+    def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
+        """Node numbers and values of the lines up to the end of a block; the end of its first line tells the format."""
         numbers, values = [], []
-        start = 3 + width
-        while True:
-            if self.at >= len(self.lines):
-                raise mismatch(str(self.source), "the end of a block (-3)", "the end of the file")
-            line = self.lines[self.at]
-            if line.startswith(" -3"):
-                self.at += 1
-                break
+        start = 8 if head.rstrip().endswith("0") else 13
+        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
             if not line.startswith(" -1"):
-                raise mismatch(self._here(), "a line of values (-1)", f"'{line[:40]}'")
+                raise self.lines.error("a line of values (-1)", f"'{line[:40]}'")
             try:
                 numbers.append(int(line[3:start]))
                 values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
             except ValueError:
-                raise mismatch(self._here(), f"a node number and {n_values} values", f"'{line[:60]}'") from None
-            self.at += 1
+                raise self.lines.error(f"a node number and {n_values} values", f"'{line[:60]}'") from None
         out = np.array(values, float).reshape(-1, n_values)
         if not np.isfinite(out).all():
-            raise mismatch(self._here(), "finite values in the block above", "others")
+            raise self.lines.error("finite values in the block above", "others")
         return np.array(numbers, np.int64), out
 
-    @staticmethod
-    def _width(line: str) -> int:
-        return 5 if line.rstrip().endswith("0") else 10
-
     def _element_block(self) -> None:
-        while self.at < len(self.lines) and not self.lines[self.at].startswith(" -3"):
-            words = self.lines[self.at][3:].split()
-            if not self.lines[self.at].startswith(" -1") or len(words) < 2:
-                raise mismatch(self._here(), "an element (-1)", f"'{self.lines[self.at][:40]}'")
+        while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
+            words = line[3:].split()
+            if not line.startswith(" -1") or len(words) < 2:
+                raise self.lines.error("an element (-1)", f"'{line[:40]}'")
             n = _FRD_SOLIDS.get(int(words[1]))
-            self.at += 1
             nodes: list[int] = []
-            while self.at < len(self.lines) and self.lines[self.at].startswith(" -2"):
-                text = self.lines[self.at][3:]
-                nodes += [int(text[k : k + 10]) for k in range(0, len(text.rstrip()), 10)]
-                self.at += 1
-            if n is None:
-                continue
-            if len(nodes) != n:
-                raise mismatch(self._here(), f"{n} nodes of the element above", f"{len(nodes)}")
-            self.elements.setdefault(n, []).append(nodes)
-        self.at += 1
+            while self.lines.follows(" -2"):
+                text = self.lines.take("nodes")[3:].rstrip()
+                nodes += [int(text[k : k + 10]) for k in range(0, len(text), 10)]
+            if n is not None and len(nodes) != n:
+                raise self.lines.error(f"{n} nodes of an element", len(nodes))
+            if n is not None:
+                self.elements.append(nodes)
 
     def body(self) -> FEBody:
         diameter, mode = 0, 0
-        while self.at < len(self.lines):
-            line = self.lines[self.at]
+        for line in self.lines:
             key = line[:10].strip()
-            self.at += 1
             if key.startswith("2C"):
-                self.numbers, self.nodes = self._rows(self._width(line), 3)
+                self.numbers, self.nodes = self._rows(line, 3)
             elif key.startswith("3C"):
                 self._element_block()
             elif key.startswith("1PHID"):
@@ -415,52 +392,26 @@ class _Frd:
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
         if len(self.numbers) == 0:
-            raise mismatch(str(self.source), "a block of nodes (2C)", "none")
-        return FEBody(
-            self.numbers,
-            self.nodes,
-            elements=tuple(np.array(e, np.int64) for e in self.elements.values()),
-            modes=self._modes(),
-            source=str(self.source),
-        )
+            raise mismatch(self.source, "a block of nodes (2C)", "none")
+        modes = modes_by_diameter(self.modes, self.source)
+        return FEBody(self.numbers, self.nodes, elements=grouped(self.elements), modes=modes, source=self.source)
 
-    def _result(self, line: str, diameter: int, mode: int) -> None:
+    def _result(self, head: str, diameter: int, mode: int) -> None:
         try:
-            frequency = float(line[12:24])
+            frequency = float(head[12:24])
         except ValueError:
-            raise mismatch(f"{self.source}: line {self.at}", "a frequency in columns 13 to 24", f"'{line[:40]}'") from None
-        width = self._width(line)
+            raise self.lines.error("a frequency in columns 13 to 24", f"'{head[:40]}'") from None
         name = ""
-        while self.at < len(self.lines) and self.lines[self.at].startswith((" -4", " -5")):
-            if self.lines[self.at].startswith(" -4"):
-                name = self.lines[self.at][5:13].strip()
-            self.at += 1
-        if name in ("DISP", "DISPI"):
-            self.blocks.append((diameter, mode, frequency, name, *self._rows(width, 3)))
-        else:
-            while self.at < len(self.lines) and not self.lines[self.at].startswith(" -3"):
-                self.at += 1
-
-    def _modes(self) -> tuple[Modes, ...]:
-        found: dict[int, list[tuple[float, NDArray]]] = {}
-        numbers: NDArray | None = None
-        for k, (d, mode, frequency, name, nodes, values) in enumerate(self.blocks):
-            if name == "DISPI":
-                continue
-            if numbers is None:
-                numbers = nodes
-            if not np.array_equal(numbers, nodes):
-                raise mismatch(f"{self.source}: mode {mode}", "the same nodes in every result", "others")
-            shape: NDArray = values
-            if k + 1 < len(self.blocks) and self.blocks[k + 1][:2] == (d, mode) and self.blocks[k + 1][3] == "DISPI":
-                if not np.array_equal(self.blocks[k + 1][4], nodes):
-                    raise mismatch(f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
-                shape = values + 1j * self.blocks[k + 1][5]
-            found.setdefault(d, []).append((frequency, shape))
-        out = []
-        for d, modes in found.items():
-            assert numbers is not None
-            shapes = np.stack([s for _, s in modes], axis=2)
-            hertz = np.array([f for f, _ in modes])
-            out.append(Modes(d, hertz, numbers, shapes, np.ones(len(modes)), str(self.source)))
-        return tuple(out)
+        while self.lines.follows(" -4", " -5"):
+            line = self.lines.take("the head of a result")
+            if line.startswith(" -4"):
+                name = line[5:13].strip()
+        if name == "DISP":
+            self.modes.append((diameter, frequency, 1.0, *self._rows(head, 3)))
+            self.latest = diameter, mode
+        elif name == "DISPI" and self.modes and self.latest == (diameter, mode):  # the imaginary part follows the real one
+            *_, own, real = self.modes[-1]
+            nodes, imaginary = self._rows(head, 3)
+            if not np.array_equal(own, nodes):
+                raise mismatch(f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
+            self.modes[-1] = (diameter, frequency, 1.0, nodes, real + 1j * imaginary)

@@ -20,7 +20,7 @@ from bdamper.model.model import ContactStiffness, Interface, Port, turn
 from bdamper.reduction.facets import Facets, area_vectors
 from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError, mismatch
+from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.repr import brief
 
 SMALLEST_OVERLAP = 0.05
@@ -191,7 +191,7 @@ def _laid(
     face_a = a.faces(contact.faces_a, item)
     area_a, area_b, sector = _area(face_a, a.nodes), None, 0
     face_b = placed = None
-    try:
+    with a.refusing(item, "faces on which contact points can be laid"):
         if contact.faces_b is not None:
             b = bodies[contact.body_b]
             face_b = b.faces(contact.faces_b, item)
@@ -199,27 +199,13 @@ def _laid(
             placed = b.nodes @ turn(2.0 * np.pi / n_blades * sector).T
             area_b = _area(face_b, placed)
         means = _means(contact, a.nodes, face_a, placed, face_b)
-    except ValueError as error:
-        if isinstance(error, BdamperError):
-            raise
-        raise mismatch(a.where, f"faces for {item} on which contact points can be laid", error) from error
     _check_touching(contact, means, area_a, area_b)
     distance = means.distance
     gap = distance.copy() if isinstance(contact.gap, str) else np.full(len(means.area), float(contact.gap))
     interface = Interface(
         contact.name, contact.kind, contact.body_a, 0, contact.body_b, sector, means.points_a, means.area, means.frame, gap
     )
-    summary = FaceSummary(
-        interface=contact.name,
-        n_points=len(means.area),
-        area=float(means.area.sum()),
-        area_a=area_a,
-        area_b=area_b,
-        distance=np.array([distance.min(), distance.max()]),
-        sector_b=sector,
-        normal=means.frame[:, 2].mean(axis=0),
-    )
-    return interface, means, summary
+    return interface, means, FaceSummary(interface, area_a, area_b, np.array([distance.min(), distance.max()]))
 
 
 def _means(

@@ -6,8 +6,9 @@ axes and phases are converted where the model is built.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 import scipy.sparse as sp
@@ -87,6 +88,31 @@ class Modes:
             mass = np.asarray(self.modal_mass)
             if mass.shape != (m,) or not (np.isfinite(mass).all() and np.all(mass > 0)):
                 raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
+
+
+def modes_by_diameter(
+    given: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str
+) -> tuple[Modes, ...]:
+    """Modes that a file lists one by one, sorted by nodal diameter and frequency.
+
+    Parameters
+    ----------
+    given : iterable of (nodal diameter, frequency in Hz, modal mass or 0, node numbers (n,), shape (n, 3))
+    source : str
+
+    Raises
+    ------
+    ModelError
+        If modes of one nodal diameter are not given at the same nodes.
+    """
+    out = []
+    for d, group in groupby(sorted(given, key=lambda mode: mode[:2]), key=lambda mode: mode[0]):
+        _, frequency, mass, nodes, shapes = zip(*group)
+        if any(not np.array_equal(nodes[0], other) for other in nodes):
+            raise mismatch(f"{source}: modes of nodal diameter {d}", "the same nodes in every mode", "others")
+        masses = np.array(mass) if min(mass) > 0.0 else None
+        out.append(Modes(d, np.array(frequency), nodes[0], np.stack(shapes, axis=2), masses, source))
+    return tuple(out)
 
 
 @brief

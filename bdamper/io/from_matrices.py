@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,19 +12,6 @@ from bdamper.model.model import Body
 from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
-from bdamper.util.errors import BdamperError
-
-T = TypeVar("T")
-
-
-def _library(body: PreparedBody, item: str, expected: str, action: Callable[[], T]) -> T:
-    """Run an action of SciPy or of the reduction and turn what it raises into one error of a line."""
-    try:
-        return action()
-    except BdamperError:
-        raise
-    except (ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
-        raise body.error(item, expected, error) from error
 
 
 def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None) -> Body:
@@ -45,28 +29,18 @@ def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fi
     if free < 12:
         raise body.error("matrices", "more than a dozen free components", free)
     n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.right)) // 2))
-    made: dict[int, CyclicSector] = {}
 
     def sector(d: int) -> CyclicSector:
-        made.clear()  # a factorisation is large: keep one at a time
-        made[d] = _library(
-            body,
-            f"nodal diameter {d}",
-            "fixed nodes alike on both sector faces",
-            lambda: CyclicSector(body.structure, ring.left, ring.right, mask, ring.n_blades, d),
-        )
-        _check_held(body, made[d], bool(mask.any()))
-        return made[d]
+        with body.refusing(f"nodal diameter {d}", "fixed nodes alike on both sector faces"):
+            made = CyclicSector(body.structure, ring.left, ring.right, mask, ring.n_blades, d)
+        _check_held(body, made, bool(mask.any()))
+        return made
 
-    built = _library(
-        body,
-        "matrices",
-        "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix",
-        lambda: constrained_body(
+    with body.refusing("matrices", "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"):
+        built = constrained_body(
             body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
             wanted.damping_ratio, ring.diameters,
-        ),
-    )  # fmt: skip
+        )  # fmt: skip
     for d, basis in built.bases.items():
         _check_positive(body, d, basis.omega2)
     body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
@@ -142,18 +116,15 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
         raise body.error("matrices", "no nodes without rows on a free body", int(mask.any(axis=1).sum()))
     structure = body.structure
     check_rigid_motion(body, structure)
-    free = _library(body, "mass matrix", "a positive definite matrix", lambda: FreeBody(structure, np.eye(3)))
+    with body.refusing("mass matrix", "a positive definite matrix"):
+        free = FreeBody(structure, np.eye(3))
     axes = body.damper_axes(free.centre)
     free = FreeBody(structure, axes)
     n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
-    built = _library(
-        body,
-        "matrices",
-        "a stiffness matrix with six rigid-body motions and no others",
-        lambda: free_body(
+    with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
+        built = free_body(
             body.name, wanted.ports, free, wanted.contact, wanted.locations, n_modes, wanted.damping_ratio, axes[1]
-        ),
-    )
+        )
     omega2 = built.bases[0].omega2
     if len(omega2) > 6 and not omega2[6] > 0.0:
         raise body.error("stiffness matrix", "six rigid-body motions and no others", f"omega2 = {omega2[6]:.3g}")

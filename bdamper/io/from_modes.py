@@ -42,10 +42,8 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
         if not both.any():
             raise body.error(item, "values at matching nodes of the two sector faces", "none")
         left, right, frequency = ring.left[both], ring.right[both], np.asarray(modes.frequency, float)
-        try:
+        with body.refusing(item, "travelling waves"):
             waves = travelling_waves(frequency, np.nan_to_num(shapes), left, right, ring.n_blades, d)
-        except ValueError as error:
-            raise body.error(item, "travelling waves", error) from error
         out = np.array(waves.shapes)
         out[np.repeat(~known, 3)] = np.nan
         waves = replace(waves, shapes=out)

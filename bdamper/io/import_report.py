@@ -7,9 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.model import Model
+from bdamper.model.model import Interface, ModalBasis, Model
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+
+
+def frequencies_of(basis: ModalBasis) -> NDArray:
+    """Frequencies (n_modes,) of the modes of a body, Hz."""
+    return np.sqrt(basis.omega2) / (2.0 * np.pi)
 
 
 @brief
@@ -19,25 +24,17 @@ class FaceSummary:
 
     Parameters
     ----------
-    interface : str
-    n_points : int
-    area : float, m2
+    interface : Interface
     area_a, area_b : float or None, m2
         Of the faces given on either side.
     distance : (2,) float, m
         Smallest and largest mean normal distance of the two meshes at the points.
-    sector_b : int
-    normal : (3,) float
     """
 
-    interface: str
-    n_points: int
-    area: float
+    interface: Interface
     area_a: float
     area_b: float | None
     distance: NDArray
-    sector_b: int
-    normal: NDArray
 
 
 @brief
@@ -52,28 +49,24 @@ class ImportReport(Plottable):
     ----------
     sources : mapping of body to str
         Files and numbers of nodes, elements and equations.
-    frequencies : mapping of nodal diameter to (n,) float, Hz
-        Lowest frequencies of the sector.
-    damper_frequencies : (n,) float, Hz
-        Elastic modes of the free body.
     faces : tuple of FaceSummary
-    mass, centre, inertia : of the free body, recomputed; None without one
     checks : tuple of str
         Checks made and passed, with figures.
     missing : tuple of str
         Quantities that the model does not have, and what to do about it.
+    model : Model
     """
 
     sources: dict[str, str]
-    frequencies: dict[int, NDArray]
-    damper_frequencies: NDArray
     faces: tuple[FaceSummary, ...]
-    mass: float | None
-    centre: NDArray | None
-    inertia: NDArray | None
     checks: tuple[str, ...]
     missing: tuple[str, ...]
     model: Model = field(repr=False)
+
+    @property
+    def frequencies(self) -> dict[int, NDArray]:
+        """Frequencies (n_modes,) of the sector, Hz, for each nodal diameter."""
+        return {d: frequencies_of(basis) for d, basis in self.model.bodies["blade"].bases.items()}
 
     def __str__(self) -> str:
         lines = ["Import report", "", "Read"]
@@ -82,21 +75,24 @@ class ImportReport(Plottable):
         for d, values in self.frequencies.items():
             shown = "  ".join(f"{f:.6g}" for f in values[:6])
             lines.append(f"  {d:4d}  {shown}{'  ...' if len(values) > 6 else ''}  ({len(values)} modes)")
-        if self.mass is not None and self.centre is not None and self.inertia is not None:
+        free = self.model.bodies.get("damper")
+        if free is not None and free.centre is not None and free.inertia is not None:
             lines += ["", "Free body, recomputed"]
-            lines.append(f"  mass {self.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in self.centre)}) m")
-            moments = np.linalg.eigvalsh(self.inertia)
+            lines.append(f"  mass {free.mass:.6g} kg, centre ({', '.join(f'{c:.6g}' for c in free.centre)}) m")
+            moments = np.linalg.eigvalsh(free.inertia)
             lines.append(f"  principal moments of inertia {', '.join(f'{m:.6g}' for m in moments)} kg m2")
-            if len(self.damper_frequencies):
-                lines.append("  elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in self.damper_frequencies[:6]))
+            elastic = frequencies_of(free.bases[0])[6:12]
+            if len(elastic):
+                lines.append("  elastic modes, Hz: " + "  ".join(f"{f:.6g}" for f in elastic))
         lines += ["", "Interfaces"]
         for f in self.faces:
-            shares = f"{100 * f.area / f.area_a:.4g} % of face a"
+            own, area = f.interface, float(f.interface.area.sum())
+            shares = f"{100 * area / f.area_a:.4g} % of face a"
             if f.area_b is not None:
-                shares += f", {100 * f.area / f.area_b:.4g} % of face b"
-            normal = ", ".join(f"{c:.4f}" for c in f.normal)
-            place = f"side b in sector {f.sector_b:+d}"
-            lines.append(f"  {f.interface}: {f.n_points} points, {f.area:.6g} m2 ({shares}), {place}")
+                shares += f", {100 * area / f.area_b:.4g} % of face b"
+            normal = ", ".join(f"{c:.4f}" for c in own.frame[:, 2].mean(axis=0))
+            place = f"side b in sector {own.sector_b:+d}"
+            lines.append(f"  {own.name}: {own.n_points} points, {area:.6g} m2 ({shares}), {place}")
             lines.append(
                 f"    mean outward normal of side a ({normal}), meshes {f.distance[0]:.2g} to {f.distance[1]:.2g} m apart"
             )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +14,10 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import FEBody
 from bdamper.io.market import read_market
 from bdamper.io.matlab import read_mat
-from bdamper.io.reading import LARGEST_COUNT, check_count, reading
+from bdamper.io.reading import LARGEST_COUNT, check_count, grouped, reading
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
-
-FilePath = str | os.PathLike[str]
+from bdamper.util.hdf5 import FilePath
 
 
 def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
@@ -201,17 +201,17 @@ def read_set(path: FilePath) -> NDArray:
 def read_elements(path: FilePath) -> tuple[NDArray, ...]:
     """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first."""
     with reading(path, "CSV of the node numbers of solid elements") as source:
-        groups: dict[int, list[list[int]]] = {}
+        elements = []
         for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):
             words = line.replace(",", " ").replace(";", " ").split()
             if not words or words[0].startswith(("#", "*", "%")):
                 continue
             if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
                 raise mismatch(f"{source}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
-            groups.setdefault(len(words), []).append([int(w) for w in words])
-        if not groups:
+            elements.append([int(w) for w in words])
+        if not elements:
             raise mismatch(str(source), "at least one element", "none")
-        return tuple(np.array(g, np.int64) for g in groups.values())
+        return grouped(elements)
 
 
 def read_arrays(
@@ -251,13 +251,13 @@ def read_arrays(
         dofs = k_dofs
         if k_dofs is not None and m_dofs is not None:
             m = _reordered(m, m_dofs, k_dofs, str(mass))
-    elif isinstance(dofs, str | os.PathLike):
-        dofs = read_dofs(dofs)
-    numbers, positions = read_nodes(nodes) if isinstance(nodes, str | os.PathLike) else nodes
+    else:
+        dofs = _loaded(dofs, read_dofs)
+    numbers, positions = _loaded(nodes, read_nodes)
     node_sets: dict[str, NDArray] = {}
     face_sets: dict[str, tuple[NDArray, ...]] = {}
     for name, given_set in (sets or {}).items():
-        values = read_set(given_set) if isinstance(given_set, str | os.PathLike) else np.asarray(given_set)
+        values = np.asarray(_loaded(given_set, read_set))
         if values.ndim == 1:
             node_sets[name] = values
         else:
@@ -270,11 +270,16 @@ def read_arrays(
         k,
         m,
         None if dofs is None else np.asarray(dofs),
-        read_elements(elements) if isinstance(elements, str | os.PathLike) else elements,
+        _loaded(elements, read_elements),
         node_sets,
         face_sets,
         source=source,
     )
+
+
+def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:
+    """The content of a file; what is no path is taken as it is."""
+    return read(given) if isinstance(given, str | os.PathLike) else given
 
 
 def _with_table(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:

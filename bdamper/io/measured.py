@@ -58,13 +58,11 @@ class Measurement(Plottable, Storable, kind="bdamper-measurement"):
     source: str = ""
 
     def __post_init__(self) -> None:
-        n = len(self.frequency)
+        item, n = self.source or self.name, len(self.frequency)
         if np.shape(self.response) != (n,) or n == 0:
-            raise mismatch(
-                self.source or self.name, "as many responses as frequencies, at least one", np.shape(self.response)
-            )
+            raise mismatch(item, "as many responses as frequencies, at least one", np.shape(self.response))
         if not (np.isfinite(self.frequency).all() and np.isfinite(self.response).all()):
-            raise mismatch(self.source or self.name, "finite frequencies and responses", "others")
+            raise mismatch(item, "finite frequencies and responses", "others")
 
     @property
     def amplitude(self) -> NDArray:
@@ -123,13 +121,11 @@ class Measured:
         there = np.isfinite(values)
         order = np.argsort(self.load[there])
         load, values = self.load[there][order], values[there][order]
+        item = self.source or "measured points"
         if not len(load):
-            raise BdamperError(f"{self.source or 'measured points'}: expected a measured {quantity}, found none")
+            raise mismatch(item, f"a measured {quantity}", "none")
         if not values[0] > 0.0:
-            raise BdamperError(
-                f"{self.source or 'measured points'}: expected a reference {quantity} above 0 at the least load, "
-                f"{load[0]:g}, found {values[0]:g}"
-            )
+            raise mismatch(item, f"a reference {quantity} above 0 at the least load, {load[0]:g}", f"{values[0]:g}")
         return load[load > 0.0], (values / values[0])[load > 0.0]
 
 
@@ -179,23 +175,19 @@ def load_measured(path: str | PathLike[str]) -> Measured:
         with open(path, newline="", encoding="utf-8-sig") as file:
             content = list(enumerate(file, 1))
     except UnicodeDecodeError as error:
-        raise BdamperError(f"{path}: expected text in UTF-8, found another encoding ({error})") from error
+        raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
     lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
-        raise BdamperError(f"{path}: expected a header and rows of numbers, found nothing")
+        raise mismatch(str(path), "a header and rows of numbers", "nothing")
     head = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
     if "load" not in head or not {"amplitude", "frequency"} & set(head):
-        raise BdamperError(
-            f"{path}, line {lines[0][0]}: expected the columns {COLUMNS} (one of the last two), found {head}"
-        )
+        raise mismatch(f"{path}, line {lines[0][0]}", f"the columns {COLUMNS} (one of the last two)", head)
     values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
     for number, line in lines[1:]:
         row = next(csv.reader([line]))
         if len(row) > len(head):
-            raise BdamperError(
-                f"{path}, line {number}: expected {len(head)} values separated by commas, as the header has, with points "
-                f"in numbers, found {len(row)}: '{line.strip()[:60]}'"
-            )
+            expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
+            raise mismatch(f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
         for name in COLUMNS:
             text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
             try:
@@ -203,14 +195,12 @@ def load_measured(path: str | PathLike[str]) -> Measured:
             except ValueError:
                 value = -1.0
             if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
-                raise BdamperError(
-                    f"{path}, line {number}: expected a finite number of at least 0 in column '{name}', found '{text}'"
-                )
+                expected = f"a finite number of at least 0 in column '{name}'"
+                raise mismatch(f"{path}, line {number}", expected, f"'{text}'")
             values[name].append(value)
-    load = np.array(values["load"])
-    if not len(load):
-        raise BdamperError(f"{path}: expected rows of numbers after the header, found none")
-    return Measured(load, np.array(values["amplitude"]), np.array(values["frequency"]), str(path))
+    if len(lines) == 1:
+        raise mismatch(str(path), "rows of numbers after the header", "none")
+    return Measured(**{name: np.array(column) for name, column in values.items()}, source=str(path))
 
 
 def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, measured: NDArray) -> Fit:

@@ -159,10 +159,8 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
 def _check_attribute_lengths(model: Model) -> None:
     for key, value in model.provenance.items():
         if len(key.encode()) + len(value.encode()) > _LONGEST_ATTRIBUTE:
-            raise ModelError(
-                f"model: /provenance: expected texts of at most {_LONGEST_ATTRIBUTE} bytes, "
-                f"found {len(value.encode())} bytes in '{key[:40]}'"
-            )
+            found = f"{len(value.encode())} bytes in '{key[:40]}'"
+            raise mismatch("model: /provenance", f"texts of at most {_LONGEST_ATTRIBUTE} bytes", found)
 
 
 def _write_model(file: h5py.File, model: Model) -> None:
@@ -325,16 +323,12 @@ def _read_model(file: h5py.File) -> Model:
 
 def _check_root(file: h5py.File) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
-    found = _read_text(file, "format")
-    if found != FORMAT:
-        raise mismatch(_item(file, "@format"), f"'{FORMAT}'", f"'{found}'")
+    _check_text(file, "format", FORMAT)
     version = _read_integer(file, "version")
     if version != VERSION:
         raise mismatch(_item(file, "@version"), f"{VERSION}", f"{version}")
-    for key, convention in (("time_convention", TIME_CONVENTION), ("phase_convention", PHASE_CONVENTION)):
-        found = _read_text(file, key)
-        if found != convention:
-            raise mismatch(_item(file, f"@{key}"), f"'{convention}'", f"'{found}'")
+    _check_text(file, "time_convention", TIME_CONVENTION)
+    _check_text(file, "phase_convention", PHASE_CONVENTION)
     axis = np.asarray(_attribute(file, "axis"))
     if axis.dtype.kind not in "fiu" or axis.shape != (3,) or not np.array_equal(axis, AXIS):
         raise mismatch(_item(file, "@axis"), f"{list(AXIS)}", f"{axis.tolist()!r}")
@@ -490,7 +484,7 @@ def _read(group: h5py.Group, name: str, key: str = "", shape: tuple[int | None, 
     letters, words = _TYPES[_TYPE_OF.get(key or name, "real")]
     if dataset.dtype.kind not in letters:
         raise mismatch(item, words, f"data of type {dataset.dtype}")
-    _check_units(dataset, UNITS[key or name])
+    _check_text(dataset, "units", UNITS[key or name])
     shape = shape or _SHAPE_OF.get(name)
     if shape is not None and not fits(dataset.shape, shape):
         raise mismatch(item, f"shape {shape_text(shape)}", f"{dataset.shape}")
@@ -511,10 +505,10 @@ def _check_storage(dataset: h5py.Dataset, item: str) -> None:
         raise mismatch(item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
 
 
-def _check_units(dataset: h5py.Dataset, expected: str) -> None:
-    found = _read_text(dataset, "units")
+def _check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str) -> None:
+    found = _read_text(owner, name)
     if found != expected:
-        raise mismatch(_item(dataset, "@units"), f"'{expected}'", f"'{found}'")
+        raise mismatch(_item(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
 
 
 def _attribute(owner: h5py.Group | h5py.Dataset, name: str) -> Any:

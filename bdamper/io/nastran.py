@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from io import StringIO
@@ -18,11 +19,10 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody, Modes
-from bdamper.io.matrices import square_matrix
-from bdamper.io.reading import check_count, reading
+from bdamper.io.matrices import square_matrix, triangle_to_full
+from bdamper.io.reading import check_count, grouped, reading
 from bdamper.util.errors import BdamperError, mismatch
-
-FilePath = str | os.PathLike[str]
+from bdamper.util.hdf5 import FilePath
 
 _SOLIDS = {"CTETRA": 4, "CPENTA": 6, "CHEXA": 8}
 
@@ -53,12 +53,11 @@ def read_op4(path: FilePath) -> dict[str, sp.csr_matrix]:
         for name, value in content.items():
             data = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
             if data is not None and len(data.shape) == 2 and data.shape[0] == data.shape[1]:
-                dense_symmetric = _mirrored(sp.csr_matrix(data))
-                out[name] = square_matrix(dense_symmetric, f"{source}: {name}")
+                stored = sp.coo_matrix(data)
+                full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
+                out[name] = square_matrix(full, f"{source}: {name}")
         if not out:
-            raise mismatch(
-                str(source), "a square matrix", f"{ {k: getattr(v, 'shape', None) for k, v in content.items()} }"
-            )
+            raise mismatch(str(source), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
     return out
 
 
@@ -72,15 +71,6 @@ def _check_op4_sizes(source: Any) -> None:
         columns, rows = abs(int(text[:8])), abs(int(text[8:16]))
         for count in (columns, rows):
             check_count(count, f"{source}: head", "a size of a matrix", 1, max(1000, size))
-
-
-def _mirrored(matrix: sp.csr_matrix) -> sp.csr_matrix:
-    """Both triangles where only one is stored."""
-    coordinates = matrix.tocoo()
-    stored = np.all(coordinates.row <= coordinates.col) or np.all(coordinates.row >= coordinates.col)
-    if stored and not np.all(coordinates.row == coordinates.col):
-        return (matrix + matrix.T - sp.diags(matrix.diagonal())).tocsr()
-    return matrix
 
 
 def read_bdf(path: FilePath) -> FEBody:
@@ -105,17 +95,16 @@ def read_bdf(path: FilePath) -> FEBody:
         numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
         if not np.isfinite(nodes).all():
             raise mismatch(f"{source}: GRID", "finite positions", "others")
-        groups: dict[int, list[list[int]]] = {}
-        skipped: dict[str, int] = {}
+        elements, skipped = [], Counter[str]()
         for element in model.elements.values():
             corners = _SOLIDS.get(element.type)
             if corners is None:
-                skipped[element.type] = skipped.get(element.type, 0) + 1
+                skipped[element.type] += 1
                 continue
             own = [n for n in element.nodes if n not in (None, 0)]
             if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
                 own = own[:corners]
-            groups.setdefault(len(own), []).append(own)
+            elements.append(own)
         axes = _displacement_axes(model, numbers, nodes)
         sets = {
             f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids
@@ -124,7 +113,7 @@ def read_bdf(path: FilePath) -> FEBody:
         body = FEBody(
             numbers,
             nodes,
-            elements=tuple(np.array(g, np.int64) for g in groups.values()),
+            elements=grouped(elements),
             node_sets=sets,
             node_axes=axes,
             source=str(source),
@@ -173,8 +162,7 @@ def _with_dmig(body: FEBody, model: Any, source: str) -> FEBody:
     for own, other, matrix in tables:
         row = np.array([index[tuple(p)] for p in own.tolist()])[matrix.row]
         column = np.array([index[tuple(p)] for p in other.tolist()])[matrix.col]
-        full = _mirrored(sp.csr_matrix((matrix.data.real, (row, column)), shape=(n, n)))
-        made.append(square_matrix(full, source))
+        made.append(square_matrix(triangle_to_full(row, column, matrix.data.real, n), source))
     return _without_empty(replace(body, stiffness=made[0], mass=made[1], dofs=dofs))
 
 
@@ -185,13 +173,8 @@ def _without_empty(body: FEBody) -> FEBody:
     keep = np.flatnonzero(used)
     dropped = len(used) - len(keep)
     notes = (*body.notes, f"{dropped} empty rows dropped") if dropped else body.notes
-    return replace(
-        body,
-        stiffness=body.stiffness[keep][:, keep],
-        mass=body.mass[keep][:, keep],
-        dofs=body.dofs[keep],
-        notes=notes,
-    )
+    stiffness, mass = (matrix[keep][:, keep] for matrix in (body.stiffness, body.mass))
+    return replace(body, stiffness=stiffness, mass=mass, dofs=body.dofs[keep], notes=notes)
 
 
 def read_nastran(
@@ -221,16 +204,15 @@ def read_nastran(
     body = read_bdf(bulk)
     if stiffness is not None:
         found = []
-        for path, name in ((stiffness, names[0]), (mass if mass is not None else stiffness, names[1])):
+        rows = 6 * len(body.numbers)
+        for path, name in zip((stiffness, mass or stiffness), names):
             content = read_op4(path)
             if name not in content:
                 raise mismatch(str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
+            if content[name].shape[0] != rows:
+                wanted = f"{rows} rows: six for each of {len(body.numbers)} grid points"
+                raise mismatch(str(path), wanted, content[name].shape[0])
             found.append(content[name])
-        expected = 6 * len(body.numbers)
-        for matrix, path in zip(found, (stiffness, mass or stiffness)):
-            if matrix.shape[0] != expected:
-                wanted = f"{expected} rows: six for each of {len(body.numbers)} grid points"
-                raise mismatch(str(path), wanted, f"{matrix.shape[0]}")
         ordered = np.sort(body.numbers)
         dofs = np.column_stack([np.repeat(ordered, 6), np.tile(np.arange(1, 7), len(ordered))])
         body = _without_empty(replace(body, stiffness=found[0], mass=found[1], dofs=dofs, source=f"{stiffness}, {bulk}"))

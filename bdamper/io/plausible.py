@@ -191,58 +191,49 @@ def wave_speed(body: PreparedBody) -> float:
     return float(np.sqrt(max(min(speeds), 0.0)))
 
 
-def _check_wave_speed(body: PreparedBody, given: str) -> str:
-    speed = wave_speed(body)
-    high = np.inf if body.fixed(None).any() else WAVE_SPEED[1]
-    if not WAVE_SPEED[0] <= speed <= high:
-        raise body.error(
-            "stiffness and mass matrix",
-            f"a material in which longitudinal waves travel at {WAVE_SPEED[0]:g} to {WAVE_SPEED[1]:g} m/s (some 6000 in "
-            "metals)",
-            f"{speed:.3g} m/s with units='{given}': a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that "
-            f"of a metal, other units of the stiffness or the mass matrix suspected; {OVERRIDE}",
-        )
-    return f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material"
+def _check_within(
+    body: PreparedBody,
+    item: str,
+    what: str,
+    limits: tuple[float, float],
+    value: float,
+    unit: str,
+    hint: str,
+    digits: int = 4,
+) -> None:
+    """Refuse a quantity beyond its limits, with the mistaken unit that explains it."""
+    if not limits[0] <= value <= limits[1]:
+        given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
+        found = f"{value:.{digits}g} {unit} with units='{given}': {hint}; {OVERRIDE}"
+        raise body.error(item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 
 def check_sizes(body: PreparedBody, made: Body) -> list[str]:
-    """Refuse sizes, densities and frequencies far from anything built; the texts of the checks otherwise."""
-    texts = []
-    given = next((name for name, u in UNITS.items() if u == body.place.units), "the given units")
-    if not SIZE[0] <= body.size <= SIZE[1]:
-        factor = "millimetres" if body.size > SIZE[1] else "another unit of length"
-        raise body.error(
-            "positions",
-            f"an extent of {SIZE[0]:g} to {SIZE[1]:g} m",
-            f"{body.size:.4g} m with units='{given}': {factor} suspected; {OVERRIDE}",
-        )
-    texts.append(f"{body.name}: extent {body.size:.4g} m")
+    """Refuse sizes, densities, wave speeds and frequencies far from anything built; the texts of the checks otherwise."""
+    hint = f"{'millimetres' if body.size > SIZE[1] else 'another unit of length'} suspected"
+    _check_within(body, "positions", "an extent of", SIZE, body.size, "m", hint)
+    texts = [f"{body.name}: extent {body.size:.4g} m"]
     if body.volume is not None and body.has_matrices:
         along = np.tile([0.0, 0.0, 1.0], len(body.nodes))
         mass = float(along @ (body.structure.mass @ along))
         density = mass / body.volume if body.volume > 0 else np.inf
-        if not DENSITY[0] <= density <= DENSITY[1]:
-            u = body.place.units
-            raw = density / u.mass * u.length**3
-            fitting = [k for k, v in UNITS.items() if DENSITY[0] <= raw * v.mass / v.length**3 <= DENSITY[1]]
-            hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
-            raise body.error(
-                "mass matrix",
-                f"a density of {DENSITY[0]:g} to {DENSITY[1]:g} kg/m3",
-                f"{density:.4g} kg/m3 with units='{given}': {hint}; {OVERRIDE}",
-            )
+        u = body.place.units
+        raw = density / u.mass * u.length**3
+        fitting = [k for k, v in UNITS.items() if DENSITY[0] <= raw * v.mass / v.length**3 <= DENSITY[1]]
+        hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
+        _check_within(body, "mass matrix", "a density of", DENSITY, density, "kg/m3", hint)
         texts.append(f"{body.name}: mass {mass:.6g} kg on free nodes, volume {body.volume:.6g} m3, {density:.4g} kg/m3")
     if body.has_matrices:
-        texts.append(_check_wave_speed(body, given))
+        speed, what = wave_speed(body), "a material in which longitudinal waves travel at"
+        limits = (WAVE_SPEED[0], np.inf) if body.fixed(None).any() else WAVE_SPEED
+        hint = f"a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that of a metal (some 6000 m/s), other "
+        hint += "units of the stiffness or the mass matrix suspected"
+        _check_within(body, "stiffness and mass matrix", what, limits, speed, "m/s", hint, digits=3)
+        texts.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
     for d, basis in made.bases.items():
         elastic = basis.omega2[basis.omega2 > 0.0]
         if len(elastic):
             lowest = float(np.sqrt(elastic.min()) / (2.0 * np.pi))
-            if not FREQUENCY[0] <= lowest <= FREQUENCY[1]:
-                raise body.error(
-                    f"nodal diameter {d}",
-                    f"a lowest frequency of {FREQUENCY[0]:g} to {FREQUENCY[1]:g} Hz",
-                    f"{lowest:.4g} Hz with units='{given}': units of mass or stiffness off by powers of 10 suspected; "
-                    f"{OVERRIDE}",
-                )
+            hint = "units of mass or stiffness off by powers of 10 suspected"
+            _check_within(body, f"nodal diameter {d}", "a lowest frequency of", FREQUENCY, lowest, "Hz", hint)
     return texts

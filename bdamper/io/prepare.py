@@ -7,7 +7,8 @@ blade, X = Y x Z) in the axes of the file and s the unit of length; matrices bec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -22,7 +23,7 @@ from bdamper.model.model import Port
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError, mismatch
+from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
 
 SYMMETRY_TOLERANCE = 1e-6
 """Largest difference between a matrix and its transpose, relative to its largest entry."""
@@ -159,6 +160,16 @@ class PreparedBody:
         """The error for something about this body that does not fit."""
         return mismatch(f"{self.where}: {item}", expected, found)
 
+    @contextmanager
+    def refusing(self, item: str, expected: str) -> Iterator[None]:
+        """Turn what SciPy or the reduction raises in the block into the error for something that does not fit."""
+        try:
+            yield
+        except BdamperError:
+            raise
+        except (ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
+            raise self.error(item, expected, error) from error
+
     # ---- numbers, sets and faces ----
 
     @property
@@ -212,10 +223,8 @@ class PreparedBody:
     @cached_property
     def boundary(self) -> Facets:
         """Outer faces of the solid elements."""
-        try:
+        with self.refusing("elements", "solid elements"):
             return boundary_facets(self.elements, self.nodes)
-        except ValueError as error:
-            raise self.error("elements", "solid elements", error) from error
 
     def faces(self, given: FaceSet, item: str) -> Facets:
         """Facets by the name of a set, by node numbers of faces, or by a set of nodes with the elements behind it."""

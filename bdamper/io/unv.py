@@ -7,7 +7,6 @@ state the nodal diameter of a mode, so the caller gives it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -15,12 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.measured import Measurement
-from bdamper.io.reading import reading
+from bdamper.io.reading import Lines, grouped, reading
 from bdamper.util.errors import BdamperError, mismatch
-
-FilePath = str | os.PathLike[str]
+from bdamper.util.hdf5 import FilePath
 
 _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
@@ -68,7 +66,7 @@ def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FE
     with reading(path, "a universal file", library=True) as source:
         numbers: list[NDArray] = []
         positions: list[NDArray] = []
-        found: dict[int, list[tuple[float, float, NDArray, NDArray]]] = {}
+        found = []
         for data in _sets(source, (15, 55, 2411, 2414)):
             if data["type"] in (15, 2411):
                 numbers.append(np.asarray(data["node_nums"], float))
@@ -77,15 +75,14 @@ def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FE
                 mode = _mode(data, f"{source}: data set of type {data['type']}")
                 if mode is None:
                     continue
-                number, *rest = mode
-                d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(number, -1)
+                d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(mode[0], -1)
                 if d >= 0:
-                    found.setdefault(d, []).append(tuple(rest))  # type: ignore[arg-type]
+                    found.append((d, *mode[1:]))
         if not numbers:
             raise mismatch(str(source), "nodes (data set 15 or 2411)", "none")
         labels = np.concatenate(numbers).astype(np.int64)
         elements = _elements(source)
-    modes = tuple(_collected(d, group, str(path)) for d, group in sorted(found.items()))
+    modes = modes_by_diameter(found, str(path))
     return FEBody(labels, np.concatenate(positions), elements=elements, modes=modes, source=str(path))
 
 
@@ -129,51 +126,35 @@ def _components(data: dict[str, Any], item: str) -> dict[str, NDArray]:
     return {key: values[:, k] for k, key in enumerate("xyz")}
 
 
-def _collected(d: int, group: list[tuple[float, float, NDArray, NDArray]], source: str) -> Modes:
-    nodes = group[0][2]
-    if any(not np.array_equal(nodes, g[2]) for g in group):
-        raise mismatch(f"{source}: modes of nodal diameter {d}", "the same nodes in every mode", "others")
-    order = np.argsort([g[0] for g in group], kind="stable")
-    frequency = np.array([group[k][0] for k in order])
-    mass = np.array([group[k][1] for k in order])
-    shapes = np.stack([group[k][3] for k in order], axis=2)
-    return Modes(d, frequency, nodes, shapes, mass if np.all(mass > 0.0) else None, source)
-
-
 def _elements(source: Path) -> tuple[NDArray, ...]:
     """Solid elements of all data sets 2412."""
-    groups: dict[int, list[list[int]]] = {}
-    lines = source.read_text(encoding="latin-1").splitlines()
-    inside = False
-    at = 0
-    while at < len(lines):
-        text = lines[at].strip()
-        at += 1
-        if not inside:
-            inside = text == "2412" and at >= 2 and lines[at - 2].strip() == "-1"
+    elements = []
+    lines = Lines(source, "latin-1")
+    inside, before = False, ""
+    for line in lines:
+        text = line.strip()
+        if not inside or text == "-1":
+            inside = (before, text) == ("-1", "2412")
+            before = text
             continue
-        if text == "-1":
-            inside = False
-            continue
-        item = f"{source}: line {at}"
+        item = lines.item
         try:
             head = [int(w) for w in text.split()]
             kind, count = head[1], head[5]
             if kind in (11, 21, 22, 23, 24):
-                at += 1
+                lines.take("the cross-section of a beam")
             nodes: list[int] = []
             while len(nodes) < count:
-                nodes += [int(w) for w in lines[at].split()]
-                at += 1
+                nodes += [int(w) for w in lines.take("the nodes of an element").split()]
         except (ValueError, IndexError):
             raise mismatch(item, "an element of data set 2412", f"'{text[:60]}'") from None
         if kind in _LINEAR and len(nodes) == _LINEAR[kind]:
-            groups.setdefault(len(nodes), []).append(nodes)
+            elements.append(nodes)
         elif kind in _QUADRATIC and len(nodes) == _QUADRATIC[kind][0]:
             corners = _QUADRATIC[kind][1]
             between = [n for k, n in enumerate(nodes) if k not in corners]
-            groups.setdefault(len(nodes), []).append([nodes[k] for k in corners] + between)
-    return tuple(np.array(g, np.int64) for g in groups.values())
+            elements.append([nodes[k] for k in corners] + between)
+    return grouped(elements)
 
 
 def read_measurements(path: FilePath) -> tuple[Measurement, ...]:
