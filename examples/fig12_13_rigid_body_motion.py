@@ -21,11 +21,38 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import bdamper as bd
-from bdamper.plot import plot_rigid_motion, save_figure
+from bdamper.plot import colours, save_figure
+from bdamper.plot.axes import MARKERS, PAPER
 from bdamper.plot.motion import rigid_motion
 
 PRELOADS = tuple(float(p) for p in np.geomspace(50.0, 25e3, 19))
 BAND = (270.0, 370.0)
+
+
+def plot_rigid_motion(
+    axes: np.ndarray, preload: np.ndarray, modal: np.ndarray, physical: np.ndarray, title: str
+) -> None:
+    """Modal coefficients, translations and rotations (n, 6) over the preload (n,), in three panels."""
+    names = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "XYZ"]
+    panels = (
+        (modal, range(6), "Modal coefficient (kg$^{1/2}$ m)", 1.0),
+        (physical, range(3), "Translation (µm)", 1e6),
+        (physical, range(3, 6), "Rotation (mrad)", 1e3),
+    )
+    shades = colours(3)
+    with plt.rc_context(PAPER):
+        for ax, (values, columns, label, unit) in zip(axes, panels):
+            for k in columns:
+                ax.loglog(preload, unit * np.maximum(values[:, k], 1e-300), color=shades[k % 3], marker=MARKERS[k],
+                          linestyle="-" if k < 3 else "--", markersize=3.2, markevery=2, label=names[k])
+            shown = unit * values[:, list(columns)]
+            top = float(shown.max())
+            ax.set_ylim(max(float(shown[shown > 0.0].min()), 1e-5 * top) / 2.0, 2.0 * top)
+            ax.set(xlabel="Preload (N)", ylabel=label)
+            ax.grid(True, color="0.9")
+        handles, labels = axes[0].get_legend_handles_labels()
+        axes[0].figure.legend(handles, labels, ncols=6, fontsize=7.0, loc="outside lower center")
+        axes[1].set_title(title, fontsize=9.0)
 
 
 def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS) -> dict[str, np.ndarray]:
@@ -62,7 +89,7 @@ def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS
         ("vibratory", "Vibration at resonance", "fig13_rigid_motion_vibration.png"),
     ):
         figure, axes = plt.subplots(1, 3, figsize=(9.0, 3.2), layout="constrained")
-        plot_rigid_motion(out["preload"], np.abs(out["modal_" + name]), axes, np.abs(out[name]), title=title)
+        plot_rigid_motion(axes, out["preload"], np.abs(out["modal_" + name]), np.abs(out[name]), title)
         save_figure(figure, figures / file)
     return out
 

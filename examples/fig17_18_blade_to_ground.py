@@ -14,11 +14,14 @@ import argparse
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
-from bdamper.plot import plot_curves, plot_points_3d, save_figure
+from bdamper.plot import plot_curves, save_figure
+from bdamper.plot.axes import PAPER
+from bdamper.plot.contact import face_coordinates
 from bdamper.plot.motion import contact_status
 
 LOADS = (400.0, 2000.0, 4000.0, 10000.0, 20000.0, 40000.0)
@@ -47,6 +50,39 @@ def distribution(model: bd.Model) -> np.ndarray:
     z = model.interfaces["platform"].points[:, 2]
     share = 1.0 + 1.1 * z / np.abs(z).max()
     return share / share[share > 0.0].sum()
+
+
+def plot_contact_points(model: bd.Model, share: np.ndarray, path: Path) -> None:
+    """The blade with the share of the load at each contact point, seen along the axis and on the face."""
+    face = next(iter(model.interfaces.values()))
+    with plt.rc_context(PAPER):
+        figure, (ax, on_face) = plt.subplots(1, 2, figsize=(7.0, 3.4), width_ratios=[1.0, 1.4])
+        for mesh in model.meshes.values():
+            corner = 1e3 * mesh.points
+            front = mesh.quads[corner[mesh.quads, 2].min(axis=1) > corner[:, 2].max() - 1.0]
+            for quad in front:
+                ax.fill(*corner[quad, :2].T, facecolor="0.9", edgecolor="0.6", linewidth=0.3)
+        points = 1e3 * face.points
+        near = 12.0
+        ax.plot(points[:, 0], points[:, 1], "k.", markersize=3.0)
+        tangent = face.frame[0, 0]
+        ends = 1e3 * face.points.mean(axis=0) + np.outer([-9.0, 9.0], tangent) + 0.4 * face.frame[0, 2]
+        ax.plot(ends[:, 0], ends[:, 1], color="k", linewidth=1.6)
+        ax.annotate("ground", ends[0, :2], textcoords="offset points", xytext=(4, -10), fontsize=8.0)
+        ax.set_xlim(points[:, 0].min() - near - 8.0, points[:, 0].max() + near)
+        ax.set_ylim(points[:, 1].min() - near - 4.0, points[:, 1].max() + near)
+        ax.set(aspect="equal", xlabel="X (mm)", ylabel="Y (mm)")
+        x, y, _, _ = face_coordinates(face.points, face.frame[0])
+        size = float(np.abs(share).max())
+        dots = on_face.scatter(
+            y, x, c=share, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5
+        )
+        closed = share > 0.0
+        on_face.scatter(y[~closed], x[~closed], marker="x", s=30.0, c="w")
+        on_face.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
+        on_face.set_title("crosses: a gap at rest", fontsize=8.0)
+        figure.colorbar(dots, ax=on_face, orientation="horizontal", label="Share of the normal load")
+    save_figure(figure, path)
 
 
 def main(figures: Path = Path("figures"), loads: tuple[float, ...] = LOADS, harmonics: int = HARMONICS) -> list[Case]:
@@ -82,7 +118,7 @@ def main(figures: Path = Path("figures"), loads: tuple[float, ...] = LOADS, harm
         ax.plot(case.multiple.frequency[::3], case.multiple.amplitude[::3], "o", markersize=3.4, markerfacecolor="none",
                 markeredgecolor="0.25", markeredgewidth=0.5)  # fmt: skip
     save_figure(ax, figures / "fig18_blade_to_ground.png")
-    plot_points_3d(model, figures / "fig17_blade_to_ground.png", share, label="Share of the normal load")
+    plot_contact_points(model, share, figures / "fig17_blade_to_ground.png")
     return cases
 
 

@@ -108,11 +108,9 @@ class ResidualBasis:
 def active_components(coupling: Coupling, friction: NDArray) -> NDArray:
     """(n_points, 3) bool: force components of friction interfaces that can arise."""
     active = np.zeros((coupling.n_points, 3), bool)
-    for name in coupling.interfaces:
-        if coupling.model.interfaces[name].kind == "friction":
-            rows = coupling.rows(name)
-            active[rows, 2] = True
-            active[rows, :2] = (friction[rows] > 0.0)[:, None]
+    rows = coupling.friction_rows
+    active[rows, 2] = True
+    active[rows, :2] = (friction[rows] > 0.0)[:, None]
     return active
 
 

@@ -360,7 +360,10 @@ def static_state(
     if load == first:
         fraction = 1.0
     if load == 0.0 and state.load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
-        return state if start is not None else _relaxed(system, state)
+        if start is not None:
+            return state
+        force, status, slider, closing = _law(system, np.zeros((n, 3)), state.slider)
+        return replace(state, force=force, status=status, slider=slider, closing=closing)
     while done < 1.0:
         now = min(1.0, done + fraction)
         at = first + now * target
@@ -431,11 +434,3 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float, toleran
         state, load=load, q=ratio * state.q, slider=slider, force=force, closing=closing, residual=residual, steps=0,
         iterations=0,
     )  # fmt: skip
-
-
-def _relaxed(system: StaticSystem, state: PreloadState) -> PreloadState:
-    """No load at all: no motion, no force."""
-    n, m = system.G.shape[0], system.G.shape[2]
-    x = np.zeros((n, 3))
-    force, status, slider, closing = _law(system, x, np.zeros((n, 2)))
-    return replace(state, load=0.0, q=np.zeros(m), force=force, status=status, slider=slider, closing=closing)

@@ -17,8 +17,8 @@ load in steps where that is needed.  Where Newton's method finds no set of state
 elsewhere, the body creeps into its next state and the sliders follow (:meth:`_Solver.creep`); :math:`w` is then the
 position of the last step of that motion.  :class:`Certificate` measures the conditions themselves.
 
-With friction there may be several states (:func:`distinct_states`), or none: then no forces within friction balance the
-load, and the error gives the smallest imbalance.
+With friction there may be several states, or none: then no forces within friction balance the load, and the error gives
+the smallest imbalance.
 """
 
 from __future__ import annotations
@@ -439,46 +439,6 @@ def _refuse_without_equilibrium(problem: StaticContactProblem, load: float) -> N
             "static contact: expected contact forces with N >= 0, |T| <= mu N in equilibrium with the load, found that "
             f"the best of them miss it by {100 * missing:.3g} % ({load:.6g} N): the body slides away"
         )
-
-
-def distinct_states(
-    problem: StaticContactProblem, load: float, *, starts: int = 8, seed: int = 0, tolerance: float = 1e-12
-) -> list[StaticContactSolution]:
-    """Certified states under one load, all with the sliders at their places without load, from random starts.
-
-    More than one shows that friction does not determine the state; one alone does not show that there is no other.
-
-    Parameters
-    ----------
-    problem : StaticContactProblem
-    load : float, N
-    starts : int
-        The first from no force, the others from random forces and motions.
-    seed : int
-    tolerance : float
-    """
-    rng = np.random.default_rng(seed)
-    solver, n, m = _Solver(problem), len(problem.gap), problem.rigid.shape[1]
-    rest = np.zeros((n, 2))
-    size = np.abs(_bonded(problem, solver, load)[0]).max()
-    found: list[StaticContactSolution] = []
-    for start in range(starts):
-        F, eta = np.zeros((n, 3)), np.zeros(m)
-        if start:
-            F = 3.0 * size * rng.standard_normal((n, 3))
-            eta = size * rng.standard_normal(m) / solver.rigid_unit
-            F[:, 2] = np.abs(F[:, 2])
-        F, eta, status, ok = solver.newton(load, F, eta, rest, tolerance, 50)
-        if not ok or any(np.abs(F - s.force).max() < 1e-6 * max(size, np.abs(F).max()) for s in found):
-            continue
-        motion = solver.motion(load, F, eta)
-        certificate = certify(problem, load, F, motion, rest)
-        if certificate.worst < 1e-10:
-            slider = np.where(status == STICK, rest, motion[:, :2])
-            found.append(
-                StaticContactSolution(load, F, motion, slider, eta, status, certificate, solver.iterations, 1)
-            )
-    return found
 
 
 def static_contact_problem(coupling: Coupling, friction: NDArray, gap: NDArray) -> StaticContactProblem:

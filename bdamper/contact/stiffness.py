@@ -223,7 +223,7 @@ def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray
     """Share of the closed points at which Eqs (4), (10) give a negative stiffness, for t1, t2, n."""
     force, left_out = paper_contact(coupling, friction)
     out = {}
-    for name in _friction_faces(coupling):
+    for name in coupling.friction_faces:
         rows = coupling.rows(name)
         closed = force[rows][:, 2] > 0.0
         out[name] = (force[rows] * left_out[rows] < 0.0)[closed].mean(axis=0) if closed.any() else np.zeros(3)
@@ -263,7 +263,7 @@ def contact_stiffness(
     out = _unit_tractions(coupling)
     if method == "eq4":
         forces, left_out = paper_contact(coupling, friction)
-        for name in _friction_faces(coupling):
+        for name in coupling.friction_faces:
             rows = coupling.rows(name)
             out[name] = paper_equations(left_out[rows], forces[rows], out[name], FAR)
     return Contact(out)
@@ -314,17 +314,13 @@ def paper_contact(coupling: Coupling, friction: NDArray) -> tuple[NDArray, NDArr
     return forces, (coupling.residual_flexibility(1).real @ forces.ravel()).reshape(-1, 3)
 
 
-def _friction_faces(coupling: Coupling) -> tuple[str, ...]:
-    return tuple(name for name in coupling.interfaces if coupling.model.interfaces[name].kind == "friction")
-
-
 def _has_static(coupling: Coupling) -> bool:
-    return all(name in coupling.model.static for name in _friction_faces(coupling))
+    return all(name in coupling.model.static for name in coupling.friction_faces)
 
 
 def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
     """Static contact forces as (T1, T2, N): the user's where the model has them, else the condensed problem's."""
-    faces = _friction_faces(coupling)
+    faces = coupling.friction_faces
     out = np.zeros((coupling.n_points, 3))
     if _has_static(coupling):
         for name in faces:
@@ -333,7 +329,7 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
         _check_equilibrium(coupling, out)
         return out
     only_faces = replace(coupling, interfaces=faces)
-    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in faces])
+    rows = coupling.friction_rows
     problem = static_contact_problem(only_faces, friction[rows], np.zeros(len(rows)))
     solution = solve_static_contact(problem)[0]
     if solution.certificate.worst > CERTIFIED:
@@ -356,9 +352,9 @@ def _check_equilibrium(coupling: Coupling, force: NDArray) -> None:
 def _left_out_of_finite_elements(coupling: Coupling, force: NDArray) -> NDArray:
     """Eqs (2), (8) with the displacements of the user's analysis; the rigid-body motion is fitted to the full model."""
     full = static_contact_problem(coupling, np.zeros(coupling.n_points), np.zeros(coupling.n_points))
-    rows = np.concatenate([np.arange(coupling.n_points)[coupling.rows(name)] for name in _friction_faces(coupling)])
+    rows = coupling.friction_rows
     given = np.zeros((coupling.n_points, 3))
-    for name in _friction_faces(coupling):
+    for name in coupling.friction_faces:
         static = coupling.model.static[name]
         given[coupling.rows(name)] = (static.displacement_b - static.displacement_a) * np.array([1.0, 1.0, -1.0])
     elastic = full.offset.ravel() - full.flexibility @ force.ravel()

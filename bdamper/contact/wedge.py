@@ -96,7 +96,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     bodies = [b for b in coupling.model.bodies.values() if b.kind == "free" and b.load is not None]
     if not bodies:
         raise SettingError("wedge friction: expected a free body with a load, found none")
-    names = tuple(n for n in coupling.interfaces if coupling.model.interfaces[n].kind == "friction")
+    names = coupling.friction_faces
     basis = coupling.basis(0)
     f, _ = coupling.load()
     rigid = basis.omega2 == 0.0

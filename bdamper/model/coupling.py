@@ -177,6 +177,17 @@ class Coupling:
             start += n
         raise KeyError(interface)
 
+    @property
+    def friction_faces(self) -> tuple[str, ...]:
+        """The interfaces with friction."""
+        return tuple(name for name in self.interfaces if self.model.interfaces[name].kind == "friction")
+
+    @property
+    def friction_rows(self) -> NDArray:
+        """(n,) int: their points among the stacked ones."""
+        numbers = np.arange(self.n_points)
+        return np.concatenate([np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)])
+
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
         """Bodies that move, each with its basis of a harmonic and its retained modes."""
         for body in self.model.bodies.values():

@@ -94,6 +94,11 @@ def check_model(model: Model, *, where: str = "model") -> None:
 # Messages and elementary checks
 
 
+def _require(good: bool | np.bool_, item: str, expected: str, found: object) -> None:
+    if not good:
+        raise mismatch(item, expected, found)
+
+
 def _check_name(name: object, item: str) -> None:
     good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
     if not good:
@@ -155,8 +160,7 @@ def _check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
 
 def _check_head(model: Model, where: str) -> None:
     _check_integer(model.n_blades, f"{where}: /@n_blades")
-    if model.n_blades < 1:
-        raise mismatch(f"{where}: /@n_blades", "at least 1", model.n_blades)
+    _require(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
     groups = {
         "bodies": model.bodies,
         "interfaces": model.interfaces,
@@ -172,8 +176,7 @@ def _check_head(model: Model, where: str) -> None:
             _check_name(name, item)
             if group in ("bodies", "interfaces", "locations") and getattr(member, "name", None) != name:
                 raise mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
-    if not model.bodies:
-        raise mismatch(f"{where}: /bodies", "at least one body", "none")
+    _require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
 
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
@@ -181,8 +184,7 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
     _check_one_of(interface.kind, ("friction", "constraint"), f"{item}/@kind")
     _check_array(interface.area, (None,), f"{item}/area")
     n = interface.n_points
-    if n == 0:
-        raise mismatch(f"{item}/area", "at least one point", "none")
+    _require(n > 0, f"{item}/area", "at least one point", "none")
     _check_array(interface.points, (n, 3), f"{item}/points")
     _check_array(interface.frame, (n, 3, 3), f"{item}/frame")
     _check_array(interface.gap, (n,), f"{item}/gap")
@@ -225,8 +227,7 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
         if owner != body.name:
             found = f"body_{port[1]} = {owner!r} there"
             raise mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
-    if len(set(body.ports)) != len(body.ports):
-        raise mismatch(item, "each port once", f"{list(body.ports)}")
+    _require(len(set(body.ports)) == len(body.ports), item, "each port once", f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
@@ -242,8 +243,7 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
                 f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found
             )
         bodies.append(body)
-    if bodies[0].kind == bodies[1].kind == "ground":
-        raise mismatch(item, "a body that can move", "ground on both sides")
+    _require(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
     if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
         found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
         raise mismatch(item, "two bodies, or one body in two sectors", found)
@@ -282,10 +282,8 @@ def _check_body(body: Body, model: Model, item: str) -> None:
 
 
 def _check_ground(body: Body, item: str) -> None:
-    if body.bases:
-        raise mismatch(item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
-    if body.load is not None:
-        raise mismatch(f"{item}/load", "no load on a ground body", "one")
+    _require(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+    _require(body.load is None, f"{item}/load", "no load on a ground body", "one")
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
@@ -295,8 +293,7 @@ def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
         if not 0 <= d <= largest:
             expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
             raise mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
-    if 0 not in body.bases:
-        raise mismatch(f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+    _require(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
 
 
 def _check_inertia(body: Body, item: str) -> None:
@@ -314,8 +311,7 @@ def _check_inertia(body: Body, item: str) -> None:
         _check_array(body.inertia, (3, 3), f"{item}/inertia")
         _check_hermitian(body.inertia, f"{item}/inertia", "symmetric")
         smallest = np.linalg.eigvalsh(body.inertia)[0]
-        if not smallest > 0:
-            raise mismatch(f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
+        _require(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
 
 
 def _check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
@@ -352,8 +348,7 @@ def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str
 
 
 def _check_frequencies(omega2: NDArray, n_rigid: int, item: str) -> None:
-    if len(omega2) < n_rigid:
-        raise mismatch(item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    _require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
     if n_rigid:
         _check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
@@ -408,8 +403,7 @@ def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
     _check_array(load.generalised, (basis.n_modes,), f"{item}/generalised")
     _check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
     length = np.linalg.norm(load.direction)
-    if not abs(length - 1) <= UNIT_TOLERANCE:
-        raise mismatch(f"{item}/direction", "a unit vector", f"length {length:.9g}")
+    _require(abs(length - 1) <= UNIT_TOLERANCE, f"{item}/direction", "a unit vector", f"length {length:.9g}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -474,8 +468,7 @@ def _check_orthonormal(mix: NDArray, item: str) -> None:
     """Modes with the coordinates ``mix`` in a mass-orthonormal basis are mass-orthonormal themselves."""
     lengths = np.linalg.norm(mix, axis=0)
     rank = np.linalg.matrix_rank(mix / np.where(lengths > 0, lengths, 1.0), tol=1e-6)
-    if rank < N_RIGID:
-        raise mismatch(item, "six independent rigid-body modes", f"{rank}")
+    _require(rank == N_RIGID, item, "six independent rigid-body modes", f"{rank}")
     products = mix.T @ mix
     for j, k in np.ndindex(N_RIGID, N_RIGID):
         expected = 1.0 if j == k else 0.0
@@ -519,15 +512,12 @@ def _check_meshes(model: Model, where: str) -> None:
     for name, mesh in model.meshes.items():
         item = f"{where}: /mesh/{name}"
         _check_type(mesh, SurfaceMesh, item)
-        if name not in model.bodies:
-            raise mismatch(item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
+        _require(name in model.bodies, item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
         _check_array(mesh.points, (None, 3), f"{item}/points")
         quads = mesh.quads
         good = isinstance(quads, np.ndarray) and quads.dtype.kind in "iu"
-        if not good:
-            raise mismatch(f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
-        if quads.ndim != 2 or quads.shape[1] != 4:
-            raise mismatch(f"{item}/quads", "shape (any, 4)", quads.shape)
+        _require(good, f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
+        _require(fits(quads.shape, (None, 4)), f"{item}/quads", "shape (any, 4)", quads.shape)
         inside = (quads >= 0) & (quads < len(mesh.points))
         _check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
         for diameter, shapes in mesh.modes.items():

@@ -24,12 +24,11 @@ from bdamper.plot.curves import (
     plot_microslip,
     plot_optimal,
     plot_over_measurement,
-    plot_rigid_motion,
     plot_settled,
     plot_verification,
 )
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_sweep, plot_uncertain
-from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_points_3d, plot_surfaces
+from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 
 __all__ = [
     "animate_damper",
@@ -50,8 +49,6 @@ __all__ = [
     "plot_model",
     "plot_optimal",
     "plot_over_measurement",
-    "plot_points_3d",
-    "plot_rigid_motion",
     "plot_settled",
     "plot_status_bars",
     "plot_status_map",

@@ -19,7 +19,7 @@ from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import DASHED, MARKERS, PAPER, colours, drawing, newtons, runs
+from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification
 from bdamper.util import validate
@@ -312,37 +312,3 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
         ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
                     capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
     return ax
-
-
-def plot_rigid_motion(preload: NDArray, modal: NDArray, axes: Any, physical: NDArray, *, title: str = "") -> Any:
-    """Rigid-body motion of a damper over preload: modal coefficients, metres and radians (Figs 12 and 13 of the paper).
-
-    Parameters
-    ----------
-    preload : (n,) float, N
-    modal, physical : (n, 6) float
-        Sizes of the modal coefficients (kg^1/2 m), and of translations (m) and rotations (rad).
-    axes : three matplotlib axes
-    title : str
-    """
-    names = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "XYZ"]
-    panels = (
-        (modal, range(6), "Modal coefficient (kg$^{1/2}$ m)", 1.0),
-        (physical, range(3), "Translation (µm)", 1e6),
-        (physical, range(3, 6), "Rotation (mrad)", 1e3),
-    )
-    shades = colours(3)
-    with plt.rc_context(PAPER):
-        for ax, (values, columns, label, unit) in zip(axes, panels):
-            for k in columns:
-                ax.loglog(preload, unit * np.maximum(values[:, k], 1e-300), color=shades[k % 3], marker=MARKERS[k],
-                          linestyle="-" if k < 3 else "--", markersize=3.2, markevery=2, label=names[k])
-            shown = unit * values[:, list(columns)]
-            top = float(shown.max())
-            ax.set_ylim(max(float(shown[shown > 0.0].min()), 1e-5 * top) / 2.0, 2.0 * top)
-            ax.set(xlabel=PRELOAD, ylabel=label)
-            ax.grid(True, color="0.9")
-        handles, labels = axes[0].get_legend_handles_labels()
-        axes[0].figure.legend(handles, labels, ncols=6, fontsize=7.0, loc="outside lower center")
-        axes[1].set_title(title, fontsize=9.0)
-    return axes

@@ -14,9 +14,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
 from bdamper.io.import_report import ImportReport
-from bdamper.model.model import Model
+from bdamper.model.model import Model, turn
 from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
-from bdamper.plot.contact import face_coordinates
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
@@ -25,17 +24,12 @@ Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
 
 
-def _parts_to_show(model: Model) -> list[tuple[str, int]]:
-    """Bodies with a surface and the sectors in which the interfaces show them."""
+def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
+    """Bodies with a surface, the sectors in which the interfaces show them, and the rotations (3, 3) into these."""
     places = {(face.body_a, face.sector_a) for face in model.interfaces.values()}
     places |= {(face.body_b, face.sector_b) for face in model.interfaces.values()}
-    return sorted(place for place in places if place[0] in model.meshes)
-
-
-def _sector_turn(model: Model, sector: int) -> NDArray:
-    angle = 2.0 * np.pi * sector / model.n_blades
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    shown = sorted(place for place in places if place[0] in model.meshes)
+    return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 
 
 def plot_surfaces(
@@ -180,8 +174,8 @@ def plot_model(model: Model, path: Any = None, *, backend: str | None = None) ->
     # blades are transparent
     tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}
     surfaces = [
-        (model.meshes[name].points @ _sector_turn(model, sector).T, model.meshes[name].quads, tint[model.bodies[name].kind])
-        for name, sector in _parts_to_show(model)
+        (model.meshes[name].points @ turned.T, model.meshes[name].quads, tint[model.bodies[name].kind])
+        for name, _, turned in _parts_to_show(model)
     ]
     if not surfaces:
         raise SettingError("plot of a model: expected at least one body with a mesh, found none")
@@ -234,12 +228,11 @@ def plot_mode(
     if scale is None:
         scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
-    for name, sector in _parts_to_show(model):
+    for name, sector, turned in _parts_to_show(model):
         if name == body:
-            turn = _sector_turn(model, sector)
             wave = np.exp(1j * (phase + 2.0 * np.pi * d * sector / model.n_blades))
             moved = mesh.points + scale * (shape * wave).real
-            surfaces.append((moved @ turn.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
+            surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
     return plot_surfaces(
         surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz"
@@ -284,47 +277,3 @@ def plot_import_report(report: ImportReport) -> Figure:
         right.legend(loc="upper left", bbox_to_anchor=(0.9, 1.0), fontsize=7.0)
         _room_for_ticks(right)
     return figure
-
-
-def plot_points_3d(model: Model, path: Any, values: NDArray, *, label: str = "") -> None:
-    """Bodies as a wire picture and a value at each friction point, seen along the axis and on the face.
-
-    Parameters
-    ----------
-    model : Model
-    path : path-like
-    values : (n_points,) float
-        Of the first interface.
-    label : str
-        Of the colour bar.
-    """
-    face = next(iter(model.interfaces.values()))
-    with plt.rc_context(PAPER):
-        figure, (ax, on_face) = plt.subplots(1, 2, figsize=(7.0, 3.4), width_ratios=[1.0, 1.4])
-        for name, sector in _parts_to_show(model):
-            mesh = model.meshes[name]
-            corner = 1e3 * (mesh.points @ _sector_turn(model, sector).T)
-            front = mesh.quads[corner[mesh.quads, 2].min(axis=1) > corner[:, 2].max() - 1.0]
-            for quad in front:
-                ax.fill(*corner[quad, :2].T, facecolor="0.9", edgecolor="0.6", linewidth=0.3)
-        points = 1e3 * face.points
-        near = 12.0
-        ax.plot(points[:, 0], points[:, 1], "k.", markersize=3.0)
-        tangent = face.frame[0, 0]
-        ends = 1e3 * face.points.mean(axis=0) + np.outer([-9.0, 9.0], tangent) + 0.4 * face.frame[0, 2]
-        ax.plot(ends[:, 0], ends[:, 1], color="k", linewidth=1.6)
-        ax.annotate("ground", ends[0, :2], textcoords="offset points", xytext=(4, -10), fontsize=8.0)
-        ax.set_xlim(points[:, 0].min() - near - 8.0, points[:, 0].max() + near)
-        ax.set_ylim(points[:, 1].min() - near - 4.0, points[:, 1].max() + near)
-        ax.set(aspect="equal", xlabel="X (mm)", ylabel="Y (mm)")
-        x, y, _, _ = face_coordinates(face.points, face.frame[0])
-        size = float(np.abs(values).max())
-        dots = on_face.scatter(
-            y, x, c=values, s=90.0, cmap="cividis", vmin=-0.1 * size, vmax=size, edgecolors="0.2", linewidths=0.5
-        )
-        closed = values > 0.0
-        on_face.scatter(y[~closed], x[~closed], marker="x", s=30.0, c="w")
-        on_face.set(aspect="equal", xlabel="Along the axis (mm)", ylabel="Outward (mm)")
-        on_face.set_title("crosses: a gap at rest", fontsize=8.0)
-        figure.colorbar(dots, ax=on_face, orientation="horizontal", label=label)
-    save_figure(figure, path)

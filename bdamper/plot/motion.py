@@ -106,6 +106,13 @@ def _solutions(problem: Problem, unknowns: NDArray) -> NDArray:
     return out
 
 
+def _amplitudes(problem: Problem, unknowns: NDArray) -> list[NDArray]:
+    """Modal coordinates (..., n_modes) of each harmonic: those of the mean, then complex amplitudes."""
+    sizes = [len(basis.omega2) for basis in problem.bases]
+    parts = np.split(unknowns, np.cumsum([sizes[0], *np.repeat(sizes[1:], 2)])[:-1], axis=-1)
+    return [parts[0], *(cosine - 1j * sine for cosine, sine in zip(parts[1::2], parts[2::2]))]
+
+
 def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -> RigidMotion:
     """Rigid-body motion of a free body.
 
@@ -132,21 +139,12 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     moments, _ = principal_axes(part)
     unit = 1.0 / np.sqrt(np.concatenate([np.full(3, part.mass), moments]))
     unknowns = _solutions(problem, unknowns)
-    n_harmonics = len(problem.bases) - 1
-    bias = np.zeros((*unknowns.shape[:-1], 6))
-    vibratory = np.zeros((*unknowns.shape[:-1], n_harmonics, 6), complex)
-    start = 0
-    for l, basis in enumerate(problem.bases):
-        n = len(basis.omega2)
+    motion = np.zeros((*unknowns.shape[:-1], len(problem.bases), 6), complex)
+    for l, (basis, q) in enumerate(zip(problem.bases, _amplitudes(problem, unknowns))):
         for k, coordinate in enumerate(basis.coordinates):
-            if coordinate.body != body or coordinate.name not in RIGID_NAMES:
-                continue
-            j = RIGID_NAMES.index(coordinate.name)
-            if l == 0:
-                bias[..., j] = unknowns[..., k]
-            else:
-                vibratory[..., l - 1, j] = unknowns[..., start + k] - 1j * unknowns[..., start + n + k]
-        start += n if l == 0 else 2 * n
+            if coordinate.body == body and coordinate.name in RIGID_NAMES:
+                motion[..., l, RIGID_NAMES.index(coordinate.name)] = q[..., k]
+    bias, vibratory = motion[..., 0, :].real, motion[..., 1:, :]
     return RigidMotion(body, bias * unit, vibratory * unit, bias, vibratory)
 
 
@@ -276,19 +274,13 @@ def relative_motion(problem: Problem, unknowns: NDArray, preload: float, theta: 
     (n_points, n_theta) float, m
         Distance of the surfaces, mean and initial gap included; negative where contact springs are pressed together.
     """
-    unknowns = np.asarray(unknowns, float)
     state = problem.static(preload)
-    n0 = problem.bases[0].n_modes
-    q0 = unknowns[:n0] if n0 else state.q
-    basis = problem.bases[0] if n0 else problem.static_basis
+    q = _amplitudes(problem, np.asarray(unknowns, float))
+    basis, q0 = (problem.bases[0], q[0]) if len(q[0]) else (problem.static_basis, state.q)
     mean = (basis.G.real @ q0)[:, 2] + state.load * problem.damper_load[1][:, 2]
     vibration = np.zeros((problem.coupling.n_points, 3, len(theta)))
-    start = n0
     for l, basis in enumerate(problem.bases[1:], 1):
-        n = basis.n_modes
-        amplitude = basis.G @ (unknowns[start : start + n] - 1j * unknowns[start + n : start + 2 * n])
-        vibration += (amplitude[..., None] * np.exp(1j * l * theta)).real
-        start += 2 * n
+        vibration += ((basis.G @ q[l])[..., None] * np.exp(1j * l * theta)).real
     return vibration[:, :2], problem.point_gaps[:, None] - mean[:, None] - vibration[:, 2]
 
 
@@ -300,9 +292,7 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
     bodies is left out unless they carry shapes of nodal diameter 0.
     """
     unknowns = _solutions(problem, unknowns)
-    n0, basis = len(problem.bases[0].omega2), problem.bases[1]
-    n = len(basis.omega2)
-    q0, q1 = unknowns[:n0], unknowns[n0 : n0 + n] - 1j * unknowns[n0 + n : n0 + 2 * n]
+    q0, q1, *_ = _amplitudes(problem, unknowns)
     out = {}
     for name, mesh in problem.model.meshes.items():
         body = problem.model.bodies[name]

@@ -21,7 +21,7 @@ def compare_stiffness(problem: Problem, n_frequencies: int = 5) -> StiffnessComp
         How many of the lowest.
     """
     validate.whole("n_frequencies", n_frequencies, least=1)
-    names = tuple(n for n in problem.coupling.interfaces if problem.coupling.model.interfaces[n].kind == "friction")
+    names = problem.coupling.friction_faces
     faces = {name: problem.coupling.model.interfaces[name] for name in names}
     stiffness, frequencies = {}, {}
     for method in METHODS:

@@ -205,10 +205,6 @@ class CyclicSector:
             self._lu = factorise(self.stiffness)
         return self._lu
 
-    def release(self) -> None:
-        """Delete the factorisation (by far the largest object here); it is made again when needed."""
-        self._lu = None
-
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Lowest modes.
 

@@ -1,1 +1,6 @@
-"""What every room uses: checks of input, files, printing, cost."""
+"""What every room uses, and what knows nothing of structures and vibrations.
+
+Checks of input and the errors they raise (`validate`, `errors`), files of results and their versions (`hdf5`, `versions`),
+what a result prints and which function draws it (`repr`, `plotting`, `progress`), what it has cost (`cost`, `blas`), how
+accurate it is (`estimates`), and the one search for a root on a line (`rootfind`).
+"""
