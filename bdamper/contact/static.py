@@ -316,6 +316,16 @@ def _creep(
     return q, w, iterations, norm
 
 
+def _before_loading(system: StaticSystem) -> PreloadState:
+    """Without load and motion; what touches sticks."""
+    n, m = system.G.shape[0], system.G.shape[2]
+    apart = system.n0 < 0.0 if system.bonded is None else (system.n0 < 0.0) & ~system.bonded
+    status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
+    if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
+        status[:] = STICK
+    return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
+
+
 def static_state(
     system: StaticSystem,
     load: float,
@@ -345,24 +355,14 @@ def static_state(
     PreloadState
         ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
     """
-    n, m = system.G.shape[0], system.G.shape[2]
-    if start is None:
-        apart = system.n0 < 0.0 if system.bonded is None else (system.n0 < 0.0) & ~system.bonded
-        status = np.where(apart[:, None], OPEN, np.full((n, 2), STICK))
-        if n and (status == OPEN).all():  # nothing touches yet: bring the surfaces together first
-            status[:] = STICK
-        state = PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
-    else:
-        state = start
+    state = _before_loading(system) if start is None else start
     first = state.load
-    done, fraction = 0.0, 1.0 / steps
     target = load - first
-    if load == first:
-        fraction = 1.0
+    done, fraction = 0.0, 1.0 / steps if target else 1.0
     if load == 0.0 and state.load == 0.0 and not np.any(system.constant_force) and not np.any(system.n0 > 0.0):
         if start is not None:
             return state
-        force, status, slider, closing = _law(system, np.zeros((n, 3)), state.slider)
+        force, status, slider, closing = _law(system, np.zeros((len(system.kn), 3)), state.slider)
         return replace(state, force=force, status=status, slider=slider, closing=closing)
     while done < 1.0:
         now = min(1.0, done + fraction)

@@ -441,14 +441,17 @@ def _refuse_without_equilibrium(problem: StaticContactProblem, load: float) -> N
         )
 
 
-def static_contact_problem(coupling: Coupling, friction: NDArray, gap: NDArray) -> StaticContactProblem:
+def static_contact_problem(
+    coupling: Coupling, friction: NDArray | None = None, gap: NDArray | None = None
+) -> StaticContactProblem:
     """The problem of a model: every mode counts through the flexibility at nodal diameter 0.
 
     Parameters
     ----------
     coupling : Coupling
         Interfaces and retained rigid-body modes.
-    friction, gap : (n_points,) float
+    friction, gap : (n_points,) float, optional
+        Zero everywhere by default.
     """
     modes = {}
     for body in coupling.model.bodies.values():
@@ -459,4 +462,5 @@ def static_contact_problem(coupling: Coupling, friction: NDArray, gap: NDArray) 
     load, offset = bare.load()
     n = coupling.n_points
     flexibility = bare.residual_flexibility(0).real
+    friction, gap = (np.zeros(n) if given is None else given for given in (friction, gap))
     return StaticContactProblem(flexibility, bare.basis(0).G.real.reshape(3 * n, -1), load, offset, friction, gap)

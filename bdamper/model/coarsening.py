@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.model.model import Body, ContactStiffness, Interface, Model, StaticContact
@@ -98,12 +99,7 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
 def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
     if not body.ports:
         return body
-    blocks = [groups[name].vectors for name, _ in body.ports]
-    A = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
-    row = column = 0
-    for b in blocks:
-        A[row : row + b.shape[0], column : column + b.shape[1]] = b
-        row, column = row + b.shape[0], column + b.shape[1]
+    A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
 
     def mean(x: NDArray) -> NDArray:
         return (A @ x.reshape(A.shape[1], -1)).reshape(-1, 3, *x.shape[2:])

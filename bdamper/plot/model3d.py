@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bdamper.io.import_report import ImportReport
 from bdamper.model.model import Model, turn
 from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
+from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
@@ -211,12 +212,8 @@ def plot_mode(
     backend : {"pyvista", "matplotlib"}, optional
     """
     mode = validate.whole("mode (the path is the third argument)", mode, least=1)
-    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
-    body = carriers[0] if body is None and carriers else body
-    if body not in carriers:
-        raise SettingError(f"plot of a mode: expected a body with mode shapes out of {carriers}, found {body!r}")
+    body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
     mesh = model.meshes[body]
-    d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
     shapes = mesh.modes.get(d)
     if shapes is None or not 1 <= mode <= shapes.shape[2]:
         have = {key: value.shape[2] for key, value in mesh.modes.items()}

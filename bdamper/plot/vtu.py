@@ -23,6 +23,15 @@ def _meshio() -> Any:
     return meshio
 
 
+def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
+    """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
+    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
+    body = carriers[0] if body is None and carriers else body
+    if body not in carriers:
+        raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
+    return body, next(iter(model.meshes[body].modes)) if nodal_diameter is None else nodal_diameter
+
+
 def export_modes(
     model: Model, path: str | PathLike[str], body: str | None = None, nodal_diameter: int | None = None
 ) -> Path:
@@ -48,14 +57,8 @@ def export_modes(
         If the model carries no such shapes.
     """
     meshio = _meshio()
-    carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
-    body = carriers[0] if body is None and carriers else body
-    if body not in carriers:
-        raise SettingError(
-            f"export of modes: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}"
-        )
+    body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
-    d = next(iter(mesh.modes)) if nodal_diameter is None else nodal_diameter
     if d not in mesh.modes:
         raise SettingError(f"export of modes: expected a nodal diameter out of {sorted(mesh.modes)}, found {d}")
     frequency = np.sqrt(model.bodies[body].bases[d].omega2) / (2.0 * np.pi)
