@@ -28,6 +28,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
@@ -122,24 +123,18 @@ class _Binary:
         out = np.zeros(size, dtype)
         at = 8
         for _ in range(count):
-            if at + 4 > len(raw):
+            if at + 8 > len(raw):
                 raise mismatch(where, f"{count} windows", "the end of the record")
-            place = struct.unpack_from("<i", raw, at)[0]
-            at += 4
-            length, constant = 1, False
-            if place <= 0:
-                if at + 4 > len(raw):
-                    raise mismatch(where, "the length of a window", "the end of the record")
-                length = struct.unpack_from("<i", raw, at)[0]
-                at += 4
-                place, constant = -place, length < 0
-                length = abs(length)
-            taken = 1 if constant else length
+            place, length = struct.unpack_from("<ii", raw, at)
+            if place > 0:
+                length = 1
+            at += 4 if place > 0 else 8
+            taken = 1 if length < 0 else length
+            place, length = abs(place), abs(length)
             stored = step if taken == 1 else taken * dtype.itemsize
             if place + length > size or at + taken * dtype.itemsize > len(raw):
                 raise mismatch(where, f"windows within {size} values", f"one of {length} from {place}")
-            values = np.frombuffer(raw, dtype, taken, at)
-            out[place : place + length] = values[0] if constant else values
+            out[place : place + length] = np.frombuffer(raw, dtype, taken, at)
             at += stored
         return out
 
@@ -438,11 +433,7 @@ class _Archive:
 
 def _node_axes(angles: NDArray) -> NDArray:
     """(3, 3) rows: axes of a node turned by its angles (degrees) about Z, then about its X, then about its Y."""
-    c, s = np.cos(np.deg2rad(angles)), np.sin(np.deg2rad(angles))
-    about_z = np.array([[c[0], -s[0], 0.0], [s[0], c[0], 0.0], [0.0, 0.0, 1.0]])
-    about_x = np.array([[1.0, 0.0, 0.0], [0.0, c[1], -s[1]], [0.0, s[1], c[1]]])
-    about_y = np.array([[c[2], 0.0, s[2]], [0.0, 1.0, 0.0], [-s[2], 0.0, c[2]]])
-    return (about_z @ about_x @ about_y).T
+    return Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
 
 
 # -----------------------------------------------------------------------------------------------------------

@@ -191,17 +191,15 @@ def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
 def _diameters(
     n_blades: int, engine_order: int | None, harmonics: int, given: Sequence[int] | None, blade: FEBody
 ) -> tuple[int, ...]:
-    if given is None:
-        if engine_order is None:
-            if n_blades > 1 and blade.stiffness is None and blade.modes:
-                given = [m.nodal_diameter for m in blade.modes]
-            elif n_blades > 1:
-                raise SettingError("expected engine_order or nodal_diameters, found neither")
-            else:
-                given = (0,)
-        else:
-            order, most = validate.whole("engine_order", engine_order), validate.whole("harmonics", harmonics, 1, 64)
-            given = needed_nodal_diameters(n_blades, order, most)
+    if given is None and engine_order is not None:
+        order, most = validate.whole("engine_order", engine_order), validate.whole("harmonics", harmonics, 1, 64)
+        given = needed_nodal_diameters(n_blades, order, most)
+    elif given is None and n_blades == 1:
+        given = (0,)
+    elif given is None and blade.stiffness is None and blade.modes:
+        given = [m.nodal_diameter for m in blade.modes]
+    elif given is None:
+        raise SettingError("expected engine_order or nodal_diameters, found neither")
     wanted = validate.wholes("nodal_diameters", given, most=n_blades // 2)
     return tuple(sorted({0, *wanted}))
 

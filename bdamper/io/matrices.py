@@ -291,12 +291,10 @@ def _with_table(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
 
 def _reordered(matrix: sp.csr_matrix, own: NDArray, wanted: NDArray, item: str) -> sp.csr_matrix:
     """The matrix with rows in the order of another table of nodes and components."""
-    index = {pair: k for k, pair in enumerate(map(tuple, own.tolist()))}
-    unknown = set(index) - set(map(tuple, wanted.tolist()))
+    index = {pair: k for k, pair in enumerate(map(tuple, wanted.tolist()))}
+    pairs = list(map(tuple, own.tolist()))
+    unknown = set(pairs) - set(index)
     if unknown:
-        raise mismatch(item, "nodes and components of the stiffness matrix", f"also {sorted(unknown)[0]}")
-    place = np.array([index.get(pair, -1) for pair in map(tuple, wanted.tolist())])
-    pick = sp.csr_matrix(
-        (np.ones((place >= 0).sum()), (np.flatnonzero(place >= 0), place[place >= 0])), shape=(len(wanted), len(own))
-    )
-    return (pick @ matrix @ pick.T).tocsr()
+        raise mismatch(item, "nodes and components of the stiffness matrix", f"also {min(unknown)}")
+    place, entries = np.array([index[pair] for pair in pairs]), matrix.tocoo()
+    return sp.csr_matrix((entries.data, (place[entries.row], place[entries.col])), shape=(len(wanted), len(wanted)))
