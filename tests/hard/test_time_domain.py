@@ -59,7 +59,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     cost = result.cost
     assert cost.evaluations >= 20 * result.steps_per_period
     assert cost.contact > 0.0 and cost.assembly > 0.0 and cost.core < cost.seconds == result.seconds
-    assert result.plot().get_xlabel() == "time, periods"
+    assert result.plot().get_xlabel() == "Time (periods)"
 
 
 def rig(law, evaluation="exact", harmonics=5):
