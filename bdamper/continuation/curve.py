@@ -195,21 +195,6 @@ class InterruptedCurve(KeyboardInterrupt):
         self.curve = curve
 
 
-def crossings(curve: Curve, omega: float) -> list[tuple[int, float]]:
-    """Where branches of a curve pass a frequency (rad/s): after which points, and at what part of the way to the next."""
-    off = 2.0 * np.pi * curve.frequency - omega
-    along = np.diff(curve.branch) == 0
-    last = np.append(~along[1:], True)[: len(along)]  # onto other points the part that begins there counts
-    passes = along & (off[:-1] != off[1:]) & ((off[:-1] * off[1:] < 0.0) | (off[:-1] == 0.0) | (last & (off[1:] == 0.0)))
-    return [(int(i), float(off[i] / (off[i] - off[i + 1]))) for i in np.flatnonzero(passes)]
-
-
-def passing(curve: Curve, omega: float) -> list[NDArray]:
-    """Unknowns (n_unknowns,) where branches of a curve pass a frequency (rad/s), by linear interpolation."""
-    u = curve.unknowns
-    return [(1.0 - t) * u[i] + t * u[i + 1] for i, t in crossings(curve, omega)]
-
-
 def uninterrupted(curve: Curve) -> Curve:
     """The curve; what is made of it must not go on as if it were whole.
 
