@@ -166,6 +166,57 @@ def test_a_mean_row_of_rounding_noise_does_not_steer_newton():
         assert np.hypot(1 + stiffness - 4, 0.04 + loss) * X == pytest.approx(excitation, rel=1e-11)
 
 
+@pytest.mark.parametrize("unit", [2.0**13, 2.0**27, 2.0**33])
+def test_a_small_row_that_is_no_rounding_noise_steers_newton(unit):
+    """One mode in a unit of its own: its row is small beside the columns, and counts as much as the others."""
+    arrays = random_arrays(np.random.default_rng(7), (0, 3), 4)
+    start, its_own = np.append(np.zeros(6), 0.7), [2, 5]
+    expected, y, _ = solve(_core.System(**arrays), start)
+    assert expected.status == CONVERGED
+    for name in ("stiffness", "mass", "damping"):
+        arrays[name][-1] /= unit**2
+    arrays["G"].reshape(-1, 3)[:, -1] /= unit
+    arrays["force"][its_own] /= unit
+    scale, row_scale = np.ones(7), np.ones(6)
+    scale[its_own], row_scale[its_own] = unit, unit
+    out, found, _ = solve(_core.System(**arrays), start, scale=scale, row_scale=row_scale)
+    assert out.status == CONVERGED
+    assert out.rank == 7
+    assert out.iterations == expected.iterations
+    np.testing.assert_allclose(found / scale, y, rtol=0, atol=1e-12)
+
+
+def test_newton_gives_up_where_rounding_limits_the_residual():
+    """Three iterations in a row that do not halve the residual end it, long before the limit of iterations."""
+    rng = np.random.default_rng(9)
+    for system, _, y, _ in solved_systems():
+        start = y + 1e-3 * rng.normal(size=len(y))
+        out, _, _ = solve(system, start, tolerance=1e-30, iterations=60, line_search=False)
+        assert out.status == NOT_CONVERGED
+        assert 0.0 < out.residual < 1e-13
+        assert 5 <= out.iterations <= 15
+
+
+def test_a_rank_deficient_matrix_is_seen_behind_moderate_pivots():
+    """A triangular matrix with a least pivot of 6e-7 and a condition of 1e15: each unknown is the sum of all before."""
+    n = 30
+    empty = random_arrays(np.random.default_rng(8), (n, 0), 0)
+    for name in ("stiffness", "mass", "damping", "force"):
+        empty[name][:] = 0.0
+    support = np.eye(n) - np.tri(n, k=-1)
+    support[-1, -1] = 6e-7
+    assert np.linalg.cond(support, np.inf) > 1e14
+    system = _core.System(**empty)
+    at_half = {"ramp": np.zeros(n), "omega": 1.0, "support": support}  # the support counts once
+    out, _, _ = solve(system, np.append(np.zeros(n), 0.5), **at_half)
+    assert out.status == CONVERGED
+    assert out.condition < 1e-14
+    assert out.rank == n
+    assert system.cost.least_norm == 1
+    out, _, _ = solve(system, np.append(np.zeros(n), 0.5), least_norm=False, **at_half)
+    assert out.status == SINGULAR
+
+
 def test_failures_are_statuses():
     rng = np.random.default_rng(4)
     system = _core.System(**random_arrays(rng, (2, 3), 4))
