@@ -80,7 +80,7 @@ _SUCCESSORS = {
     "Microslip": "bdamper.effects.microslip.Microslip",
     "OptimalCurve": "bdamper.peaks.optimal_curve.OptimalCurve",
     "Peak": "bdamper.peaks.newton.Peak",
-    "PreloadState": "bdamper.contact.static.PreloadState",
+    "PreloadState": "bdamper.contact.preload.PreloadState",
     "RobustOptimum": "bdamper.design.uncertainty.RobustOptimum",
     "SettledResponse": "bdamper.stability.steady_state.SettledResponse",
     "SourceError": "bdamper.util.estimates.SourceError",

@@ -19,9 +19,9 @@ import numpy as np
 import bdamper as bd
 from bdamper.accuracy.ladders import AccuracyCost
 from bdamper.accuracy.ways import Answer, by_peak, by_sweep, by_tracking, by_tracking_with
-from bdamper.balance.system import OK
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Ring

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-ROUNDING = {"anchors", "balance", "contact", "continuation", "hard", "peaks", "physics", "problem", "stability"}
+ROUNDING = {"anchors", "harmonic_balance", "contact", "continuation", "hard", "peaks", "physics", "problem", "stability"}
 """Folders of tests that ask for computed figures: another BLAS moves them."""
 
 

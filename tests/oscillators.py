@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import Coordinate, HarmonicBasis
 
 

@@ -33,7 +33,7 @@ C_LEVELS = [
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [
     "__init__", "study", "plot", "design", "accuracy", "effects", "peaks", "stability", "continuation", "problem",
-    "balance", "contact", "fe", "io", "reduction", "model", "util",
+    "harmonic_balance", "contact", "fe", "io", "reduction", "model", "util",
 ]  # fmt: skip
 UPWARD = {("util.plotting", "plot")}
 """The registry of pictures, which bdamper.plot fills, is asked from below: the only arrow that runs upward."""
@@ -198,7 +198,7 @@ def test_only_plot_imports_matplotlib_and_pyvista():
 
 def test_only_the_system_imports_the_core():
     users = {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"}
-    assert users == {"balance.system"}
+    assert users == {"harmonic_balance.system"}
 
 
 def test_importing_bdamper_loads_neither_pictures_nor_finite_elements(tmp_path):
@@ -234,3 +234,26 @@ def test_no_machine_paths_in_texts():
     for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *python_files(), *ROOT.glob("csrc/*")]:
         if os.sep + "_build" + os.sep not in str(path):
             assert not re.search(r"(?<![\w.])/(home|root|work)/", path.read_text()), path
+
+
+def test_files_that_the_documents_name_are_there():
+    missing = []
+    for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]:
+        if path.name != "CHANGELOG.md":
+            for name in re.findall(r"`((?:bdamper|csrc|tests|tools|examples|benchmarks)/[\w/]+\.\w+)`", path.read_text()):
+                if not (ROOT / name).exists():
+                    missing.append(f"{path.relative_to(ROOT)}: {name}")
+    assert not missing, "\n".join(missing)
+
+
+def test_modules_that_the_documents_name_are_there():
+    import importlib
+
+    for path in [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *ROOT.glob("docs/*.md"), *python_files()]:
+        for name in set(re.findall(r"(?<![\w./])bdamper(?:\.[a-z_][a-z_0-9]*)+", path.read_text())):
+            parts = name.split(".")
+            n = max(n for n in range(1, len(parts) + 1) if ".".join(parts[1:n]) in MODULES | {""})
+            found = importlib.import_module(".".join(parts[:n]))
+            for part in parts[n:]:
+                assert hasattr(found, part), f"{path.relative_to(ROOT)} names {name}, which is not there"
+                found = getattr(found, part)

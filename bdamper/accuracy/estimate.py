@@ -32,11 +32,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import embed_between, estimate_change, estimate_or_unknown
+from bdamper.harmonic_balance.system import OK
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers

@@ -9,10 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from bdamper.balance.system import OK
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
+from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.optimal import highest_peak
 from bdamper.problem.problem import Problem
 from bdamper.util.errors import BdamperError

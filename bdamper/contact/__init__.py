@@ -9,9 +9,9 @@ over the faces.
 
 from bdamper.contact.laws import Sampled
 from bdamper.contact.points import PointArrays
+from bdamper.contact.preload import PreloadState, StaticSystem, static_state
+from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.static import PreloadState, StaticSystem, static_state
-from bdamper.contact.static_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import PerArea, contact_stiffness
 from bdamper.contact.wedge import ContactMap, wedge_friction
 

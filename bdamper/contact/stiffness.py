@@ -11,7 +11,7 @@ patch-averaged displacement for patch-averaged force, and looks for a positive d
     modal superposition misses ``R_res F`` of the displacement on each side (Eqs (2), (8)), so Eqs (4), (10) and (11) read
     ``1/k_i = (R_res F)_i / F_i``.  (The deformation of the damper by its own load, the last term of Eq (10), is not put
     into the stiffness: it enters the analysis as an initial distance of the surfaces.)
-    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.static_forces`) or from the
+    The static contact forces come from the condensed contact problem (:mod:`bdamper.contact.preload_forces`) or from the
     user's own finite element analysis.  Where ``|F_i|`` is below 5 % of the largest component in this direction over the
     face, or the quotient is not positive or more than ten times that of ``"unit_traction"`` or less than a tenth of it,
     the quotient has no meaning; the value of ``"unit_traction"`` replaces it, and the report counts the point.
@@ -30,8 +30,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.residual_modes import ResidualModes, ResidualSet
-from bdamper.contact.static_forces import solve_static_contact, static_contact_problem
 from bdamper.model.coupling import Coupling
 from bdamper.model.model import ContactStiffness
 from bdamper.util import validate

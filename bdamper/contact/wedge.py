@@ -18,8 +18,8 @@ import scipy.optimize
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from bdamper.contact.static import OPEN, PreloadState
-from bdamper.contact.static_forces import force_bounds, friction_limits
+from bdamper.contact.preload import OPEN, PreloadState
+from bdamper.contact.preload_forces import force_bounds, friction_limits
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable

@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, Correction, HarmonicSystem
 from bdamper.continuation.follower import Interrupted, follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
+from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
 
 TWO_PI = 2.0 * np.pi

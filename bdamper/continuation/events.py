@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from bdamper.balance.system import OK, Correction, HarmonicSystem, norm2
 from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
+from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem, norm2
 from bdamper.util.rootfind import root_trials
 
 Event = Callable[[NDArray, NDArray], float]

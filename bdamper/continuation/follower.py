@@ -18,9 +18,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 from bdamper.continuation.events import Events, point_of
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint, is_drift
+from bdamper.harmonic_balance.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 
 DRIFTED_OFF = (
     "no periodic solution beyond: the mean position of a free body moves without bound, a mean force drives it and no "

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from bdamper.balance.linear import NEAREST, around, linear_maximum, linear_resonances
-from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.curve import Curve
+from bdamper.harmonic_balance.linear import NEAREST, around, linear_maximum, linear_resonances
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread

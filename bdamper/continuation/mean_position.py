@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.path import PathPoint
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
 

@@ -2,7 +2,7 @@
 
 The chain is, in this order,
 
-1. the static state under the preload (:mod:`bdamper.contact.static`), with the linear response of the stuck contact on top
+1. the static state under the preload (:mod:`bdamper.contact.preload`), with the linear response of the stuck contact on top
    of it, and Newton's method from there,
 2. the same with line search (and least norm where the Jacobian is rank-deficient),
 3. excitation ramp: continuation in the level of the excitation from the static state on, around folds,
@@ -19,10 +19,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, STATUS_TEXT, HarmonicSystem
-from bdamper.contact.static import PreloadState
+from bdamper.contact.preload import PreloadState
 from bdamper.continuation.follower import DRIFTED_OFF, follow
 from bdamper.continuation.path import ContinuationOptions, Path
+from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem
 from bdamper.util.cost import CostMeter
 
 RAMP_POINTS = 1000

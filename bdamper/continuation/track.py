@@ -14,13 +14,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.linear import linear_resonances
 from bdamper.continuation.coverage import TWO_PI, Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.follower import OUT_OF_BUDGET
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
+from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from bdamper.balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Family, Peak, PeakOptions
 from bdamper.peaks.optimal import check_options
 from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities

@@ -20,8 +20,8 @@ from typing import TypeVar
 
 import numpy as np
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.effects.indicator import embed, estimate_or_unknown
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal import highest_peak
 from bdamper.problem.effects import AXES, Effects

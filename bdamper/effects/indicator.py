@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-from bdamper.balance.system import OK, HarmonicSystem
+from bdamper.harmonic_balance.system import OK, HarmonicSystem
 from bdamper.peaks.newton import amplitude_and_phase
 from bdamper.problem.problem import Problem
 from bdamper.util.repr import brief

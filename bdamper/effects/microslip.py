@@ -1,6 +1,6 @@
 r"""First loading of a seated damper along its faces: force over displacement at constant preload.
 
-The static equations of :mod:`bdamper.contact.static` under the load :math:`P` that seats the damper, then a force
+The static equations of :mod:`bdamper.contact.preload` under the load :math:`P` that seats the damper, then a force
 :math:`Q` at a location of it, growing from zero while :math:`P` stays:
 
 .. math:: K q + G^T F(G q + P x_0) = P f + Q d,
@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.static import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, StaticSystem, static_state
 from bdamper.model.loads import direction_vector
 from bdamper.problem.problem import Problem
 from bdamper.util import validate

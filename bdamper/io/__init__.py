@@ -16,7 +16,7 @@ from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read
 from bdamper.io.measured import Measurement
 from bdamper.io.model_file import load_model, save_model
 from bdamper.io.nastran import read_bdf, read_nastran, read_op2, read_op4
-from bdamper.io.unv import read_measurements, read_unv
+from bdamper.io.universal_file import read_measurements, read_unv
 
 __all__ = [
     "UNITS",

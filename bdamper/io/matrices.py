@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody
-from bdamper.io.market import read_market
 from bdamper.io.matlab import read_mat
+from bdamper.io.matrix_market import read_market
 from bdamper.io.reading import LARGEST_COUNT, check_count, grouped, reading
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch

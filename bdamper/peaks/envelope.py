@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.optimal_curve import OptimumPoint

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import norm2
+from bdamper.harmonic_balance.system import norm2
 from bdamper.peaks.newton import FAR, Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
 from bdamper.peaks.sensitivity import sensitivities
 from bdamper.util.errors import SettingError, StaticError

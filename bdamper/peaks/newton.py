@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.repr import brief

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.linear import around, linear_maximum, linear_resonances
-from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.coverage import Coverage, Piece
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.continuation.track import track
+from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima
 from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
-from bdamper.balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Family, Peak, PeakOptions, amplitude_at, slope_along, squared_gradient
 from bdamper.util.errors import SettingError
 

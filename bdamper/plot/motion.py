@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import segments
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
+from bdamper.harmonic_balance.system import segments
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.problem.problem import Problem
 from bdamper.util import validate

@@ -15,15 +15,15 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
+from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.contact.static import OPEN, PreloadState, StaticSystem, scaled_state, static_state
 from bdamper.contact.stiffness import Contact, PerArea, StiffnessReport, check_method, contact_stiffness, report
 from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coarsening import unite_contact_points, united_gap, united_stiffness
 from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
 from bdamper.model.loads import Excitation, Response, direction_vector

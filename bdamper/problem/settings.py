@@ -67,7 +67,7 @@ class Settings:
     friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
         "separable": an independent 1-D element along each of two axes.  "coupled": the friction force lies in a disk of
         radius mu N (needs ``evaluation=Sampled(...)``; the static analysis uses the separable law, see
-        :mod:`bdamper.contact.static`).  "bonded": linear springs in all directions and both senses.
+        :mod:`bdamper.contact.preload`).  "bonded": linear springs in all directions and both senses.
         "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
     friction_axes : {"contact", "major"}
         Axes of the separable law: those of the interface, or at each point the major directions of its motion

@@ -39,8 +39,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem, segments
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.model.coupling import HarmonicBasis
 
 TWO_PI = 2.0 * np.pi

@@ -48,10 +48,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.balance.system import HarmonicSystem, segments
 from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
+from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import SLIP_MINUS, SLIP_PLUS, STICK, TWO_PI, slope_at

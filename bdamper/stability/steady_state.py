@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.balance.system import HarmonicSystem
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
 from bdamper.stability.time_integration import TWO_PI, Motion, Ring, amplitudes_of, ring_and_steps
 from bdamper.util import validate

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.accuracy.estimate import SOURCES, change_of_peak, missing_harmonics, richer_study, with_stand_ins
 from bdamper.accuracy.ladders import make_ladders, richest, slipping_preload, varied
 from bdamper.accuracy.ways import by_sweep, by_tracking
-from bdamper.balance.system import LINE_SEARCH_TRIALS, OK
+from bdamper.harmonic_balance.system import LINE_SEARCH_TRIALS, OK
 from bdamper.peaks.newton import PeakOptions
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError

@@ -15,8 +15,8 @@ if shutil.which("ccx") is None:
 
 from skfem import MeshHex
 
-from bdamper.contact.static import OPEN
-from bdamper.contact.static_forces import StaticContactProblem, solve_static_contact
+from bdamper.contact.preload import OPEN
+from bdamper.contact.preload_forces import StaticContactProblem, solve_static_contact
 from bdamper.fe.assemble import discretise
 from bdamper.fe.calculix import _model
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact.static_forces import solve_static_contact, static_contact_problem
+from bdamper.contact.preload_forces import solve_static_contact, static_contact_problem
 from bdamper.contact.stiffness import contact_stiffness
 from bdamper.model.model import StaticContact
 from bdamper.util.errors import ModelError, SettingError

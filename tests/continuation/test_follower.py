@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 
 
 class Equations:

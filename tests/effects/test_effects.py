@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.linear import linear_resonances
 from bdamper.contact.laws import LAW_CONSTANT
-from bdamper.contact.static import OPEN
+from bdamper.contact.preload import OPEN
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import PathPoint
+from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.model.coarsening import group_patches, unite_contact_points
 from bdamper.peaks.newton import drifted
 from tests import models

@@ -11,7 +11,7 @@ import bdamper as bd
 from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
 from bdamper.contact.points import PointArrays
-from bdamper.contact.static import STICK
+from bdamper.contact.preload import STICK
 from tests.models import acyclic_model, wedge_model
 
 INTERVAL = (250.0, 400.0)

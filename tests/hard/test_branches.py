@@ -7,7 +7,6 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
-from bdamper.balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.continuation import follower as continuation
 from bdamper.continuation import start
 from bdamper.continuation import track as tracking
@@ -25,6 +24,7 @@ from bdamper.continuation.coverage import (
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators

@@ -5,11 +5,11 @@ import pytest
 from scipy.optimize import brentq
 
 import bdamper as bd
-from bdamper.balance.linear import linear_resonances
-from bdamper.balance.system import OK
 from bdamper.continuation.events import turns_twice
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.harmonic_balance.linear import linear_resonances
+from bdamper.harmonic_balance.system import OK
 from tests.hard.random_studies import random_study
 from tests.oscillators import oscillator
 

@@ -27,7 +27,7 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
         # the same load by another history: another normal load, both in equilibrium
         from dataclasses import replace
 
-        from bdamper.contact.static import StaticSystem, static_state
+        from bdamper.contact.preload import StaticSystem, static_state
 
         force, shift = study.damper_load
         system = StaticSystem(

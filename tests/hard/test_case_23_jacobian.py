@@ -9,7 +9,6 @@ bisection along the disturbance, and the Jacobian beyond it must give the differ
 import numpy as np
 import pytest
 
-from bdamper.balance.system import HarmonicSystem, segments
 from bdamper.contact.laws import (
     LAW_BONDED,
     LAW_CONSTANT,
@@ -20,6 +19,7 @@ from bdamper.contact.laws import (
     Sampled,
 )
 from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.stability.floquet import _contact_changes
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.laws import LAW_COUPLED
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
 from bdamper.stability.time_integration import Ring, verify_solution
 from tests.event_march import Marcher

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.laws import LAW_BONDED
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import multipliers, stability_of_points
 from bdamper.stability.time_integration import Ring, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators

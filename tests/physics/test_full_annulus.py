@@ -14,10 +14,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import HarmonicSystem
 from bdamper.contact.points import PointArrays
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
 from bdamper.util.cost import CostMeter

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.balance.system import OK
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.system import OK
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from bdamper.balance.system import HarmonicSystem
+from bdamper.harmonic_balance.system import HarmonicSystem
 
 UNDAMPED = 1e-9
 """Ratio of half-width to frequency of a resonance without damping."""

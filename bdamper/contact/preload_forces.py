@@ -30,7 +30,7 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
-from bdamper.contact.static import STICK, law_tangent, limited_forces
+from bdamper.contact.preload import STICK, law_tangent, limited_forces
 from bdamper.model.coupling import Coupling
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.contact import static as preload
-from bdamper.contact import static_forces
-from bdamper.contact.static import OPEN
-from bdamper.contact.static_forces import (
+from bdamper.contact import preload, preload_forces
+from bdamper.contact.preload import OPEN
+from bdamper.contact.preload_forces import (
     StaticContactProblem,
     certify,
     least_imbalance,
@@ -143,7 +142,7 @@ def test_line_contact_of_more_points(points):
 def distinct_states(problem, load, starts=40, tolerance=1e-12):
     """Certified states by status, from no force and from random forces and motions, with sliders at rest."""
     rng = np.random.default_rng(0)
-    solver, n, m = static_forces._Solver(problem), len(problem.gap), problem.rigid.shape[1]
+    solver, n, m = preload_forces._Solver(problem), len(problem.gap), problem.rigid.shape[1]
     rest, found = np.zeros((n, 2)), {}
     for start in range(starts):
         F = np.zeros((n, 3)) if start == 0 else 20.0 * load * rng.standard_normal((n, 3))
