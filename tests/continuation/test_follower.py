@@ -178,3 +178,17 @@ def test_on_a_support_a_drift_ends_a_hundred_vibrations_away():
     away = np.array([abs(p.y[0]) for p in path.points])
     assert 1e2 < away[-1] < 1e6
     assert away[-2] <= 1e2
+
+
+@pytest.mark.parametrize(("far", "status"), [(900.0, "stalled"), (1100.0, "drifted off")])
+def test_a_drift_that_stops_a_thousand_vibrations_away_has_drifted_off(far, status):
+    """Forces of a body so far away are differences of large numbers, in which Newton's method stops."""
+
+    class Stops(Drifts):
+        def correct(self, y, *rest):
+            found = super().correct(y, *rest)
+            return found if found.y[0] < far else replace(found, status=NOT_CONVERGED)
+
+    path = follow(Stops(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))
+    assert path.points[-1].y[0] == pytest.approx(far, rel=1e-4)
+    assert path.status == status
