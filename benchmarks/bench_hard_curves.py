@@ -1,4 +1,4 @@
-"""The matrix of tracking curves that must be complete, on mode 1 of the reference bladed disk, 250 to 400 Hz.
+"""Which tracking curves are complete within their budget, on mode 1 of the reference bladed disk, 250 to 400 Hz.
 
 Preloads from a damper that nearly flies to one that is stuck, three contact meshes, one to seven harmonics, with and
 without rotation of the damper.  A part of it: ``python -m benchmarks.bench_hard_curves --points 24 --harmonics 3 5``;

@@ -29,7 +29,11 @@ OPERATIONS = 1.5e6
 FEWEST, MOST = 10_000, 60_000
 """Bounds of a budget in evaluations."""
 SHARE = 0.5
-"""Part of what is left of the budget that one path may take, so that a tangle of folds leaves something for other parts."""
+"""Part of what is left of the budget that one path may take, so that a tangle of folds leaves something for other parts.
+
+If one path may take all of it, the widest gap of one of six curves with tangles grows (from 5.3 to 11.6 Hz), and those of
+the other five stay; none of 284 ordinary curves changes.
+"""
 OUTSIDE = 0.03
 """Part of the interval at each end, outside of it, in which folds are looked for."""
 OUTSIDE_POINTS = 60
@@ -236,7 +240,10 @@ class Coverage:
     # ---- outside the interval ----
 
     def outside_ends(self) -> None:
-        """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there."""
+        """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there.
+
+        Without it 2 of 240 ordinary curves lose such a part of a branch; it takes 9 % of the evaluations.
+        """
         low, high = self.limits
         margin = OUTSIDE * (high - low)
         look = replace(

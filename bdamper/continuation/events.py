@@ -73,7 +73,10 @@ class Events:
         return False
 
     def over_pair(self, y: NDArray, tangent: NDArray, scale: NDArray, c: Correction) -> bool:
-        """Whether frequency or amplitude seems to turn twice within a step, which its ends do not show."""
+        """Whether frequency or amplitude seems to turn twice within a step, which its ends do not show.
+
+        Without this question 3 of 240 ordinary curves lose a pair of folds; it costs half a percent of the evaluations.
+        """
         n = self.system.n_mean
         if is_drift(tangent, n) or is_drift(c.tangent, n):
             return False
@@ -188,12 +191,13 @@ class Events:
         return np.asarray(x)
 
     def around_corner(
-        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, sign: int, desperate: bool = False
+        self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, sign: int
     ) -> tuple[Correction, float] | None:
         """The first point beyond a corner within a step, and the length of the part beyond the corner.
 
         Bisection between where the null vector of the Jacobian is the tangent and where it is another.  A curve without a
-        corner shows no such jump, and is left alone.
+        corner shows no such jump, and is left alone.  Without this search 8 of 240 ordinary curves are incomplete, 8 more
+        are found in pieces or without some of their folds, and all 240 together take 3.2 times the evaluations.
 
         Parameters
         ----------
@@ -201,8 +205,6 @@ class Events:
         step : float
         sign : int
             Of det [J; tangent] along the path, 0 where it is not known.
-        desperate : bool
-            Take what comes for a corner.
         """
         border = tangent + self._tilt
         near, far = 0.0, step
@@ -210,7 +212,7 @@ class Events:
         if beyond is None:
             return None
         total = norm2(beyond - tangent)
-        if total < 0.2 and not desperate:
+        if total < 0.2:
             return None
         for _ in range(BISECTIONS):
             middle = 0.5 * (near + far)
@@ -221,7 +223,7 @@ class Events:
                 near, first = middle, t
             else:
                 far, beyond = middle, t
-        if norm2(beyond - first) < 0.4 * total and not desperate:
+        if norm2(beyond - first) < 0.4 * total:
             return None  # curvature
         for sense in (1.0,) if sign else (1.0, -1.0):
             direction = sense * beyond

@@ -123,12 +123,6 @@ class Follower:
                 if corner is not None:
                     return corner[0], corner[1], step, ""
             step *= 0.5 if new.status == OK else 0.25
-        for overshoot in (1e-6, 1e-5, 1e-4, 1e-3):
-            if self.system.spent:
-                break
-            corner = self.events.around_corner(y, tangent, scale, overshoot, self.sign, desperate=True)
-            if corner is not None:
-                return corner[0], corner[1], overshoot, ""
         return None, step, step, refused
 
     def longer(self, step: float, turn: float, iterations: int) -> float:
