@@ -52,6 +52,7 @@ def compare_curves(curve, model):
         assert mine.amplitude == pytest.approx(theirs.amplitude, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys):
     built, curve = example().main(tmp_path)
     assert "Import report" in capsys.readouterr().out

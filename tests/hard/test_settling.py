@@ -31,7 +31,11 @@ def marched(stop, omega, periods, steps=200):
     return march_until_settled(system, omega, 1, 0, start, preload=0.0, periods=periods, steps_per_period=steps)
 
 
-@pytest.mark.parametrize(("stop", "omega", "repeats"), [(3.0, 1.5, 1), (8.0, 3.0, 2), (80.0, 4.7, None)])
+@pytest.mark.parametrize(("stop", "omega", "repeats"), [
+    (3.0, 1.5, 1),
+    pytest.param(8.0, 3.0, 2, marks=pytest.mark.slow),
+    pytest.param(80.0, 4.7, None, marks=pytest.mark.slow),
+])  # fmt: skip
 def test_kind_of_response(stop, omega, repeats):
     """Twice the frequency of a bilinear oscillator is its resonance of every second period."""
     found = marched(stop, omega, 160 if repeats == 1 else 300)

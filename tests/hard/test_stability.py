@@ -34,6 +34,7 @@ def prepared(system, y, n_steps=96):
     return marcher, z, closed, states, [j for j, state in enumerate(states) if state == 0 and moving[j]]
 
 
+@pytest.mark.slow
 def test_multipliers_against_time_integration(path):
     """Points with slip or separation, stable and not; disturbed motions meet events of their own, located exactly."""
     system = two_oscillators(15)

@@ -20,6 +20,7 @@ def distance(n_harm, periods=45, steps=600):
     return verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=periods, steps_per_period=steps)
 
 
+@pytest.mark.slow
 def test_settled_response_approaches_harmonic_balance_with_more_harmonics():
     one, many = distance(1).distance, distance(13).distance
     assert many < 5e-3
