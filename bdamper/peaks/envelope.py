@@ -337,6 +337,11 @@ class _Minimum:
         self.known.meter.iterations += follower.iterations
         return peak
 
+    def continues(self, near: _Place, far: _Place) -> bool:
+        """Whether two places have the same peak on top, which branches of different scans may both hold."""
+        there = self.cache[far.x]
+        return any(number == near.branch and same_peak(peak, far.peak) for number, peak in there)
+
     def between(self, near: _Place, far: _Place) -> OptimumPoint:
         """Least value of the envelope between two places: it falls from ``near`` toward ``far``, which is not lower."""
         sense = np.sign(far.x - near.x)
@@ -355,7 +360,7 @@ class _Minimum:
         ends = (0.0, -abs(near.slope)), (length, abs(far.slope))
         root = find_root(slope, *ends, OPTIMUM_TOLERANCE)
         meeting = far.slope * sense >= 0.0  # the envelope also falls from far toward near
-        kind = "jump" if not meeting else ("smooth" if near.branch == far.branch else "crossing")
+        kind = "jump" if not meeting else ("smooth" if self.continues(near, far) else "crossing")
         best = near
         if kind == "smooth":
             best = min(near, far, key=lambda place: abs(place.slope))

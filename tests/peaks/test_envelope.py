@@ -19,20 +19,20 @@ def peak(preload, amplitude, frequency=100.0):
     )  # fmt: skip
 
 
-def known(branches, preload):
-    """All peaks of branches whose ln(amplitude) is a function of ln(preload)."""
+def known(branches, preload, apart=1.0):
+    """All peaks of branches whose ln(amplitude) is a function of ln(preload), with frequencies so many Hz apart."""
     out = PeakEnvelope(None, preload, (50.0, 150.0), PeakOptions(), CostMeter(0.0))
     for number, height in enumerate(branches):
-        peaks = {k: peak(p, np.exp(height(np.log(p))), 100.0 + number) for k, p in enumerate(preload)}
+        peaks = {k: peak(p, np.exp(height(np.log(p))), 100.0 + apart * number) for k, p in enumerate(preload)}
         out.branches.append(Branch(number, peaks))
     return out
 
 
-def least(branches, preload, monkeypatch):
+def least(branches, preload, monkeypatch, apart=1.0):
     """The optimum, with peaks between the preloads and sensitivities by the closed form."""
 
     def of(q):
-        return branches[round(q.frequency - 100.0)]
+        return branches[round((q.frequency - 100.0) / apart)]
 
     def reach(self, near, p):
         return peak(p, np.exp(of(near[0])(np.log(p))), near[0].frequency)
@@ -43,7 +43,7 @@ def least(branches, preload, monkeypatch):
 
     monkeypatch.setattr(envelope._Minimum, "followed", reach)
     monkeypatch.setattr(envelope, "amplitude_sensitivity", sensitivity)
-    return least_peak(known(branches, preload))
+    return least_peak(known(branches, preload, apart))
 
 
 def valley(x):
@@ -61,6 +61,14 @@ GRID = np.exp(np.arange(-3.0, 5.0))
 
 def test_least_value_of_one_branch(monkeypatch):
     found = least([valley], GRID, monkeypatch)
+    assert (found.kind, found.status) == ("smooth", "converged")
+    assert found.preload == pytest.approx(np.exp(0.4), rel=1e-6)
+
+
+def test_branches_of_two_scans_may_hold_the_same_peaks(monkeypatch):
+    """Rounding decides which of them is called the highest; the optimum stays a smooth one."""
+    sides = iter([0.0, 1e-12] * 1000)
+    found = least([valley, lambda x: valley(x) + next(sides)], GRID, monkeypatch, apart=1e-5)
     assert (found.kind, found.status) == ("smooth", "converged")
     assert found.preload == pytest.approx(np.exp(0.4), rel=1e-6)
 
