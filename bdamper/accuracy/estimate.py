@@ -3,8 +3,9 @@
 For each source the converged peak is embedded in a richer problem; the change of amplitude and frequency follows from one
 Newton step there (:func:`bdamper.effects.indicator.estimate_change`).  Where that step cannot be trusted (a large change,
 or a second residual that contradicts it), or the curve is highest at an end of its interval, the peak is compared with the
-highest point of a whole curve of the richer problem; with more harmonics, whose curves take long, Newton goes on to the
-peak (at an end of the interval: at this frequency) instead.  An estimate that may miss more than it finds is unknown.
+highest point of a whole curve of the richer problem.  Curves with more harmonics take long: there Newton goes on to the
+peak first (at an end of the interval: to the response at this frequency), and the whole curve is followed only if it fails.
+An estimate that may miss more than it finds is unknown.
 
 ``harmonics``
     As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
@@ -207,32 +208,28 @@ def change_of_peak(problem: Problem, richer: Problem, preload: float, peak: Peak
     stationary = not isinstance(problem.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
     if (stationary and change <= TRUSTED and e.defect <= 0.1 * change) or e.size < 1e-9:
         return e.amplitude, e.frequency, e.defect, "one Newton step"
-    if richer.harmonic_numbers == problem.harmonic_numbers:
-        moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
-        around = 0.85 * min(1.0, moved) * peak.frequency, 1.2 * max(1.0, moved) * peak.frequency
-        return _change_to_curve(richer, preload, peak, around)
-    for guess in [e.y] * (e.size < ANOTHER) + [y]:
+    for guess in [e.y] * (e.size < ANOTHER) + [y] if richer.harmonic_numbers != problem.harmonic_numbers else []:
         found = find_peak(system, guess, options=LOOSE)
         changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
         if found.converged and max(map(abs, changes)) <= ANOTHER:
             return *changes, 0.0, "solved"
-    return _unknown("no peak with so many harmonics near that with fewer")
+    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
+    around = 0.85 * min(1.0, moved) * peak.frequency, 1.2 * max(1.0, moved) * peak.frequency
+    return _change_to_curve(richer, preload, peak, around)
 
 
 def change_at_end(problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
     """The same where a curve is highest at an end of its interval (Hz)."""
     if not richer.static(preload).converged:
         return _unknown(f"no static state: {richer.static(preload).note}")
-    if richer.harmonic_numbers == problem.harmonic_numbers:
-        return _change_to_curve(richer, preload, peak, interval)
     system = richer.system(preload)
     y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
-    for search in (False, True):
+    for search in (False, True) if richer.harmonic_numbers != problem.harmonic_numbers else ():
         c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
         if c.status == OK:
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
             return change, 0.0, 0.0, "solved at the end of the interval"
-    return _unknown("no solution with so many harmonics near that with fewer")
+    return _change_to_curve(richer, preload, peak, interval)
 
 
 def _change_to_curve(richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:

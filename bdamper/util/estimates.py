@@ -92,9 +92,11 @@ class ErrorEstimates:
         return tuple(s.source for s in self.sources if not s.known)
 
     def __str__(self) -> str:
+        all_known = f"about {percent(self.total)} in all, most from {self.largest.source}"
+        some_known = f"at least {percent(self.total)}, those of {', '.join(self.unknown)} are not known"
         lines = [
-            f"errors of the peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: about "
-            f"{percent(self.total)} in all, most from {self.largest.source}"
+            f"errors of the peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: "
+            + (some_known if self.unknown else all_known)
         ]
         for s in self.sources:
             change = (

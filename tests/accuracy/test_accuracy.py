@@ -13,6 +13,7 @@ from bdamper.harmonic_balance.system import LINE_SEARCH_TRIALS, OK
 from bdamper.peaks.newton import PeakOptions
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
+from bdamper.util.estimates import ErrorEstimates, SourceError
 from tests import accuracy_cases, models
 
 
@@ -57,6 +58,22 @@ def test_estimate_is_the_change_to_the_richer_study(study, place, source):
     assert np.abs(error).max() > 1e-6
     size = max(abs(estimated.amplitude), abs(estimated.frequency))
     assert 0.5 < size / np.abs(error).max() < 2.0, (estimated, error)
+
+
+def test_harmonics_that_newton_does_not_reach_are_those_of_a_whole_curve(study, place):
+    own = study.with_(harmonics=1, friction_coefficient=0.4)
+    peak = own.peak(2000.0, place[1])
+    estimated = own.estimate_errors(peak, 2000.0, sources=["harmonics"])["harmonics"]
+    assert "whole curve" in estimated.against
+    true = richer_study(own, "harmonics").problem.peak(2000.0, place[1])
+    assert estimated.amplitude == pytest.approx(true.amplitude / peak.amplitude - 1.0, rel=1e-5)
+    assert abs(estimated.amplitude) > 0.05
+
+
+def test_sum_of_errors_says_which_are_not_known():
+    known, unknown = SourceError("modes", 0.02, 0.0, 0.0, ""), SourceError("harmonics", np.nan, np.nan, np.inf, "")
+    assert "about 2 % in all, most from modes" in str(ErrorEstimates(1.0, 1.0, 1.0, (known,)))
+    assert "at least 2 %, those of harmonics are not known" in str(ErrorEstimates(1.0, 1.0, 1.0, (known, unknown)))
 
 
 def test_top_at_an_end_of_the_interval_is_estimated_at_its_frequency(study, place):
