@@ -9,7 +9,7 @@ Vibration: the coefficients come in the order of the paper at every preload, X t
 Mean: X and Y translation and Z rotation contribute at low load, Y translation takes over at high load, as in the paper.
 One thing is different: at low load the mean of the axial (Z) translation is large, up to the clearance of the end faces.
 Where every point slips in the axial direction within the period, friction does not hold the mean position any more: the
-damper walks until a front or back face touches.
+damper drifts until a front or back face touches.
 """
 
 from __future__ import annotations

@@ -184,9 +184,6 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
         return "\n".join(lines)
 
 
-
-
-
 class InterruptedCurve(KeyboardInterrupt):
     """Ctrl-C while a curve was followed for something else; the curve so far is kept."""
 

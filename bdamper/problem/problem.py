@@ -107,7 +107,7 @@ class Problem(Settings):
         SettingError
             If a value does not fit.
         """
-        changed = {name for name, value in settings.items() if value is not getattr(self, name, None)}
+        changed = {name for name, value in settings.items() if not hasattr(self, name) or value is not getattr(self, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
         out = copy(self)
@@ -288,8 +288,7 @@ class Problem(Settings):
         """Per newton of preload: modal force (n_modes,), and motion of the points that the modes do not carry (n_points,
         3)."""
         force, shift = self.coupling.load()
-        return np.pad(force, (0, self.static_basis.n_modes
-        - len(force))), shift
+        return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""

@@ -59,6 +59,9 @@ def test_wrong_settings_are_refused_by_name(problem):
         problem.with_(friction_coefficient=-1.0)
     with pytest.raises(bd.SettingError, match="harmonics"):
         problem.with_(harmonics=0)
+    for value in (1, None):
+        with pytest.raises(TypeError, match="harmonic_number"):
+            problem.with_(harmonic_number=value)
 
 
 def test_settings_that_are_varied_keep_the_type(model, problem):
