@@ -77,7 +77,7 @@ def judge(outcomes):
 
 @pytest.mark.slow
 def test_case_24_preloads_whatever_the_excitation():
-    """200 seeds at full size, with 49, 60, 69 and 126, which use up their budgets and are not complete."""
+    """200 seeds at full size; those that are not complete use up their budgets."""
     complete, thrown = [], 0
     for seed in range(200 if FULL else 60):
         study, preload, _ = random_study(seed, wide=True)
