@@ -77,16 +77,22 @@ def first_point(
     scale[: system.n_mean] = max(float(np.linalg.norm(state.q)), vibration)
     scale[-1] = omega
     start = system.pack(mean, stuck)
+    last, found = np.append(start, omega), None
     for name, line_search, iterations in (("Newton", False, 20), ("Newton with line search", True, 60)):
+        if system.spent:
+            break
         c = system.correct_at(start, omega, scale, options.tolerance, iterations, line_search)
         meter.count(c.iterations)
         log.append(f"{name} from the stuck response: {STATUS_TEXT[c.status]}, {c.iterations} iterations")
+        last = c.y
         if c.status == OK:
-            return c.y, log, c.y
-    found = _excitation_ramp(system, mean, stuck, omega, options, meter, log)
-    if found is None:
-        found = _support_homotopy(system, mean, stuck, omega, options, meter, log)
-    return found, log, c.y
+            return c.y, log, last
+    for homotopy in (_excitation_ramp, _support_homotopy):
+        if found is None and not system.spent:
+            found = homotopy(system, mean, stuck, omega, options, meter, log)
+    if found is None and system.spent:
+        log.append("the budget of evaluations is used up")
+    return found, log, last
 
 
 def _excitation_ramp(

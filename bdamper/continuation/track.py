@@ -121,7 +121,7 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     found, tried, last = first_point(
         search.system, state, problem.stuck_springs(state), omega, search.options, search.meter
     )
-    why = "" if found is not None else _why_none(problem, search, last)
+    why = "" if found is not None or search.system.spent else _why_none(problem, search, last)
     for line in [*tried, why] if why else tried:
         search.note(omega, line)
     return found
