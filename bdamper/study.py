@@ -28,9 +28,15 @@ from bdamper.problem.problem import Problem
 from bdamper.stability import floquet, steady_state, time_integration
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.errors import removed
 from bdamper.util.repr import brief
 
 
+@removed(
+    adaptive_peak="Study.advise and Study.apply",
+    find_start="bdamper.continuation.track.find_start",
+    without_highest_harmonic="Study.with_(harmonics=...)",
+)
 @brief
 @dataclass(frozen=True, eq=False)
 class Study(Problem):

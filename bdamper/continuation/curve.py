@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.util.cost import Cost
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, removed
 from bdamper.util.estimates import ErrorEstimates
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
@@ -41,6 +41,7 @@ class Fold:
     index: int
 
 
+@removed(errors="Study.estimate_errors(curve)")
 @brief
 @dataclass(frozen=True)
 class Curve(Plottable, Storable, kind="bdamper-curve"):

@@ -204,8 +204,8 @@ class Coupling:
         if d not in body.bases:
             raise SettingError(
                 f"body '{body.name}': harmonic {harmonic} of engine order {self.engine_order} needs nodal diameter "
-                f"{d}, the model has {sorted(body.bases)}; use fewer harmonics, or single_basis=True to describe every "
-                "harmonic by the modes of the first"
+                f"{d}, the model has {sorted(body.bases)}; set engine_order, or use fewer harmonics, or "
+                "single_basis=True to describe every harmonic by the modes of the first"
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any, TypeVar
+
 
 class BdamperError(Exception):
     """Base class of all errors raised on purpose by this package."""
@@ -20,6 +23,22 @@ class StaticError(BdamperError):
 
 
 _LONGEST_FOUND = 300
+T = TypeVar("T")
+
+
+def removed(**successors: str) -> Callable[[type[T]], type[T]]:
+    """Class decorator: attributes that are gone, each with what stands for it in the error that asking for it raises."""
+
+    def decorate(cls: type[T]) -> type[T]:
+        def missing(self: Any, name: str) -> Any:
+            if name in successors:
+                raise AttributeError(f"{cls.__name__}.{name} has gone with version 0.2: use {successors[name]}")
+            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
+
+        cls.__getattr__ = missing  # type: ignore[attr-defined]
+        return cls
+
+    return decorate
 
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
