@@ -4,8 +4,8 @@
  *     normal . (z - z_predicted) = 0,      z = (u, omega)/scale,
  *
  * which is regular at folds of the response curve.  In place of omega the last unknown may be a factor s on the vibratory
- * excitation at fixed omega, which serves to grow a response from the static state, or fade out a linear support B, which
- * serves to let go of a body that was held:
+ * excitation at fixed omega, which serves to grow a response from the static state, or fade out a linear support B of a
+ * free body:
  *
  *     r(u, omega) + (1 - s) ramp + (1/s - 1) B u = 0,      0 < s <= 1.
  *

@@ -180,7 +180,7 @@ def _ending(problem: Problem, search: Coverage, preload: float) -> tuple[str, st
         reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
     if 0.0 < preload < 2.0 * problem.excitation.amplitude:
         ratio = preload / problem.excitation.amplitude
-        reason += f"; at a preload of {ratio:.2g} times the excitation dampers are thrown about: raise it"
+        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
     return status, f"{reason}; study.settle marches in time where no solution was found", left_out
 
 

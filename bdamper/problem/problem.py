@@ -406,6 +406,7 @@ class Problem(Settings):
         return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
 
     def check_preload(self, preload: float) -> float:
+        """The preload (N), refused where it is none or where nothing carries it."""
         preload = validate.number("preload", preload, least=0.0, unit="N")
         if preload > 0.0 and not np.any(self.damper_load[0]):
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
@@ -413,6 +414,7 @@ class Problem(Settings):
 
     @property
     def why_no_load(self) -> str:
+        """Why no load acts on a damper, if none does."""
         loaded = [n for n, b in self.model.bodies.items() if b.load is not None and np.any(b.load.generalised)]
         if not loaded:
             return "no body of the model carries a load"
