@@ -171,7 +171,7 @@ class PeakEnvelope:
                 self.problem, system, start, self.frequency, preload=preload, options=self.options, meter=self.meter,
                 share=0.5 * SIGNIFICANT,
             )  # fmt: skip
-            if found.ending == "complete" or "tangle" in found.ending:
+            if found.ending == "complete":
                 return found
         return scan(
             self.problem, preload, self.frequency, options=self.options, continuation=FROM_ENDS, meter=self.meter

@@ -477,3 +477,13 @@ class TestNoFriction:
 
     def test_optimal_curve(self, smooth):
         assert smooth.optimal_curve((100.0, 1000.0), 3).complete
+
+
+def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
+    """At 100 N with three harmonics the curve through the solution found first ends among folds before its peak."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, harmonics=3
+    )
+    curve = study.optimal_curve((100.0, 150.0), 2, frequency=(270.0, 380.0))
+    assert curve.status[0] == "scanned"
+    assert curve.amplitude[0] == pytest.approx(study.track(100.0, (270.0, 380.0)).peak.amplitude, rel=1e-4)
