@@ -66,9 +66,10 @@ def drawing(
             axes.legend(fontsize=legend)
 
 
-def save_figure(target: Axes | Figure, path: Any) -> None:
-    """Write a figure to a file, and close it."""
-    figure = target if isinstance(target, Figure) else target.figure
+def save_figure(target: Axes | Figure | tuple[Axes, ...], path: Any) -> None:
+    """Write a figure, or that of some axes, to a file, and close it."""
+    first = target[0] if isinstance(target, tuple) else target
+    figure = first if isinstance(first, Figure) else first.figure
     with plt.rc_context(PAPER):
         figure.savefig(path)  # type: ignore[union-attr]
     plt.close(figure)  # type: ignore[arg-type]
