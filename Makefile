@@ -31,10 +31,10 @@ demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
 
 test: $(VENV)/test.stamp
-	$(call step,test suite,$(PY) -m pytest -n auto -m "not slow" $(PYTEST_ARGS))
+	$(call step,test suite,$(PY) -m pytest -n auto --dist worksteal -m "not slow" $(PYTEST_ARGS))
 
 test-slow: $(VENV)/test.stamp
-	$(call step,slow tests,$(PY) -m pytest -n auto -m slow $(PYTEST_ARGS))
+	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(PYTEST_ARGS))
 
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks core tracking optimal effects)
