@@ -139,13 +139,13 @@ def test_line_contact_of_more_points(points):
         assert state.certificate.worst < 1e-10
 
 
-def distinct_states(problem, load, starts=40, tolerance=1e-12):
+def distinct_states(problem, load, starts=200, tolerance=1e-12):
     """Certified states by status, from no force and from random forces and motions, with sliders at rest."""
     rng = np.random.default_rng(0)
     solver, n, m = preload_forces._Solver(problem), len(problem.gap), problem.rigid.shape[1]
     rest, found = np.zeros((n, 2)), {}
     for start in range(starts):
-        F = np.zeros((n, 3)) if start == 0 else 20.0 * load * rng.standard_normal((n, 3))
+        F = np.zeros((n, 3)) if start == 0 else 10.0 * load * rng.standard_normal((n, 3))
         F[:, 2] = np.abs(F[:, 2])
         F, eta, status, ok = solver.newton(load, F, np.zeros(m), rest, tolerance, 50)
         if ok and certify(problem, load, F, solver.motion(load, F, eta), rest).worst < 1e-10:
