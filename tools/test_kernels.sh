@@ -11,7 +11,7 @@ for kernel in plain generic avx2 avx512; do
   has $kernel "the $kernel kernel of the core" || continue
   echo "== core under its $kernel kernel"
   BDAMPER_KERNEL=$kernel $python -m pytest -q -n auto -m "not slow" tests/core
-  for dir in builddir-sanitize-gcc builddir-sanitize-clang; do
+  for dir in builddir-sanitize-gcc-plain-false builddir-sanitize-clang-plain-false; do
     [ -d $dir ] || { echo "skipped: C tests of $dir, which make sanitize builds"; continue; }
     BDAMPER_KERNEL=$kernel .venv/bin/meson test -C $dir --no-rebuild --quiet --print-errorlogs
   done
