@@ -135,7 +135,7 @@ def summary(studies: Sequence[dict[str, Any]]) -> str:
         *lines,
         f"{len(ordinary)} pairs from 60 N on: {len(carried)} carry a value, {len(carried) - n_wrong} of these agree within "
         f"{100 * TOLERANCE:g} %; {len(pairs) - len(ordinary)} pairs below",
-        f"{claimed} disagreements claim to be {', '.join(TRUSTED)}; {missing} tracking curves were incomplete, another drawn",
+        f"{claimed} disagreements claim to be {', '.join(TRUSTED)}; {missing} tracking curves were incomplete, drawn again",
         f"{verified} of {len(studies)} optima are verified, {contradicted} of these are contradicted",
         f"processor time of an optimal curve: median {np.median(seconds):.1f} s, largest {max(seconds):.1f} s",
     ])  # fmt: skip
