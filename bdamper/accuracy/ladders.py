@@ -443,7 +443,7 @@ def slipping_preload(problem: Problem, frequency: tuple[float, float], share: fl
     BdamperError
         If there is no static state, or no friction.
     """
-    if not np.any(problem.damper_load[0]):
+    if not problem.carries_load:
         return 0.0
     state = problem.static(1.0)
     capacity = float(problem.friction @ np.abs(state.force[:, 2])) if state.converged else 0.0

@@ -42,7 +42,7 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
     preload : float, N
         Decides which points are closed; without gaps its size does not matter.
     """
-    if not np.any(problem.damper_load[0]):
+    if not problem.carries_load:
         preload = 0.0
     return _linear(problem, "stuck", preload, frequency, problem.stuck_springs(problem.equilibrium(preload)))
 

@@ -20,6 +20,7 @@ from bdamper.continuation.follower import OUT_OF_BUDGET
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
+from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -45,7 +46,7 @@ def track(
     ----------
     problem : Problem
     preload : float, N
-        Radial load on the damper.
+        Radial load on the damper; without one the curve is the free response wherever nothing else holds the damper.
     frequency : (low, high), Hz
     from_high : bool
         Set off from the upper end.
@@ -75,6 +76,9 @@ def track(
         if not state.converged:
             reason = f"static state: {state.note}"
             return _without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
+        free = free_of_contact(problem, frequency, options or ContinuationOptions()) if preload == 0.0 else None
+        if free is not None:
+            return free
         search = _search(problem, preload, frequency, options or ContinuationOptions())
         find_start = partial(_start, problem, preload, search)
         try:

@@ -72,7 +72,7 @@ def optimal_curve(
     values = preload_values(preload, n)
     checks = validate.whole("checks", checks)
     check_options(options)
-    if not np.any(problem.damper_load[0]):
+    if not problem.carries_load:
         why = problem.why_no_load
         raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
     meter = CostMeter(start)

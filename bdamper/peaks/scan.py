@@ -93,7 +93,7 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = problem.stuck_springs(problem.equilibrium(1.0 if np.any(problem.damper_load[0]) else 0.0))
+    springs = problem.stuck_springs(problem.equilibrium(1.0 if problem.carries_load else 0.0))
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free

@@ -36,6 +36,8 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.repr import brief, short
 
+SMALLEST_SHARE = 1e-3
+"""Share of a damper's load that its rigid-body modes in the study must carry."""
 _SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
 
 
@@ -408,9 +410,26 @@ class Problem(Settings):
     def check_preload(self, preload: float) -> float:
         """The preload (N), refused where it is none or where nothing carries it."""
         preload = validate.number("preload", preload, least=0.0, unit="N")
-        if preload > 0.0 and not np.any(self.damper_load[0]):
+        if preload > 0.0 and not self.carries_load:
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
         return preload
+
+    @cached_property
+    def carries_load(self) -> bool:
+        """Whether the study has the motions along which the model's dampers are loaded.
+
+        The generalised load on the rigid-body modes that the study has must be at least a thousandth of that on all six:
+        motions across the load carry nothing but rounding.
+        """
+        shares = []
+        for body in self.coupling.model.bodies.values():
+            if body.load is None or not np.any(body.load.generalised):
+                continue
+            omega2, kept = body.bases[0].omega2, self.coupling.modes[body.name]
+            counts = omega2 == 0.0 if body.kind == "free" else np.ones(len(omega2), bool)
+            load = np.where(counts, body.load.generalised, 0.0)
+            shares.append(float(np.linalg.norm(load[kept]) / np.linalg.norm(load)))
+        return min(shares, default=0.0) > SMALLEST_SHARE
 
     @property
     def why_no_load(self) -> str:

@@ -84,7 +84,7 @@ class Settings:
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
         otherwise stands in :class:`~bdamper.problem.effects.Effects`.
     contact_points : int, optional
-        At most so many contact points on each friction face, by uniting neighbouring patches.
+        At most so many contact points on each friction face, by uniting neighbouring patches; no more than the model has.
     gap : mapping of interface name to (n_points,) float, optional
         Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.model.misfit.misfit`.  None under
         the law "bonded".
@@ -148,6 +148,7 @@ class Settings:
         switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
         validate.fields(self, validate.flag, *switches)
         _ = Effects.of(self)
+        self._check_contact_points()
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_evaluation(self.evaluation, self.harmonic_numbers[-1])
         object.__setattr__(self, "load_history", check_history(self.load_history, "load_history"))
@@ -156,6 +157,15 @@ class Settings:
         if self.damping_ratio is not None:
             validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
+
+    def _check_contact_points(self) -> None:
+        """Patches are united, never split: no more contact points than the model has."""
+        most = max((face.n_points for face in self.model.interfaces.values() if face.kind == "friction"), default=1)
+        if self.contact_points is not None and self.contact_points > most:
+            raise SettingError(
+                f"contact_points: expected at most {most}, those of a friction face of the model (None for all of them), "
+                f"found {self.contact_points}; the model itself decides how many there are"
+            )
 
     def _modes_of(self, kind: str) -> int:
         """Modes that every body of a kind has at every nodal diameter; 0 without such a body."""

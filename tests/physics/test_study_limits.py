@@ -225,6 +225,18 @@ class TestSpecialPreloads:
         linear = system.linear_response(omega, springs) @ system.response_rows[1]
         assert curve.harmonics[0, 1] == pytest.approx(linear, rel=1e-7)
 
+    def test_without_a_preload_the_damper_leaves_its_seat(self):
+        study = wedge_study(harmonics=2)
+        curve, free = study.track(0.0, BAND), study.free(BAND)
+        assert curve.complete and curve.residual.max() <= 1e-9 and (curve.shares == [0.0, 0.0, 1.0]).all()
+        np.testing.assert_array_equal(curve.harmonics[:, 1], free.harmonics[:, 1])
+        system = study.system(0.0)
+        for u, f in zip(curve.unknowns[::20], curve.frequency[::20]):
+            assert np.abs(system.evaluate(u, 2 * np.pi * f)[0] * system.row_scale).max() <= 1e-9
+        assert any("study.free" in note for note in curve.notes)
+        held = replace(study, bias=False).track(0.0, BAND)  # a mean that is held stays in contact
+        assert not any("study.free" in note for note in held.notes)
+
     def test_no_preload_is_never_an_unconverged_curve(self):
         for model, harmonics in ((wedge_model(n_points=4), 1), (ground_model(n_points=2), 1), (shroud_model(), 2)):
             study = wedge_study(model=model, harmonics=harmonics)

@@ -76,3 +76,18 @@ def test_results_tell_the_settings_that_a_tolerance_chose(problem):
     chosen = problem.matching(three.record() | {"chosen": {}})
     assert chosen.harmonic_numbers == (1, 2, 3)
     assert chosen.static(PRELOAD) is state
+
+
+@pytest.mark.parametrize("motions", [("TX",), ("RX", "RY", "RZ"), ("TZ", "TX")])
+def test_motions_across_the_load_carry_none(problem, motions):
+    """Of a load along Y there is rounding along X, some 1e-16 of it, which is no preload."""
+    across = replace(problem, rigid_modes=motions)
+    with pytest.raises(bd.SettingError, match=r"preload: expected 0, since .* \['damper'\] along the load .*, found 100 N"):
+        across.check_preload(100.0)
+    assert across.check_preload(0.0) == 0.0 and replace(problem, rigid_modes=("TX", "TY")).carries_load
+
+
+def test_more_contact_points_than_the_model_has_are_refused(problem):
+    with pytest.raises(bd.SettingError, match=r"contact_points: expected at most 9, .*, found 24"):
+        replace(problem, contact_points=24)
+    assert replace(problem, contact_points=9).coupling.n_points == problem.coupling.n_points
