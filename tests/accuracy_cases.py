@@ -1,10 +1,10 @@
 """Cases on which estimated errors are compared with true ones.
 
 Models, resonances and preloads are those of :mod:`tests.effect_cases`; every case takes one source of error.  True is the
-highest peak under settings richer than those that the estimate looks at: of a tracking curve, of the search for peaks, and
-of the branch that the cheap peak leads to.  (Where a branch comes off the curve and closes on itself, or a peak leaves the
+highest peak under the settings that the estimate looks at: of a tracking curve, of the search for peaks, and of the branch
+that the cheap peak leads to.  (Where a branch comes off the curve and closes on itself, or a peak leaves the
 interval, only the last finds it.)  A case whose reference is a curve of more than 1,500 points is left out: it would take
-minutes for what it has beside the peak.  References with up to fourteen harmonics take seconds with few contact points and
+minutes for what it has beside the peak.  References with up to seven harmonics take seconds with few contact points and
 a contact that is not nearly loose, so cases of harmonics have these (:func:`affordable`).
 """
 
@@ -58,7 +58,7 @@ def compare(number: int) -> Compared | None:
     changes: dict = {}
     if source == "harmonics":
         own = int(rng.choice([1, 2, 3]))
-        study, changes = varied(study, {"harmonics": own}), {"harmonics": own + 11}
+        study, changes = varied(study, {"harmonics": own}), {"harmonics": own + 4}
     elif source == "evaluation":
         n = int(rng.choice([24, 32, 64, 128, 256]))
         study, changes = replace(study, evaluation=bd.Sampled(n)), {"evaluation": "exact"}

@@ -5,19 +5,21 @@ Newton step there (:func:`bdamper.effects.indicator.estimate_change`).  Where th
 or a second residual that contradicts it), or the curve is highest at an end of its interval, the peak is compared with the
 highest point of a whole curve of the richer problem.  Curves with more harmonics take long: there Newton goes on to the
 peak first (at an end of the interval: to the response at this frequency), and the whole curve is followed only if it fails.
-An estimate that may miss more than it finds is unknown.
+Lower peaks of the curve that could become the highest (:data:`RIVAL`) are carried over with it.
+
+Nothing is concluded from poorer settings.  A source for which the model has nothing richer, whose richer curve cannot be
+followed, or whose estimate may miss more than it finds, is not estimated, and says why.
 
 ``harmonics``
-    As many more as there are, at least eight; where the model lacks a nodal diameter the modes of the fundamental stand in.
+    As many more as there are, at least four; where the model lacks a nodal diameter the modes of the fundamental stand in.
 ``evaluation``
     Samples against exact events.  Exact events against dense samples: there the sampling error itself, some 1e-6, is the
     most that missed events can hide behind.
 ``contact points``
-    United patches against the patches of the model.  For the patches of the model themselves the change to half as many
-    is taken, with the sign turned: an error that falls with the number of points or faster is not larger.
+    United patches against the patches of the model.
 ``modes``
-    All modes of the model.  Where there are no more, the change to half as many is taken, times one third: with residual
-    flexibility modes converge with the fourth power of the frequency of the first one left out.
+    Twice as many modes, at least :data:`MORE_MODES`, with residual modes, which leave an error that falls with the fourth
+    power of the frequency of the first mode left out; otherwise, where convergence is slow, all modes of the model.
 ``residual flexibility``
     Contact stiffness by a diagonal rule against residual modes, which carry all of it for the stuck modes.
 ``solver``
@@ -29,17 +31,20 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import Sampled
+from bdamper.contact.residual_modes import ResidualModes
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
-from bdamper.effects.indicator import embed_between, estimate_change, estimate_or_unknown
-from bdamper.harmonic_balance.system import OK
+from bdamper.effects.indicator import Estimate, embed_between, estimate_change, estimate_or_unknown
+from bdamper.harmonic_balance.system import OK, HarmonicSystem
 from bdamper.model.model import Model
 from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
+from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -50,37 +55,41 @@ from bdamper.util.estimates import ErrorEstimates, SourceError
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
 TRUSTED = 0.01
 """Relative change up to which one Newton step is enough if nothing contradicts it."""
-POINTS_FACTOR = 1.0
-"""Error of n contact points over the change to n/2 of them."""
+RIVAL = 0.7
+"""Height over that of the highest peak, from which on a lower one may become the highest."""
 ANOTHER = 0.3
 """Relative change beyond which the highest point of a richer curve may be elsewhere."""
+MORE_MODES = 10
+"""Least number of modes of a body with which residual modes are compared, where the model has as many."""
+ROUNDING = 1e-9
+"""Relative change, with what it may miss, that is no more than rounding."""
 LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
 """How exactly the peak of the richer problem is found."""
-MODES_FACTOR = 1.0 / 3.0
-"""Error of n modes over the change to n/2 of them."""
 
 
 @dataclass(frozen=True)
-class Richer:
-    """A study that differs from another in one source of error.
+class Tops:
+    """The highest peak of a study under one preload, and what else may become the highest.
 
     Parameters
     ----------
-    problem : Problem
-    factor : float
-        What the change is to be multiplied by: 1 for a richer study, negative for a poorer one.
-    text : str
+    peaks : tuple of Peak
+        The highest first.
+    interval : (low, high), Hz, or None
+        Of the curve that they are from.
+    place : {"peak", "corner", "end"}
+        Whether the highest is a maximum that Newton's method has refined, another point of the curve, or an end of it.
     """
 
-    problem: Problem
-    factor: float
-    text: str
+    peaks: tuple[Peak, ...]
+    interval: tuple[float, float] | None
+    place: str
 
 
 @one_thread
 def estimate_errors(
     problem: Problem,
-    result: Curve | Peak,
+    result: Curve | Peak | OptimalCurve,
     preload: float | None = None,
     *,
     sources: Sequence[str] = SOURCES,
@@ -91,8 +100,8 @@ def estimate_errors(
     ----------
     problem : Problem
         That the result was computed with.
-    result : Curve or Peak
-        Of a tracking curve the highest peak is taken.
+    result : Curve, Peak or OptimalCurve
+        Of a tracking curve the highest peak is taken, of an optimal curve that of a tracking curve at its optimum.
     preload : float, N, optional
         For a peak that does not carry it as its parameter.
     sources : sequence of str
@@ -108,36 +117,65 @@ def estimate_errors(
         If the result is not one of this study, or not converged.
     """
     sources = validate.names("sources", sources, SOURCES)
-    validate.instance("result", result, (Curve, Peak), "a Curve or a Peak of this study")
+    kinds = Curve, Peak, OptimalCurve
+    validate.instance("result", result, kinds, "a Curve, a Peak or an OptimalCurve of this study")
     begin = time.perf_counter()
     problem = problem.matching(result.settings)
+    location = 0.0, 0.0
+    if isinstance(result, OptimalCurve):
+        optimum, curve, why = _at_optimum(problem, result)
+        if why:
+            items = tuple(SourceError(source, np.nan, np.nan, np.inf, why) for source in sources)
+            return ErrorEstimates(curve.preload, optimum.frequency, optimum.amplitude, items, time.perf_counter() - begin)
+        result = curve
     if isinstance(result, Curve):
         check_curve(problem, result)
         preload, amplitude, frequency = result.preload, result.peak.amplitude, result.peak.frequency
-        peak, end_of = _top_of(problem, result)
+        tops = _tops_of(problem, result)
+        location = tops.peaks[0].amplitude / amplitude - 1.0, tops.peaks[0].frequency / frequency - 1.0
     else:
         preload = _preload_of(problem, result, preload)
-        peak, end_of, amplitude, frequency = result, None, result.amplitude, result.frequency
-    location = peak.amplitude / amplitude - 1.0, peak.frequency / frequency - 1.0
-    items = [_of_source(problem, source, preload, peak, end_of, location) for source in sources]
-    found = tuple(item for item in items if item is not None)
-    return ErrorEstimates(preload, frequency, amplitude, found, time.perf_counter() - begin)
+        amplitude, frequency = result.amplitude, result.frequency
+        tops = Tops((result,), None, "corner" if isinstance(problem.evaluation, Sampled) else "peak")
+    items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops, location)) is not None)
+    return ErrorEstimates(preload, frequency, amplitude, items, time.perf_counter() - begin)
 
 
-def _top_of(problem: Problem, curve: Curve) -> tuple[Peak, tuple[float, float] | None]:
-    """The highest peak of a curve, refined; the interval (Hz) if the curve is highest at an end of it."""
-    top = curve.peak
-    end_of = (float(curve.frequency.min()), float(curve.frequency.max())) if curve.point_kind[top.index] == "end" else None
-    y = np.append(curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
-    peak = find_peak(problem.system(curve.preload), y)
-    near = abs(peak.amplitude / top.amplitude - 1.0) < 0.05 and abs(peak.frequency / top.frequency - 1.0) < 0.02
-    many = isinstance(problem.evaluation, Sampled)  # samples make many small peaks
-    if not (peak.converged and near) or end_of or many:
-        peak = replace(
-            peak, y=y, frequency=top.frequency, amplitude=top.amplitude, residual=float(curve.residual[top.index]),
-            status="converged",
-        )  # fmt: skip
-    return peak, end_of
+def _at_optimum(problem: Problem, result: OptimalCurve) -> tuple[OptimumPoint, Curve, str]:
+    """The optimum, a tracking curve at its preload (at any, if it is flat), and why it cannot stand for it, or ""."""
+    n = problem.n_unknowns
+    if result.model_hash != problem.model.hash or result.unknowns.shape[1] != n:
+        raise SettingError(
+            f"result: expected an optimal curve of this model and of this study with {n} unknowns, found another"
+        )
+    best = result.optimum
+    preload = best.preload if np.isfinite(best.preload) else float(result.preload[-1])
+    curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
+    if not curve.complete:
+        return best, curve, f"no whole curve at the optimum: {curve.reason}"
+    if abs(curve.peak.amplitude / best.amplitude - 1.0) > 0.01:
+        return best, curve, f"the curve at the optimum has its peak elsewhere, {curve.peak.amplitude:.6g} m"
+    return best, curve, ""
+
+
+def _tops_of(problem: Problem, curve: Curve) -> Tops:
+    """The highest peak of a curve and its rivals, refined."""
+    top, amplitude = curve.peak, curve.amplitude
+    others = [i for i, kind in enumerate(curve.point_kind) if kind == "maximum" and i != top.index]
+    found = []
+    for i in [top.index, *(i for i in others if amplitude[i] > RIVAL * top.amplitude)]:
+        at, height = float(curve.frequency[i]), float(amplitude[i])
+        y = np.append(curve.unknowns[i], 2.0 * np.pi * at)
+        peak = find_peak(problem.system(curve.preload), y)
+        good = peak.converged and abs(peak.amplitude / height - 1.0) < 0.05 and abs(peak.frequency / at - 1.0) < 0.02
+        good = good and not isinstance(problem.evaluation, Sampled)  # samples make many small peaks
+        if i == top.index:
+            place = "end" if curve.point_kind[i] == "end" else "peak" if good else "corner"
+        if not good or (place == "end" and i == top.index):
+            residual = float(curve.residual[i])
+            peak = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status="converged")
+        found.append(peak)
+    return Tops(tuple(found), (float(curve.frequency.min()), float(curve.frequency.max())), place)
 
 
 def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
@@ -154,14 +192,10 @@ def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
 
 
 def _of_source(
-    problem: Problem,
-    source: str,
-    preload: float,
-    peak: Peak,
-    end_of: tuple[float, float] | None,
-    location: tuple[float, float],
+    problem: Problem, source: str, preload: float, tops: Tops, location: tuple[float, float]
 ) -> SourceError | None:
     begin = time.perf_counter()
+    peak = tops.peaks[0]
 
     def result(amplitude: float, frequency: float, uncertainty: float, text: str) -> SourceError:
         return SourceError(source, float(amplitude), float(frequency), uncertainty, text, time.perf_counter() - begin)
@@ -177,16 +211,15 @@ def _of_source(
         richer = richer_study(problem, source)
         if richer is None:
             return None
-        if end_of:
-            amplitude, frequency, uncertainty, how = change_at_end(problem, richer.problem, preload, peak, end_of)
-        else:
-            amplitude, frequency, uncertainty, how = change_of_peak(problem, richer.problem, preload, peak)
+        if isinstance(richer, str):
+            return result(*_unknown(richer))
+        amplitude, frequency, uncertainty, how = change_of_peak(problem, richer.problem, preload, tops)
     except BdamperError as error:
-        return result(np.nan, np.nan, np.inf, str(error))
-    f = richer.factor
-    if uncertainty > max(abs(amplitude), abs(frequency)):
-        return result(np.nan, np.nan, np.inf, f"{richer.text}; {how} would miss by more than it finds")
-    return result(f * amplitude, f * frequency, abs(f) * uncertainty, f"{richer.text}; {how}")
+        return result(*_unknown(str(error)))
+    found = result(amplitude, frequency, uncertainty, f"{richer.text}; {how}")
+    if np.isfinite(amplitude) and not found.known:
+        return result(*_unknown(f"{richer.text}; {how} may miss more than it finds"))
+    return found
 
 
 Change = tuple[float, float, float, str]
@@ -197,48 +230,72 @@ def _unknown(why: str) -> Change:
     return np.nan, np.nan, np.inf, why
 
 
-def change_of_peak(problem: Problem, richer: Problem, preload: float, peak: Peak) -> Change:
-    """How a peak (of the first problem, under ``preload`` in N) changes with the settings of a richer problem."""
+def change_of_peak(problem: Problem, richer: Problem, preload: float, tops: Tops) -> Change:
+    """How the highest peak (of the first problem, under ``preload`` in N) changes with the settings of a richer problem."""
     if not richer.static(preload).converged:
         return _unknown(f"no static state: {richer.static(preload).note}")
-    system = richer.system(preload)
-    y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
-    e = estimate_or_unknown(system, y)
-    change = max(abs(e.amplitude), abs(e.frequency))
-    stationary = not isinstance(problem.evaluation, Sampled)  # samples put corners into a curve, and its top on one of them
-    if (stationary and change <= TRUSTED and e.defect <= 0.1 * change) or e.size < 1e-9:
-        return e.amplitude, e.frequency, e.defect, "one Newton step"
-    for guess in [e.y] * (e.size < ANOTHER) + [y] if richer.harmonic_numbers != problem.harmonic_numbers else []:
-        found = find_peak(system, guess, options=LOOSE)
-        changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
-        if found.converged and max(map(abs, changes)) <= ANOTHER:
-            return *changes, 0.0, "solved"
+    a, b = problem.system(preload), richer.system(preload)
+    embedded = [embed_between(problem, richer, a, b, preload, peak.y) for peak in tops.peaks]
+    more_harmonics = richer.harmonic_numbers != problem.harmonic_numbers
+    if tops.place == "end":
+        if more_harmonics and len(tops.peaks) == 1:
+            found = _change_at_frequency(b, embedded[0], tops.peaks[0])
+            if found is not None:
+                return found
+    else:
+        found = _change_of_each(b, embedded, tops, more_harmonics)
+        if found is not None:
+            return found
+    peak = tops.peaks[0]
     moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
-    around = 0.85 * min(1.0, moved) * peak.frequency, 1.2 * max(1.0, moved) * peak.frequency
-    return _change_to_curve(richer, preload, peak, around)
-
-
-def change_at_end(problem: Problem, richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
-    """The same where a curve is highest at an end of its interval (Hz)."""
-    if not richer.static(preload).converged:
-        return _unknown(f"no static state: {richer.static(preload).note}")
-    system = richer.system(preload)
-    y = embed_between(problem, richer, problem.system(preload), system, preload, peak.y)
-    for search in (False, True) if richer.harmonic_numbers != problem.harmonic_numbers else ():
-        c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
-        if c.status == OK:
-            change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
-            return change, 0.0, 0.0, "solved at the end of the interval"
-    return _change_to_curve(richer, preload, peak, interval)
-
-
-def _change_to_curve(richer: Problem, preload: float, peak: Peak, interval: tuple[float, float]) -> Change:
-    """From a peak to the highest point of the whole curve of the richer problem."""
-    curve = uninterrupted(track(richer, preload, interval))
+    low, high = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
+    if tops.place != "end":
+        low, high = low * min(1.0, moved), high * max(1.0, moved)
+    curve = uninterrupted(track(richer, preload, (low, high)))
     if not curve.complete:
         return _unknown(f"no whole curve: {curve.reason}")
     top = curve.peak
     return top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0, 0.0, "found anew by a whole curve"
+
+
+def _change_of_each(system: HarmonicSystem, embedded: list[NDArray], tops: Tops, search: bool) -> Change | None:
+    """The highest of the peaks after a trusted Newton step for each, or after Newton's method; None if one fails."""
+    steps, first = [estimate_or_unknown(system, y) for y in embedded], tops.peaks[0]
+    if tops.place == "peak" and all(_trusted(e) for e in steps):
+        pairs = zip(tops.peaks, steps)
+        after = [(p.amplitude * (1.0 + e.amplitude), p.frequency * (1.0 + e.frequency), e) for p, e in pairs]
+        amplitude, frequency, e = max(after, key=lambda item: item[0])
+        missed = e.defect if e.size > ROUNDING else 0.0
+        return amplitude / first.amplitude - 1.0, frequency / first.frequency - 1.0, missed, "one Newton step"
+    if not search:
+        return None
+    best: Peak | None = None
+    for y, e, peak in zip(embedded, steps, tops.peaks):
+        for guess in [e.y] * (e.size < ANOTHER) + [y]:
+            found = find_peak(system, guess, options=LOOSE)
+            changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
+            if found.converged and max(map(abs, changes)) <= ANOTHER:
+                break
+        else:
+            return None
+        best = found if best is None or found.amplitude > best.amplitude else best
+    assert best is not None
+    return best.amplitude / first.amplitude - 1.0, best.frequency / first.frequency - 1.0, 0.0, "solved"
+
+
+def _trusted(e: Estimate) -> bool:
+    change = max(abs(e.amplitude), abs(e.frequency))
+    return bool((change <= TRUSTED and e.defect <= 0.1 * change) or e.size < ROUNDING)
+
+
+def _change_at_frequency(system: HarmonicSystem, y: NDArray, peak: Peak) -> Change | None:
+    """To the response of another system at the frequency of a point."""
+    for search in (False, True):
+        c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
+        if c.status == OK:
+            change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
+            return change, 0.0, 0.0, "solved at the end of the interval"
+    return None
 
 
 def _stuck_resonance(problem: Problem, preload: float, frequency: float) -> float:
@@ -266,8 +323,16 @@ def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float,
 # ---- richer studies ----
 
 
-def richer_study(problem: Problem, source: str) -> Richer | None:
-    """A study that is richer in one respect, or poorer where there is nothing richer; None if there is neither."""
+@dataclass(frozen=True)
+class Richer:
+    """A study that is richer than another in one source of error, and in what."""
+
+    problem: Problem
+    text: str
+
+
+def richer_study(problem: Problem, source: str) -> Richer | str | None:
+    """A study that is richer in one respect, why there is none, or None where the source is no concern of the study."""
     return {
         "harmonics": _more_harmonics,
         "evaluation": _exact_events,
@@ -308,14 +373,16 @@ def _model_with_stand_ins(problem: Problem, harmonics: list[int]) -> Model:
     return replace(model, bodies=bodies)
 
 
-def _more_harmonics(problem: Problem) -> Richer:
+def _more_harmonics(problem: Problem) -> Richer | str:
     own = problem.harmonic_numbers
-    top = min(own[-1] + max(8, own[-1]), MAX_HARMONIC)
+    top = min(own[-1] + max(4, own[-1]), MAX_HARMONIC)
+    if top == own[-1]:
+        return f"there are no more than {MAX_HARMONIC} harmonics"
     lacking = missing_harmonics(problem, top)
     text = f"harmonics 1 to {top}"
     if lacking:
         text += f", with the modes of the first for {lacking[0]} and more"
-    return Richer(with_stand_ins(problem, top), 1.0, text)
+    return Richer(with_stand_ins(problem, top), text)
 
 
 def _exact_events(problem: Problem) -> Richer | None:
@@ -323,9 +390,9 @@ def _exact_events(problem: Problem) -> Richer | None:
         return None
     finer = finer_evaluation(problem, problem.harmonic_numbers[-1])
     if finer.evaluation == "exact":
-        return Richer(finer, 1.0, "exact events")
+        return Richer(finer, "exact events")
     dense = Sampled(4 * problem.evaluation.n_time)
-    return Richer(replace(problem, evaluation=dense), 1.0, f"{dense.n_time} samples")
+    return Richer(replace(problem, evaluation=dense), f"{dense.n_time} samples")
 
 
 def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
@@ -343,43 +410,41 @@ def points_on_a_face(problem: Problem) -> int:
     return max((f.n_points for f in problem.model.interfaces.values() if f.kind == "friction"), default=0)
 
 
-def _more_points(problem: Problem) -> Richer | None:
+def _more_points(problem: Problem) -> Richer | str:
     full = points_on_a_face(problem)
-    if problem.contact_points is not None and problem.contact_points < full:
-        return Richer(replace(problem, contact_points=None), 1.0, f"{full} contact points on a face")
-    if full < 2:
-        return None
-    half = full // 2
-    return Richer(
-        replace(problem, contact_points=half), -POINTS_FACTOR, f"from {half} contact points on a face to those of the model"
-    )
+    if problem.contact_points is None or problem.contact_points >= full:
+        return "the model has no more contact points"
+    return Richer(replace(problem, contact_points=None), f"{full} contact points on a face")
 
 
-def _more_modes(problem: Problem) -> Richer | None:
+def _more_modes(problem: Problem) -> Richer | str:
     bodies = problem.model.bodies.values()
-    blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
-    damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
-    most = max(blade, default=0)
-    elastic = max(min(damper, default=0), problem.damper_modes)
-    if most > problem.blade_modes:
-        text = f"{most} modes" + (f", {elastic} elastic modes of the damper" if damper else "")
-        return Richer(replace(problem, blade_modes=most, damper_modes=elastic), 1.0, text)
-    own = min(problem.blade_modes, most)
-    if own < 2:
-        return None
-    return Richer(
-        replace(problem, blade_modes=own // 2), -MODES_FACTOR, f"from {own // 2} to {own} modes, all that the model has"
-    )
+    constrained = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
+    free = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
+    blade, damper = max(constrained, default=0), max(min(free, default=0), problem.damper_modes)
+    if isinstance(problem.contact_stiffness, ResidualModes) or problem.contact_stiffness == "residual_modes":
+        blade = min(blade, max(MORE_MODES, 2 * problem.blade_modes))
+        damper = min(damper, max(MORE_MODES, 2 * problem.damper_modes))
+    if blade <= problem.blade_modes and damper <= problem.damper_modes:
+        return "the model has no more modes"
+    text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if free else "")
+    return Richer(replace(problem, blade_modes=max(blade, problem.blade_modes), damper_modes=damper), text)
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
     if problem.contact_stiffness not in ("unit_traction", "eq4"):
         return None
-    return Richer(replace(problem, contact_stiffness="residual_modes"), 1.0, "residual modes")
+    return Richer(replace(problem, contact_stiffness="residual_modes"), "residual modes")
+
+
+Estimated = TypeVar("Estimated", Curve, OptimalCurve)
 
 
 @one_thread
-def with_errors(problem: Problem, curve: Curve, *, sources: Sequence[str] = SOURCES) -> Curve:
-    """The same tracking curve with estimated errors of its highest peak, which it prints and saves."""
-    validate.instance("curve", curve, Curve)
-    return replace(curve, error_estimates=estimate_errors(problem, curve, sources=sources))
+def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] = SOURCES) -> Estimated:
+    """The same tracking or optimal curve with estimated errors of its highest peak (of that at its optimum).
+
+    It prints them in one line and saves them.
+    """
+    validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
+    return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, removed
-from bdamper.util.estimates import ErrorEstimates
+from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -180,8 +180,8 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
             lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
         lines += [f"  left out: {part}" for part in self.left_out]
         lines += [f"  {note}" for note in self.notes]
-        if self.error_estimates is not None:
-            lines += [f"  {line}" for line in str(self.error_estimates).split("\n")]
+        if self.kind == "tracking":
+            lines.append(f"  {error_line(self.error_estimates)}")
         return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.cost import Cost
+from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -106,6 +107,8 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     cost : Cost
     settings : mapping
     model_hash : str
+    error_estimates : ErrorEstimates or None
+        Of the peak at the optimum, by source, where they were asked for.
     """
 
     preload: NDArray
@@ -130,6 +133,7 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     cost: Cost
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
+    error_estimates: ErrorEstimates | None = None
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -170,6 +174,7 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
             f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
             + (f", {bad} without a peak" if bad else ""),
             f"  {self.optimum}",
+            f"  {error_line(self.error_estimates)}",
             f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "
             f"{self.stuck.frequency:.6g} Hz: ratio {self.ratio:.3g}, shift {self.stuck_shift_percent:.3g} %",
             f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "

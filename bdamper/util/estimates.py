@@ -15,13 +15,13 @@ class SourceError:
 
     Parameters
     ----------
-    source : {"harmonics", "evaluation", "contact points", "modes", "solver"}
+    source : {"harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver"}
     amplitude, frequency : float
         Relative change of the peak that a richer setting would make; NaN where none could be estimated.
     uncertainty : float
-        Relative change that the estimate may have missed.
+        Relative change that the estimate may have missed; 0 where the peak was computed with the richer setting.
     against : str
-        The richer setting, and how the change was found.
+        The richer setting and how the change was found, or why there is no estimate.
     seconds : float
     """
 
@@ -34,8 +34,9 @@ class SourceError:
 
     @property
     def known(self) -> bool:
-        """Whether there is an estimate."""
-        return bool(np.isfinite(self.amplitude) and np.isfinite(self.frequency))
+        """Whether there is an estimate that misses less than it finds."""
+        found = np.isfinite(self.amplitude) and np.isfinite(self.frequency)
+        return bool(found and (self.uncertainty == 0.0 or self.uncertainty < max(abs(self.amplitude), abs(self.frequency))))
 
     @property
     def size(self) -> float:
@@ -91,22 +92,30 @@ class ErrorEstimates:
         """Sources without an estimate."""
         return tuple(s.source for s in self.sources if not s.known)
 
+    @property
+    def line(self) -> str:
+        """All of it in one line, in percent; sources of less than a hundredth of the sum are not named."""
+        known = sorted((s for s in self.sources if s.known), key=lambda s: -s.size)
+        if not known:
+            return "error not estimated"
+        named = ", ".join(f"{s.source} {percent(s.size)[:-2]}" for s in known if s.size > 0.01 * self.total)
+        text = f"{percent(self.total)} ({named})" if self.total > 1e-5 else "below 0.001 %"
+        return f"estimated error {text}" + (f", not estimated: {', '.join(self.unknown)}" if self.unknown else "")
+
     def __str__(self) -> str:
-        all_known = f"about {percent(self.total)} in all, most from {self.largest.source}"
-        some_known = f"at least {percent(self.total)}, those of {', '.join(self.unknown)} are not known"
-        lines = [
-            f"errors of the peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: "
-            + (some_known if self.unknown else all_known)
-        ]
+        lines = [f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: {self.line}"]
         for s in self.sources:
-            change = (
-                f"amplitude {percent(s.amplitude, True)}, frequency {percent(s.frequency, True)}"
-                + (f", may miss {percent(s.uncertainty)}" if s.uncertainty > 0.25 * s.size else "")
-                if s.known
-                else "not known"
+            change = f"amplitude {percent(s.amplitude, True)}, frequency {percent(s.frequency, True)}"
+            miss = f", may miss {percent(s.uncertainty)}" if s.uncertainty > 0.05 * s.size else ""
+            lines.append(
+                f"  {s.source}: " + (f"{change}{miss} ({s.against})" if s.known else f"not estimated: {s.against}")
             )
-            lines.append(f"  {s.source}: {change} ({s.against})")
         return "\n".join(lines)
+
+
+def error_line(errors: ErrorEstimates | None) -> str:
+    """What a result prints of its error: one line of estimates, or that there are none."""
+    return "error not estimated" if errors is None else errors.line
 
 
 def percent(value: float, sign: bool = False) -> str:
