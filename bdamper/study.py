@@ -75,9 +75,9 @@ class Study(Problem):
         stability : bool
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         tolerance : float, optional
-            Relative, on amplitude and frequency of the highest point: whole curves with 1, 3, 5, 9 and 13 harmonics are
-            computed until two in a row agree (:mod:`bdamper.accuracy.tolerance`), whatever harmonics the study has.  The
-            notes of the curve say whether they do.
+            Relative, on amplitude and frequency of the highest point: whole curves with the study's harmonics, two more,
+            four more ... are computed until the last three agree (:mod:`bdamper.accuracy.tolerance`).  The ``ladder`` of
+            the curve says whether they do, and their range.
 
         Returns
         -------
@@ -122,7 +122,7 @@ class Study(Problem):
     ) -> Peak:
         """The highest peak at one preload; :func:`bdamper.peaks.optimal.highest_peak` explains the arguments.
 
-        With a ``tolerance`` harmonics are chosen by the amplitude and the frequency of the peak, as for :meth:`track`.
+        With a ``tolerance`` harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
         """
         ways: dict[str, Any] = {"mode": mode, "options": options}
         if tolerance is not None:
@@ -139,16 +139,31 @@ class Study(Problem):
         mode: int = 1,
         checks: int = 0,
         options: PeakOptions | None = None,
-        tolerance: float | None = None,
+        tolerance: float = 0.05,
+        check: bool = True,
     ) -> OptimalCurve:
-        """Resonance over the preload; :func:`bdamper.peaks.optimal.optimal_curve` explains the arguments.
+        """Resonance over the preload, and what more harmonics would change of it.
 
-        With a ``tolerance`` harmonics are chosen by the amplitude and the preload of the optimum, as for :meth:`track`.
+        Parameters
+        ----------
+        preload, n, frequency, mode, checks, options
+            As :func:`bdamper.peaks.optimal.optimal_curve` explains them.
+        tolerance : float
+            Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
+        check : bool
+            Compare with whole tracking curves with two, four and six more harmonics at the optimum, two more elsewhere
+            (:func:`bdamper.accuracy.tolerance.with_ladder`).  This takes several times as long as the curve itself; both
+            times are shown.
+
+        Returns
+        -------
+        OptimalCurve
+            With the study's own harmonics; ``ladder`` says how far they are from convergence.
         """
-        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
-        if tolerance is not None:
-            return accuracy_tolerance.optimal_curve_to_tolerance(self, preload, n, tolerance, **ways)
-        return optimal.optimal_curve(self, preload, n, **ways)
+        tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+        validate.flag("check", check)
+        curve = optimal.optimal_curve(self, preload, n, frequency=frequency, mode=mode, checks=checks, options=options)
+        return accuracy_tolerance.with_ladder(self, curve, tolerance) if check else curve
 
     peak_sensitivities = sensitivity.peak_sensitivities
     optimum = optimal.optimum

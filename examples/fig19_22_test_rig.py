@@ -65,9 +65,9 @@ def main(figures: Path = Path("figures"), measured: Path | None = None, n: int =
         excitation=excitation,
     )
     curves = {
-        "rig, 10 modes": study.optimal_curve(LOADS, n, frequency=BAND),
-        "rig, 20 modes": replace(study, blade_modes=20).optimal_curve(LOADS, n, frequency=BAND),
-        "bladed disk": wheel.optimal_curve((60.0, 1.5e5), n, frequency=(270.0, 380.0)),
+        "rig, 10 modes": study.optimal_curve(LOADS, n, frequency=BAND, check=False),
+        "rig, 20 modes": replace(study, blade_modes=20).optimal_curve(LOADS, n, frequency=BAND, check=False),
+        "bladed disk": wheel.optimal_curve((60.0, 1.5e5), n, frequency=(270.0, 380.0), check=False),
     }
     for name, curve in curves.items():
         ratio, slip = at_normalised_load(curve, 100.0)

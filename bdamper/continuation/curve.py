@@ -20,6 +20,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError, removed
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
+from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -87,6 +88,8 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
         Which disturbances, and what it cost.
     error_estimates : ErrorEstimates or None
         Of the highest peak, by source, where they were asked for.
+    ladder : Ladder or None
+        What more harmonics change of the highest point, where a tolerance was given.
     """
 
     kind: str
@@ -111,6 +114,7 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
     stable: NDArray | None = None
     stability_note: str = ""
     error_estimates: ErrorEstimates | None = None
+    ladder: Ladder | None = None
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -182,6 +186,9 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
         lines += [f"  {note}" for note in self.notes]
         if self.kind == "tracking":
             lines.append(f"  {error_line(self.error_estimates)}")
+        if self.ladder is not None:
+            lines += [f"  {line}" for line in str(self.ladder).split("
+")]
         return "\n".join(lines)
 
 

@@ -28,6 +28,7 @@ from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.util import validate
 from bdamper.util.cost import Cost
+from bdamper.util.ladder import Ladder
 from bdamper.util.repr import brief
 from bdamper.util.rootfind import find_root
 
@@ -112,7 +113,9 @@ class Peak:
         How the response curve ended on which it is the highest peak, where one was followed: unless "complete", there may
         be a higher one.
     settings : mapping
-        Of the problem and how its harmonics were chosen, where a tolerance chose them.
+        Of the problem, where a tolerance chose its harmonics.
+    ladder : Ladder, optional
+        What more harmonics change, where a tolerance was given.
     """
 
     parameter: float
@@ -133,6 +136,7 @@ class Peak:
     cost: Cost | None = None
     scan: str = ""
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    ladder: Ladder | None = None
 
     @property
     def converged(self) -> bool:
@@ -145,7 +149,7 @@ class Peak:
             f"peak {self.amplitude:.8g} m at {self.frequency:.8g} Hz{' (corner)' if self.corner else ''}, residual "
             f"{self.residual:.1e}, {self.trials} correctors, {self.iterations} iterations"
             + ("" if self.scan in ("", "complete") else f"\n  there may be a higher one, the curve ended as: {self.scan}")
-            + (f"\n  {self.settings['chosen']['note']}" if "chosen" in self.settings else "")
+            + ("" if self.ladder is None else f"\n  {self.ladder.note}")
             + ("" if self.cost is None else f"\n  {self.cost}")
         )
 

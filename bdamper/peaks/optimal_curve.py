@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.util import validate
 from bdamper.util.cost import Cost
+from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
+from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
@@ -109,6 +112,8 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     model_hash : str
     error_estimates : ErrorEstimates or None
         Of the peak at the optimum, by source, where they were asked for.
+    ladder : Ladder or None
+        What more harmonics would change of the optimum, and of the amplitude at some other preloads.
     """
 
     preload: NDArray
@@ -134,6 +139,7 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
     error_estimates: ErrorEstimates | None = None
+    ladder: Ladder | None = None
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -167,6 +173,34 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
         """Amplitude of the stuck limit over that of the optimum."""
         return self.stuck.amplitude / self.optimum.amplitude
 
+    def range_at(self, preload: float) -> tuple[float, float]:
+        """Least and largest amplitude (m) at a preload (N) by the rungs of the ladder.
+
+        Between the preloads that the ladder checks, the ratios to the curve's own amplitude are interpolated over the
+        logarithm of the preload.
+
+        Raises
+        ------
+        SettingError
+            If the curve has no ladder, or the preload lies beyond those that were checked.
+        """
+        ranges = self.ladder.ranges if self.ladder is not None else ()
+        checked, low, high = np.array(ranges).reshape(-1, 3).T
+        if not len(checked):
+            raise SettingError("range_at: expected a curve with a ladder that knows some ranges, found none")
+        preload = validate.number("preload", preload, least=checked[0], most=checked[-1], unit="N")
+        own = self._own_amplitude(np.append(checked, preload))
+        ratio = [np.interp(np.log(preload), np.log(checked), edge / own[:-1]) for edge in (low, high)]
+        return float(ratio[0] * own[-1]), float(ratio[1] * own[-1])
+
+    def _own_amplitude(self, preload: NDArray) -> NDArray:
+        """Amplitudes (m) at any preloads, interpolated between those of the curve and its optimum."""
+        points = {p: a for p, a in zip(self.preload, self.amplitude) if np.isfinite(a)}
+        if np.isfinite(self.optimum.preload):
+            points[self.optimum.preload] = self.optimum.amplitude
+        at = np.array(sorted(points))
+        return np.exp(np.interp(np.log(preload), np.log(at), np.log([points[p] for p in at])))
+
     def __str__(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
         jumps = sum("jump" in event for event in self.events)
@@ -180,8 +214,8 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
             f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "
             f"{self.cost.iterations} iterations",
         ]
-        if "chosen" in self.settings:
-            lines.append(f"  {self.settings['chosen']['note']}")
+        if self.ladder is not None:
+            lines += [f"  {line}" for line in str(self.ladder).split("\n")]
         open_ = [w for w in self.warnings if not w.startswith("optimum")]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")

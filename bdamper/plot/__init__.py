@@ -27,7 +27,7 @@ from bdamper.plot.curves import (
     plot_settled,
     plot_verification,
 )
-from bdamper.plot.design import plot_accuracy, plot_advice, plot_sweep, plot_uncertain
+from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 
 __all__ = [
@@ -42,6 +42,7 @@ __all__ = [
     "plot_curve",
     "plot_curves",
     "plot_import_report",
+    "plot_ladder",
     "plot_laws",
     "plot_measurement",
     "plot_microslip",

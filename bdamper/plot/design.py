@@ -15,6 +15,8 @@ from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
 from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks
 from bdamper.util.errors import SettingError
+from bdamper.util.estimates import percent
+from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
 
 _UNITS = {
@@ -150,6 +152,52 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
         handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
         ax.set_xlabel("Change of the peak without the effect (%)")
         ax.legend(handles=handles, fontsize=7.0)
+    return ax
+
+
+@draws(Ladder)
+def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Amplitude with more and more harmonics over the processor time that each answer has taken.
+
+    Parameters
+    ----------
+    ladder : Ladder
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        The range of the rungs that are compared is a grey band, the answer a filled point, the tolerance around the richest
+        rung dotted; the time of a rung that is not known is a cross at the lower edge.
+    """
+    known = [r for r in ladder.rungs if r.known]
+    low, high = ladder.range
+    state = "converged" if ladder.converged else "not converged"
+    with drawing(ax, title=title or f"{ladder.preload:.4g} N, {state} to {percent(ladder.tolerance)}", legend=7.0) as ax:
+        ax.axhspan(low, high, color="0.88", zorder=0, label=f"range, {low:.3g} to {high:.3g} m")
+        if known:
+            edges = [known[-1].amplitude * (1.0 + sign * ladder.tolerance) for sign in (-1.0, 1.0)]
+            ax.axhline(edges[0], color="0.4", linewidth=0.8, linestyle=":", label="tolerance around the last")
+            ax.axhline(edges[1], color="0.4", linewidth=0.8, linestyle=":")
+            ax.plot([r.seconds for r in known], [r.amplitude for r in known], "-", color="0.6", linewidth=0.8)
+        for r in ladder.rungs:
+            own = r.harmonics == ladder.answer
+            if r.known:
+                ax.plot(r.seconds, r.amplitude, "o", color="k", markersize=5.0, markerfacecolor="k" if own else "w",
+                        label="answer" if own else None)  # fmt: skip
+            else:
+                ax.plot(r.seconds, 0.03, "x", color="k", transform=ax.get_xaxis_transform(), markersize=5.0)
+            place = (r.seconds, r.amplitude) if r.known else (r.seconds, 0.03)
+            ax.annotate(
+                f"{r.harmonics} harmonics" + ("" if r.known else ", not known"), place, textcoords="offset points",
+                xycoords="data" if r.known else ax.get_xaxis_transform(), xytext=(0, 6), ha="center", fontsize=6.5,
+            )  # fmt: skip
+        if all(r.seconds > 0.0 for r in ladder.rungs):
+            ax.set_xscale("log")
+        ax.set(xlabel="Processor time (s)", ylabel="Resonance amplitude (m)")
+        ax.margins(x=0.2, y=0.2)  # for the names
+        few_ticks(ax)
     return ax
 
 

@@ -135,7 +135,7 @@ class Problem(Settings):
         settings : mapping
             Of the result.  Where they do not say that a tolerance chose them, the problem itself is returned.
         """
-        if "chosen" not in settings:
+        if "tolerance" not in settings:
             return self
         evaluation = settings["evaluation"]
         harmonics = tuple(settings["harmonics"])

@@ -1,6 +1,5 @@
-"""Harmonics chosen for a tolerance: which answers are compared, what is claimed, and what the result says."""
+"""More harmonics beside an answer: which are computed, what is claimed, and what the result says."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -8,81 +7,98 @@ import pytest
 
 import bdamper as bd
 from bdamper.accuracy import tolerance
-from bdamper.accuracy.tolerance import Rung
 from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.estimates import percent
+from bdamper.util.ladder import Ladder, Rung
 from tests import models
 
 PLACE = 5000.0, (320.0, 365.0)
+"""Preload and interval of a peak with slip and separation."""
+INTERVAL = (280.0, 370.0)
 
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=2)
+    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5)
+
+
+@pytest.fixture(scope="module")
+def optimal(study):
+    return study.optimal_curve((1000.0, 5000.0), 3, frequency=INTERVAL)
 
 
 def peaks(study, *numbers):
     return [study.with_(harmonics=n).track(*PLACE).peak for n in numbers]
 
 
-def test_curves_are_compared_until_two_in_a_row_agree(study):
-    """One and three harmonics differ by 5 % here, three and five by less than 1 %."""
-    curve = study.track(*PLACE, tolerance=0.02)
-    chosen = curve.settings["chosen"]
-    one, three, five = peaks(study, 1, 3, 5)
-    assert [r["harmonics"] for r in chosen["rungs"]] == [1, 3, 5]
-    assert [r["amplitude"] for r in chosen["rungs"]] == pytest.approx([p.amplitude for p in (one, three, five)], rel=1e-9)
-    assert abs(one.amplitude / three.amplitude - 1.0) > 0.02 > abs(three.amplitude / five.amplitude - 1.0)
-    assert chosen["harmonics"] == curve.settings["harmonics"] == [1, 2, 3, 4, 5]
-    assert curve.peak.amplitude == pytest.approx(five.amplitude, rel=1e-9)
-    assert chosen["converged"]
-    assert chosen["change"] == pytest.approx(abs(five.amplitude / three.amplitude - 1.0), rel=1e-6)
-    assert re.search(r"converged to 2 %: 3 and 5 harmonics differ by 0\.\d+ %", str(curve))
-    whole = sum(study.with_(harmonics=n).track(*PLACE).cost.work for n in (1, 3, 5))
-    assert curve.cost.work == pytest.approx(whole, rel=1e-9)
+def numbers(result):
+    return [r.harmonics for r in result.ladder.rungs]
 
 
-def test_loose_tolerance_needs_fewer(study):
-    curve = study.track(*PLACE, tolerance=0.2)
-    assert curve.settings["harmonics"] == [1, 2, 3]
-    assert curve.settings["chosen"]["converged"]
+class TestCurve:
+    def test_ends_where_the_last_three_agree(self, study):
+        curve = study.track(*PLACE, tolerance=0.02)
+        own = peaks(study, 1, 3, 5, 7)
+        assert numbers(curve) == [1, 3, 5, 7] and curve.settings["harmonics"] == list(range(1, 8))
+        assert [r.amplitude for r in curve.ladder.rungs] == pytest.approx([p.amplitude for p in own], rel=1e-9)
+        assert curve.peak.amplitude == pytest.approx(own[-1].amplitude, rel=1e-9)
+        last = [p.amplitude for p in own[1:]]
+        assert curve.ladder.error == pytest.approx((max(last) - min(last)) / last[-1], rel=1e-6)
+        assert curve.ladder.converged and "converged to 2 %: 3, 5 and 7 harmonics differ by" in str(curve)
+        whole = [study.with_(harmonics=n).track(*PLACE).cost for n in (1, 3, 5, 7)]
+        assert curve.cost.work == pytest.approx(sum(c.work for c in whole), rel=1e-9)
+        assert curve.cost.processor == pytest.approx(sum(r.seconds for r in curve.ladder.rungs), rel=1e-6)
 
+    def test_two_in_a_row_that_agree_are_not_enough(self, study, monkeypatch):
+        monkeypatch.setattr(tolerance, "MOST_MORE", 4)
+        curve = study.track(*PLACE, tolerance=0.02)
+        low, high = curve.ladder.range
+        assert abs(curve.ladder.rungs[-1].change) < 0.02 and not curve.ladder.converged
+        one, three, five = (p.amplitude for p in peaks(study, 1, 3, 5))
+        assert (low, high) == pytest.approx((min(three, five), one), rel=1e-9)
+        assert curve.complete and f"not converged to 2 %: {low:.4g} to {high:.4g} m with 1, 3 and 5 harmonics" in str(curve)
 
-def test_not_converged_says_the_last_change(study, monkeypatch):
-    monkeypatch.setattr(tolerance, "HARMONICS", (1, 3))
-    curve = study.track(*PLACE, tolerance=0.001)
-    chosen = curve.settings["chosen"]
-    one, three = peaks(study, 1, 3)
-    assert not chosen["converged"] and chosen["change"] == pytest.approx(1.0 - three.amplitude / one.amplitude, rel=1e-6)
-    assert curve.complete and curve.settings["harmonics"] == [1, 2, 3]
-    assert "not converged to 0.1 %: 1 and 3 harmonics differ by" in str(curve)
+    def test_begins_with_the_harmonics_of_the_study(self, study):
+        curve = study.with_(harmonics=2).track(*PLACE, tolerance=0.2)
+        assert numbers(curve) == [2, 4, 6]
+        assert study.of(curve).harmonic_numbers == (1, 2, 3, 4, 5, 6)
 
+    def test_missing_nodal_diameters_end_the_ladder(self):
+        model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
+        curve = bd.Study(model, bd.Excitation("tip"), 2).track(5.0, (200.0, 450.0), tolerance=0.5)
+        assert numbers(curve) == [1, 3] and not curve.ladder.converged
+        assert "no 5 harmonics are possible" in curve.ladder.note and "nodal diameter" in curve.ladder.note
+        assert "fewer than three answers to compare" in curve.ladder.note
 
-def test_missing_nodal_diameters_end_the_comparison():
-    model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
-    study = bd.Study(model, bd.Excitation("tip"), 2)
-    for most, numbers in ((3, [1, 3]), (1, [1])):
-        own = study if most == 3 else bd.Study(
-            models.wedge_model(0, n_blades=24, engine_order=2, harmonics=1), bd.Excitation("tip"), 2
-        )  # fmt: skip
-        chosen = own.track(5.0, (200.0, 450.0), tolerance=1e-9).settings["chosen"]
-        assert [r["harmonics"] for r in chosen["rungs"]] == numbers
-        assert not chosen["converged"]
-        assert f"no more than {most} are possible" in chosen["note"] and "nodal diameter" in chosen["note"]
-    assert "one harmonic cannot be compared with more" in chosen["note"] and np.isnan(chosen["change"])
+    def test_evaluation_of_the_study_stays_and_limits_the_harmonics(self, study):
+        sampled = replace(study, evaluation=bd.Sampled(24))
+        curve = sampled.track(*PLACE, tolerance=1e-6)
+        assert curve.settings["evaluation"] == {"n_time": 24, "interpolate": True}
+        assert numbers(curve) == [1, 3, 5] and "no 7 harmonics are possible (evaluation: " in curve.ladder.note
+        assert sampled.of(curve).harmonic_numbers == (1, 2, 3, 4, 5)
 
+    def test_stability_is_judged_once_chosen(self, study):
+        curve = study.track(*PLACE, tolerance=0.2, stability=True)
+        assert curve.stable is not None and len(curve.stable) == len(curve)
 
-def test_evaluation_of_the_study_stays_and_limits_the_harmonics(study):
-    sampled = replace(study, evaluation=bd.Sampled(24), harmonics=1)
-    curve = sampled.track(*PLACE, tolerance=1e-6)
-    chosen = curve.settings["chosen"]
-    assert curve.settings["evaluation"] == {"n_time": 24, "interpolate": True}
-    assert [r["harmonics"] for r in chosen["rungs"]] == [1, 3, 5]
-    assert "no more than 5 are possible (evaluation: " in chosen["note"]
-    assert sampled.of(curve).harmonic_numbers == (1, 2, 3, 4, 5)
+    def test_is_kept_in_a_file(self, study, tmp_path):
+        curve = study.track(*PLACE, tolerance=0.2)
+        curve.save(tmp_path / "curve.h5")
+        again = bd.load(tmp_path / "curve.h5")
+        assert str(again) == str(curve) and again.ladder.rungs[1:] == curve.ladder.rungs[1:]
+        assert study.of(again).harmonic_numbers == (1, 2, 3, 4, 5)
+
+    @pytest.mark.parametrize("wrong", [-1.0, 0.0, 1.0, "small"])
+    def test_what_is_refused(self, study, wrong):
+        for ask in (study.track, study.peak):
+            with pytest.raises(SettingError, match="tolerance"):
+                ask(*PLACE, tolerance=wrong)
+        with pytest.raises(SettingError, match="tolerance"):
+            study.optimal_curve((1000.0, 5000.0), 3, tolerance=wrong)
 
 
 def answers(study, monkeypatch, statuses):
-    """Curves as they are, but with the status given for each number of harmonics."""
+    """A curve to a tolerance where those of some numbers of harmonics have another status."""
     track = tolerance.track
 
     def with_status(problem, *arguments, **options):
@@ -94,75 +110,131 @@ def answers(study, monkeypatch, statuses):
     return study.track(*PLACE, tolerance=0.02)
 
 
-def test_incomplete_curves_agree_with_nothing(study, monkeypatch):
-    monkeypatch.setattr(tolerance, "HARMONICS", (1, 3, 5))
-    curve = answers(study, monkeypatch, {5: "incomplete"})
-    assert curve.complete and curve.settings["harmonics"] == [1, 2, 3]
-    chosen = curve.settings["chosen"]
-    assert not chosen["converged"] and np.isnan(chosen["change"])
-    assert chosen["note"] == "not converged to 2 %: no whole answer with 5 harmonics (incomplete: as told)"
-    curve = answers(study, monkeypatch, {1: "incomplete", 3: "incomplete", 5: "incomplete"})
-    assert curve.status == "incomplete" and curve.settings["harmonics"] == [1, 2, 3, 4, 5]
+class TestIncompleteRungs:
+    def test_are_not_known(self, study, monkeypatch):
+        monkeypatch.setattr(tolerance, "MOST_MORE", 4)
+        curve = answers(study, monkeypatch, {5: "incomplete"})
+        assert curve.complete and curve.settings["harmonics"] == [1, 2, 3]
+        assert not curve.ladder.converged and not curve.ladder.rungs[-1].known
+        assert "5 harmonics not known (incomplete: as told)" in curve.ladder.note
+
+    def test_of_all_numbers(self, study, monkeypatch):
+        monkeypatch.setattr(tolerance, "MOST_MORE", 2)
+        curve = answers(study, monkeypatch, {1: "incomplete", 3: "incomplete"})
+        assert curve.status == "incomplete" and curve.settings["harmonics"] == [1, 2, 3]
+        assert "convergence with harmonics not known" in curve.ladder.note and np.isnan(curve.ladder.error)
+
+    def test_interrupted_curve_is_returned_at_once(self, study, monkeypatch):
+        curve = answers(study, monkeypatch, {1: "interrupted"})
+        assert curve.status == "interrupted" and numbers(curve) == [1]
 
 
-def test_interrupted_curve_is_returned_at_once(study, monkeypatch):
-    curve = answers(study, monkeypatch, {3: "interrupted"})
-    assert curve.status == "interrupted" and curve.settings["harmonics"] == [1, 2, 3]
-    assert [r["harmonics"] for r in curve.settings["chosen"]["rungs"]] == [1, 3]
-    assert study.of(curve).harmonic_numbers == (1, 2, 3)
+class TestPeak:
+    def test_to_a_tolerance(self, study):
+        peak = study.peak(*PLACE, tolerance=0.02)
+        assert study.of(peak).harmonic_numbers == tuple(range(1, 8))
+        assert peak.amplitude == pytest.approx(peaks(study, 7)[0].amplitude, rel=1e-6)
+        assert "converged to 2 %: 3, 5 and 7 harmonics differ by" in str(peak)
+        errors = study.estimate_errors(peak, PLACE[0], sources=["solver"])
+        assert errors["solver"].size < 1e-8
+
+    def test_none_in_the_interval(self, study):
+        with pytest.raises(BdamperError, match="no peak found"):
+            study.peak(PLACE[0], (100.0, 150.0), tolerance=0.02)
 
 
-def test_peak_to_a_tolerance(study):
-    peak = study.peak(*PLACE, tolerance=0.02)
-    assert study.of(peak).harmonic_numbers == (1, 2, 3, 4, 5)
-    assert peak.amplitude == pytest.approx(study.track(*PLACE, tolerance=0.02).peak.amplitude, rel=1e-6)
-    assert "converged to 2 %: 3 and 5 harmonics differ by" in str(peak)
-    assert peak.cost.work > study.with_(harmonics=5).peak(*PLACE).cost.work
-    errors = study.estimate_errors(peak, PLACE[0], sources=["solver"])
-    assert errors["solver"].size < 1e-8
-    with pytest.raises(BdamperError, match="no peak found"):
-        study.peak(PLACE[0], (100.0, 150.0), tolerance=0.02)
+class TestOptimalCurve:
+    def test_rungs_are_tracking_curves(self, study, optimal):
+        best = optimal.optimum
+        assert numbers(optimal) == [1, 3, 5, 7] and optimal.ladder.answer == 1
+        assert optimal.ladder.rungs[0].amplitude == best.amplitude
+        assert optimal.ladder.rungs[0].seconds == optimal.cost.processor
+        for rung in optimal.ladder.rungs[1:]:
+            own = study.with_(harmonics=rung.harmonics).track(best.preload, INTERVAL)
+            assert rung.amplitude == pytest.approx(own.peak.amplitude, rel=1e-9)
+        assert optimal.amplitude == pytest.approx(
+            study.optimal_curve(optimal.preload, frequency=INTERVAL, check=False).amplitude, rel=1e-12
+        )
+
+    def test_error_counts_the_answer(self, optimal):
+        """The last three agree to 3 %, the answer itself is off by more."""
+        rungs = [r.amplitude for r in optimal.ladder.rungs]
+        assert optimal.ladder.error == pytest.approx((max(rungs) - min(rungs)) / rungs[-1], rel=1e-12)
+        assert optimal.ladder.range == (min(rungs), max(rungs))
+
+    def test_other_preloads(self, study, optimal):
+        others = optimal.ladder.others
+        assert [r.harmonics for r in others] == [1, 3] * (len(others) // 2)
+        assert {r.preload for r in others} == {float(p) for p in optimal.preload} - {optimal.optimum.preload}
+        middle = next(r for r in others if r.harmonics == 3 and r.preload == optimal.preload[1])
+        own = study.with_(harmonics=3).track(middle.preload, INTERVAL).peak.amplitude
+        assert middle.amplitude == pytest.approx(own, rel=1e-9)
+        low, high = optimal.range_at(middle.preload)
+        assert (low, high) == pytest.approx(tuple(sorted([own, optimal.amplitude[1]])), rel=1e-9)
+        with pytest.raises(SettingError, match="preload: expected"):
+            optimal.range_at(6000.0)
+
+    def test_does_not_depend_on_threads(self, study, optimal):
+        bare = replace(optimal, ladder=None)
+        one = tolerance.with_ladder(study, bare, 0.05, threads=1).ladder
+        found = [
+            [replace(r, seconds=0.0, change=0.0) for r in (*x.rungs, *x.others)] for x in (one, optimal.ladder)
+        ]
+        assert found[0] == found[1]
+
+    def test_prints_plots_and_saves(self, optimal, tmp_path):
+        optimal.save(tmp_path / "curve.h5")
+        again = bd.load(tmp_path / "curve.h5")
+        assert str(again) == str(optimal) and "not converged to 5 %" in str(again)
+        share = percent(optimal.ladder.error)
+        assert f"estimated error {share} (harmonics {share[:-2]}), not estimated: contact points, modes" in str(optimal)
+        ax = again.ladder.plot()
+        assert ax.get_xlabel() == "Processor time (s)" and len(ax.texts) == 4
+
+    def test_without_check(self, study):
+        assert study.optimal_curve((3000.0, 5000.0), 2, frequency=INTERVAL, check=False).ladder is None
 
 
-def test_optimal_curve_to_a_tolerance(study):
-    place = {"preload": (1000.0, 5000.0), "n": 3, "frequency": (280.0, 370.0)}
-    curve = study.optimal_curve(**place, tolerance=0.5)
-    chosen = curve.settings["chosen"]
-    one, three = (study.with_(harmonics=n).optimal_curve(**place).optimum for n in (1, 3))
-    assert [r["place"] for r in chosen["rungs"]] == pytest.approx([one.preload, three.preload], rel=1e-9)
-    assert curve.optimum == three
-    change = max(abs(three.amplitude / one.amplitude - 1.0), abs(three.preload / one.preload - 1.0))
-    assert chosen["change"] == pytest.approx(change, rel=1e-6)
-    assert "harmonics differ by" in str(curve)
+def ladder(*amplitudes, answer=1, others=(), **options):
+    rungs = tuple(Rung(2 * i + 1, 100.0, a, 300.0) for i, a in enumerate(amplitudes))
+    return Ladder(0.05, 100.0, answer, rungs, tuple(Rung(3, p, a, 300.0) for p, a in others), **options)
 
 
-def test_result_is_kept_in_a_file(study, tmp_path):
-    curve = study.track(*PLACE, tolerance=0.2)
-    curve.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").settings["chosen"] == curve.settings["chosen"]
+class TestClaims:
+    """Amplitudes of 3, 5, 7 and 9 harmonics at 125 N and 500 N, and made-up ones."""
 
+    def test_not_converged(self):
+        found = ladder(0.0606, 0.0630, 0.0784, 0.0683)
+        assert not found.converged and found.range == (0.0606, 0.0784)
+        assert found.error == pytest.approx((0.0784 - 0.0606) / 0.0683)
 
-def test_stability_is_judged_once_chosen(study):
-    curve = study.track(*PLACE, tolerance=0.2, stability=True)
-    assert curve.stable is not None and len(curve.stable) == len(curve)
+    def test_converged(self):
+        assert ladder(0.166, 0.167, 0.168).converged
 
+    def test_answer_far_from_the_last_three(self):
+        assert not ladder(0.10, 0.120, 0.121, 0.1205).converged
+        assert ladder(0.10, 0.120, 0.121, 0.1205, answer=7).converged
 
-def test_what_is_refused(study):
-    for wrong in (-1.0, 0.0, 1.0, "small"):
-        for ask in (study.track, study.peak):
-            with pytest.raises(SettingError, match="tolerance"):
-                ask(*PLACE, tolerance=wrong)
+    def test_two_are_too_few(self):
+        assert not ladder(0.166, 0.166).converged
+        assert not ladder(0.166, float("nan"), 0.166).converged
 
+    def test_frequencies(self):
+        rungs = tuple(Rung(n, 100.0, 1.0, f) for n, f in ((1, 300.0), (3, 310.0), (5, 324.0)))
+        assert Ladder(0.05, 100.0, 5, rungs).converged
+        assert not Ladder(0.05, 100.0, 5, rungs, by_frequency=True).converged
 
-@pytest.mark.parametrize(
-    ("a", "b", "expected"),
-    [
-        (Rung(1, 1.0, 100.0), Rung(3, 1.1, 100.0), 1.0 / 11.0),
-        (Rung(1, 1.0, 100.0), Rung(3, 1.0, 80.0), 0.25),
-        (Rung(1, 1.0, np.nan), Rung(3, 1.25, np.nan), 0.2),
-        (Rung(1, 1.0, np.nan), Rung(3, 1.0, 100.0), np.inf),
-        (Rung(1, 1.0, 100.0, incomplete="so"), Rung(3, 1.0, 100.0), np.inf),
-    ],
-)
-def test_difference_of_two_answers(a, b, expected):
-    assert a.difference(b) == pytest.approx(expected)
+    @pytest.mark.parametrize(
+        ("others", "expected"),
+        [
+            ([(90.0, 1.1), (110.0, 1.2)], None),
+            ([(90.0, 0.9), (110.0, 1.2)], (0.0, 100.0)),
+            ([(90.0, 1.1), (110.0, 0.9), (300.0, 2.0)], (100.0, 300.0)),
+            ([(90.0, 1.1), (110.0, 0.99), (200.0, 0.9), (300.0, 2.0)], (100.0, 300.0)),
+            ([(90.0, float("nan")), (110.0, 0.9)], (100.0, float("inf"))),
+        ],
+    )
+    def test_preload_of_the_optimum(self, others, expected):
+        found = ladder(1.02, 1.0, 1.0, others=others)
+        assert found.preloads == expected
+        assert ("the optimum lies" in found.note) == (expected is not None)

@@ -68,7 +68,7 @@ def test_a_peak_is_not_that_of_another_load(study):
 
 def test_an_optimal_curve_has_no_peak_there(study):
     loads = np.array([200.0, 400.0, 500.0, 600.0, 1000.0])
-    curve = study.optimal_curve(loads, frequency=INTERVAL)
+    curve = study.optimal_curve(loads, frequency=INTERVAL, check=False)
     np.testing.assert_array_equal(np.isfinite(curve.amplitude), loads <= LAST)
     assert all("no equilibrium beyond 500 N" in s for s in curve.status[3:])
     assert not curve.complete
@@ -76,4 +76,4 @@ def test_an_optimal_curve_has_no_peak_there(study):
     assert np.isnan(curve.stuck.amplitude)
     assert linear_peak(study, (250.0, 350.0), 800.0, stuck=False).amplitude == study.free((250.0, 350.0)).peak.amplitude
     with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads .* no equilibrium beyond 500 N"):
-        study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL)
+        study.optimal_curve(np.array([600.0, 800.0, 1000.0]), frequency=INTERVAL, check=False)

@@ -88,7 +88,7 @@ class Clock:
     "work",
     [
         lambda s: s.peak(200.0, (250.0, 450.0)),
-        lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0)),
+        lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0), check=False),
         lambda s: s.advise(200.0, (250.0, 450.0)),
         lambda s: s.compare_laws(200.0, (250.0, 450.0)),
         lambda s: bd.accuracy_cost(

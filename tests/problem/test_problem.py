@@ -73,7 +73,7 @@ def test_settings_that_are_varied_keep_the_type(model, problem):
 def test_results_tell_the_settings_that_a_tolerance_chose(problem):
     three, state = problem.with_(harmonics=3), problem.static(PRELOAD)
     assert problem.matching(three.record()) is problem  # nothing was chosen
-    chosen = problem.matching(three.record() | {"chosen": {}})
+    chosen = problem.matching(three.record() | {"tolerance": 0.01})
     assert chosen.harmonic_numbers == (1, 2, 3)
     assert chosen.static(PRELOAD) is state
 

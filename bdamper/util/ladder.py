@@ -1,0 +1,194 @@
+"""What more harmonics change of an answer: its ladder, one rung for each number of harmonics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from bdamper.util.estimates import ErrorEstimates, SourceError, percent
+from bdamper.util.plotting import Plottable
+from bdamper.util.repr import brief
+
+COMPARED = 3
+"""Rungs, the last that are known, that have to agree."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """Amplitude and frequency of the highest point with one number of harmonics.
+
+    Parameters
+    ----------
+    harmonics : int
+    preload : float, N
+    amplitude, frequency : float, m, Hz
+        NaN where they are not known.
+    change : float
+        Relative, of the amplitude from the last rung with fewer harmonics that is known at this preload; NaN without one.
+    seconds : float
+        Processor time of the thread that has computed the rung; 0 where another rung's time holds it.
+    status : str
+        "complete", or why amplitude and frequency are not known.
+    """
+
+    harmonics: int
+    preload: float
+    amplitude: float = float("nan")
+    frequency: float = float("nan")
+    change: float = float("nan")
+    seconds: float = 0.0
+    status: str = "complete"
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a whole answer."""
+        return bool(np.isfinite(self.amplitude))
+
+
+@brief
+@dataclass(frozen=True)
+class Ladder(Plottable):
+    """Whole answers with more and more harmonics, beside the answer that they check.
+
+    Agreement is no proof of convergence, since harmonics come into resonance one by one; the ladder shows what those that
+    were computed say.  ``plot`` draws amplitudes and their range over processor time (:func:`bdamper.plot.plot_ladder`).
+
+    Parameters
+    ----------
+    tolerance : float
+        Relative.
+    preload : float, N
+        Of the answer.
+    answer : int
+        Harmonics of the answer.
+    rungs : tuple of Rung
+        At that preload, with rising harmonics.
+    others : tuple of Rung
+        At other preloads: pairs of the answer's harmonics and two more.
+    by_frequency : bool
+        Whether frequencies have to agree, too.
+    limit : str
+        What forbids still more harmonics; empty where nothing does.
+    """
+
+    tolerance: float
+    preload: float
+    answer: int
+    rungs: tuple[Rung, ...]
+    others: tuple[Rung, ...] = ()
+    by_frequency: bool = False
+    limit: str = ""
+
+    @property
+    def compared(self) -> tuple[Rung, ...]:
+        """The last three rungs that are known, and the answer."""
+        known = [r for r in self.rungs if r.known]
+        return tuple(r for i, r in enumerate(known) if i >= len(known) - COMPARED or r.harmonics == self.answer)
+
+    @property
+    def range(self) -> tuple[float, float]:
+        """Least and largest amplitude (m) of the rungs that are compared."""
+        amplitude = [r.amplitude for r in self.compared] or [float("nan")]
+        return min(amplitude), max(amplitude)
+
+    @property
+    def error(self) -> float:
+        """Largest relative difference of the rungs that are compared; NaN with fewer than two."""
+        rungs = self.compared
+        if len(rungs) < 2:
+            return float("nan")
+        values = [[r.amplitude for r in rungs], *([[r.frequency for r in rungs]] if self.by_frequency else [])]
+        return float(max((max(v) - min(v)) / v[-1] for v in values))
+
+    @property
+    def estimates(self) -> ErrorEstimates:
+        """The error by harmonics as one of the estimates by source, of which the others were not asked."""
+        own = next((r for r in self.rungs if self._is_answer(r)), Rung(self.answer, self.preload))
+        place = [r.frequency for r in self.compared]
+        shift = (max(place) - min(place)) / place[-1] if self.by_frequency and place else 0.0
+        found = SourceError("harmonics", self.error, shift, 0.0, self.note, self.seconds)
+        missing = (SourceError(name, np.nan, np.nan, 0.0, "not asked") for name in ("contact points", "modes"))
+        return ErrorEstimates(self.preload, own.frequency, own.amplitude, (found, *missing), self.seconds)
+
+    @property
+    def converged(self) -> bool:
+        """Whether at least three rungs, the answer among them, agree to the tolerance."""
+        rungs = self.compared
+        return len(rungs) >= COMPARED and self.error <= self.tolerance and any(r.harmonics == self.answer for r in rungs)
+
+    @property
+    def seconds(self) -> float:
+        """Processor time of all rungs but the answer."""
+        return sum(r.seconds for r in (*self.rungs, *self.others) if not self._is_answer(r))
+
+    def _is_answer(self, rung: Rung) -> bool:
+        return (rung.harmonics, rung.preload) == (self.answer, self.preload)
+
+    @property
+    def ranges(self) -> tuple[tuple[float, float, float], ...]:
+        """Preload (N), least and largest amplitude (m) at every preload at which more than one rung is known."""
+        found = [(self.preload, *self.range)] if len(self.compared) > 1 else []
+        for preload in dict.fromkeys(r.preload for r in self.others):
+            amplitude = [r.amplitude for r in self.others if r.preload == preload and r.known]
+            if len(amplitude) > 1:
+                found.append((preload, min(amplitude), max(amplitude)))
+        return tuple(sorted(found))
+
+    @property
+    def preloads(self) -> tuple[float, float] | None:
+        """Range (N) of the preload of the least amplitude with two more harmonics; None where that stays.
+
+        Where another checked preload gives less, from the answer's to the checked ones on both sides of the least, 0 or
+        infinity where none was checked beyond.
+        """
+        richer = sorted(
+            (r.preload, r.amplitude) for r in (*self.rungs, *self.others) if r.harmonics == self.answer + 2 and r.known
+        )
+        least = min(range(len(richer)), key=lambda i: richer[i][1], default=0)
+        if self.preload not in [p for p, _ in richer] or richer[least][0] == self.preload:
+            return None
+        below = richer[least - 1][0] if least > 0 else 0.0
+        above = richer[least + 1][0] if least + 1 < len(richer) else float("inf")
+        return min(self.preload, below), max(self.preload, above)
+
+    @property
+    def note(self) -> str:
+        """What the rungs say, in words."""
+        rungs = self.compared
+        numbers = " and ".join(", ".join(str(r.harmonics) for r in rungs).rsplit(", ", 1))
+        low, high = self.range
+        if self.converged:
+            text = f"converged to {percent(self.tolerance)}: {numbers} harmonics differ by {percent(self.error)}"
+        elif len(rungs) < 2:
+            text = "convergence with harmonics not known"
+        else:
+            what = "not converged to" if self.error > self.tolerance else "fewer than three answers to compare for"
+            text = f"{what} {percent(self.tolerance)}: {low:.4g} to {high:.4g} m with {numbers} harmonics"
+            if self.by_frequency:
+                at = [r.frequency for r in rungs]
+                text += f", {min(at):.6g} to {max(at):.6g} Hz"
+        text += "".join(f"; {r.harmonics} harmonics not known ({r.status})" for r in self.rungs if not r.known)
+        if self.preloads is not None:
+            low, high = self.preloads
+            place = f"from {low:.4g} to {high:.4g} N"
+            if low == 0.0 or high == np.inf:
+                place = f"at {high:.4g} N or below" if low == 0.0 else f"at {low:.4g} N or above"
+            text += f"; with {self.answer + 2} harmonics the optimum lies {place}"
+        return text + (f"; {self.limit}" if self.limit and not self.converged else "")
+
+    def __str__(self) -> str:
+        own = sum(r.seconds for r in self.rungs if self._is_answer(r))
+        times = f"processor time: answer {own:.3g} s, others {self.seconds:.3g} s"
+        head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>10}{'time':>10}"
+        lines = [self.note, times, head]
+        for r in (*self.rungs, *self.others):
+            place = f"{r.harmonics:>9}{r.preload:>11.5g} N"
+            time = f"{r.seconds:>8.2f} s" if r.seconds else f"{'':>10}"
+            if r.known:
+                change = percent(r.change, True) if np.isfinite(r.change) else ""
+                text = f"{place}{r.amplitude:>13.5g} m{r.frequency:>10.5g} Hz{change:>10}{time}"
+            else:
+                text = f"{place}{'not known':>15}{'':>23}{time}"
+            lines.append(text + ("  answer" if self._is_answer(r) else ""))
+        return "\n".join(lines)
