@@ -190,13 +190,14 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
                 ax.plot(r.seconds, 0.03, "x", color="k", transform=ax.get_xaxis_transform(), markersize=5.0)
             place = (r.seconds, r.amplitude) if r.known else (r.seconds, 0.03)
             ax.annotate(
-                f"{r.harmonics} harmonics" + ("" if r.known else ", not known"), place, textcoords="offset points",
+                f"{r.harmonics} harmonic{'s' * (r.harmonics > 1)}" + ("" if r.known else ", not known"), place, textcoords="offset points",
                 xycoords="data" if r.known else ax.get_xaxis_transform(), xytext=(0, 6), ha="center", fontsize=6.5,
             )  # fmt: skip
         if all(r.seconds > 0.0 for r in ladder.rungs):
             ax.set_xscale("log")
         ax.set(xlabel="Processor time (s)", ylabel="Resonance amplitude (m)")
-        ax.margins(x=0.2, y=0.2)  # for the names
+        ax.margins(x=0.2, y=0.25)  # for the names
+        ax.ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
         few_ticks(ax)
     return ax
 
