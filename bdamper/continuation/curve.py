@@ -187,8 +187,7 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
         if self.kind == "tracking":
             lines.append(f"  {error_line(self.error_estimates)}")
         if self.ladder is not None:
-            lines += [f"  {line}" for line in str(self.ladder).split("
-")]
+            lines += [f"  {line}" for line in str(self.ladder).split("\n")]
         return "\n".join(lines)
 
 

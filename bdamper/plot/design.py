@@ -189,9 +189,10 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
             else:
                 ax.plot(r.seconds, 0.03, "x", color="k", transform=ax.get_xaxis_transform(), markersize=5.0)
             place = (r.seconds, r.amplitude) if r.known else (r.seconds, 0.03)
+            name = f"{r.harmonics} harmonic{'s' * (r.harmonics > 1)}" + ("" if r.known else ", not known")
             ax.annotate(
-                f"{r.harmonics} harmonic{'s' * (r.harmonics > 1)}" + ("" if r.known else ", not known"), place, textcoords="offset points",
-                xycoords="data" if r.known else ax.get_xaxis_transform(), xytext=(0, 6), ha="center", fontsize=6.5,
+                name, place, xycoords="data" if r.known else ax.get_xaxis_transform(), textcoords="offset points",
+                xytext=(0, 6), ha="center", fontsize=6.5,
             )  # fmt: skip
         if all(r.seconds > 0.0 for r in ladder.rungs):
             ax.set_xscale("log")
