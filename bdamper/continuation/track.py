@@ -27,7 +27,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
-from bdamper.util.progress import progress_bar
+from bdamper.util.progress import passes_interrupts_on, progress_bar
 
 
 def track(
@@ -98,6 +98,8 @@ def track(
                     search.note(start[-1], "a solution apart from the branches so far")
                     search.both_ways(start)
         except KeyboardInterrupt:
+            if passes_interrupts_on():
+                raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
         return _curve(problem, search, preload)

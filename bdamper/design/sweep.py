@@ -6,13 +6,11 @@ interruptions.  Finished points can be kept in a file (:mod:`bdamper.design.resu
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import itertools
 import json
-import pickle
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future, as_completed
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.design.results_file import ResultsFile, as_line
+from bdamper.design.workers import outcomes
 from bdamper.model.model import Model, feed_digest
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.problem import Problem
@@ -28,12 +27,15 @@ from bdamper.problem.variation import check_name, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError, SettingError, renamed
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
+from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.versions import HERE
 
+NOT_RUN = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
+"""Record of a point that an interrupted sweep has left out."""
 Values = Mapping[str, Any]
 Task = Callable[[Problem, float | None], Values]
 """The question: a function of a problem and a preload (None if the sweep has none) that returns named numbers, texts or
@@ -138,7 +140,7 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
     values : tuple of mapping
         Answers at each point, empty where there is none.
     status : tuple of str
-        "done", or "failed: " with the reason.
+        "done", "failed: " with the reason, or "not run" where the sweep was interrupted before.
     seconds : (n,) float
         Spent on each point.
     shape : tuple of int
@@ -196,13 +198,16 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
         return np.array(rows).reshape(*self.shape, *known.shape)
 
     def __str__(self) -> str:
-        failed = [s for s in self.status if s != "done"]
+        failed = [s for s in self.status if s.startswith("failed")]
+        left = sum(s == "not run" for s in self.status)
         warned = [w for w in self.warnings if w]
         lines = [
             f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
             f"{len(warned)} with a warning, "
             f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
         ]
+        if left:
+            lines.append(f"  interrupted: {left} of {len(self)} points were not run")
         for name in self.quantities:
             array = self.array(name)
             if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
@@ -258,20 +263,6 @@ class _Job:
             status = f"failed: {error}"
         spent = watch.read()
         return {"status": status, "values": values, "seconds": spent["seconds"], "cost": asdict(cost or Cost(**spent))}
-
-
-_jobs: dict[str, _Job] = {}
-
-
-def _work(key: str, packed: bytes | _Job, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Compute one point in a worker, which unpacks once what all points have in common."""
-    if isinstance(packed, _Job):
-        return packed.run(settings)
-    job = _jobs.get(key)
-    if job is None:
-        _jobs.clear()
-        job = _jobs[key] = pickle.loads(packed)
-    return job.run(settings)
 
 
 def _points(over: Any, combine: str) -> tuple[tuple[str, ...], list[dict[str, Any]], tuple[int, ...]]:
@@ -334,17 +325,7 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@contextlib.contextmanager
-def _bar(show: bool, total: int, done: int) -> Iterator[Any]:
-    if not show:
-        yield lambda: None
-        return
-    from tqdm.auto import tqdm
-
-    with tqdm(total=total, initial=done, desc="sweep", unit="point") as bar:
-        yield bar.update
-
-
+@renamed(results="resume")
 @one_thread
 def sweep(
     problem: Problem,
@@ -357,7 +338,7 @@ def sweep(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
-    results: str | Path | None = None,
+    resume: str | Path | None = None,
     progress: bool = False,
 ) -> SweepResult:
     """Ask one question of many variants of a problem.
@@ -370,8 +351,7 @@ def sweep(
         "damper_mass_factor" ...), and "model.<argument>" for arguments of ``model``.
     evaluate : callable, optional
         ``evaluate(problem, preload)`` returns named answers: numbers, texts, lists of numbers.  By default it finds the
-        highest peak.
-        For processes it must be picklable: a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
+        highest peak.  Processes need a function of a module, or a :class:`PeakTask` or :class:`OptimalTask`.
     model : callable, optional
         Makes the model from its arguments.
     combine : {"product", "zip"}
@@ -379,16 +359,17 @@ def sweep(
     preload, frequency, mode
         Of the default question.
     executor : concurrent.futures.Executor, optional
-        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; one point
-        after another without it.  It is not shut down.
-    results : path, optional
+        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; without it
+        one point follows another.  It is not shut down.
+    resume : path, optional
         File to which finished points are appended, and from which an interrupted sweep goes on.
     progress : bool
-        Show a progress bar.
+        Show a progress bar with the time that is left.
 
     Returns
     -------
     SweepResult
+        After Ctrl-C with the points that were finished by then; the others are "not run".
 
     Raises
     ------
@@ -404,12 +385,14 @@ def sweep(
     validate.flag("progress", progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
     job = _Job(problem, evaluate, model)
-    store = None if results is None else ResultsFile(results, _header(job, over, combine))
+    if executor is not None:
+        _ = problem.stiffness  # which variants share is made before the job is sent out
+    store = None if resume is None else ResultsFile(resume, _header(job, over, combine))
     records = {} if store is None else store.records
+    todo = [i for i in range(len(points)) if i not in records]
     try:
-        todo = [i for i in range(len(points)) if i not in records]
-        with _bar(progress, len(points), len(points) - len(todo)) as advance:
-            for i, record in _outcomes(job, points, todo, executor):
+        with LongWork(), counter(progress, len(points), len(points) - len(todo), "sweep", "point") as advance:
+            for i, record in outcomes(job, points, todo, executor):
                 record = {"index": i, **record}
                 if store is not None:
                     store.append(record)
@@ -419,38 +402,8 @@ def sweep(
         if store is not None:
             store.close()
     # the same form whether a point was just computed or read from the file
-    ordered = [json.loads(as_line(records[i])) for i in range(len(points))]
+    ordered = [json.loads(as_line(records.get(i, NOT_RUN))) for i in range(len(points))]
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
         names, tuple(points), values, status, np.array(seconds), shape, problem.record(None), problem.model.hash, cost
     )  # fmt: skip
-
-
-def _outcomes(
-    job: _Job, points: list[dict[str, Any]], todo: list[int], executor: Executor | None
-) -> Iterator[tuple[int, dict[str, Any]]]:
-    """Numbers and records of the points, in the order in which they are finished."""
-    if executor is None or not todo:
-        for i in todo:
-            yield i, job.run(points[i])
-        return
-    # the contact stiffness, which variants share, is made before the job is sent out
-    _ = job.problem.stiffness
-    packed: bytes | _Job
-    try:
-        packed = pickle.dumps(job)
-        key = hashlib.sha256(packed).hexdigest()
-        _jobs.clear()
-        _jobs[key] = job  # threads of this process use the problem itself
-    except (pickle.PicklingError, AttributeError, TypeError):
-        packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
-    futures: dict[Future[dict[str, Any]], int] = {}
-    try:
-        for i in todo:
-            futures[executor.submit(_work, key, packed, points[i])] = i
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    finally:
-        for future in futures:
-            future.cancel()
-        _jobs.pop(key, None)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from bdamper.design.sweep import OptimalTask, sweep
 from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError, SettingError, renamed
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -87,6 +87,8 @@ class RobustOptimum:
         Refinements of the grid of preloads.
     warnings : int
         Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
+    status : {"converged", "bracket not narrowed further", "interrupted"}
+        The latter two: the preload is known no better than ``uncertainty``.
     """
 
     preload: float
@@ -96,6 +98,7 @@ class RobustOptimum:
     kind: str
     rounds: int
     warnings: int = 0
+    status: str = "converged"
 
 
 @brief
@@ -109,10 +112,10 @@ class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
     ----------
     preload : (m,) float, N
     amplitude, frequency : (n, m) float
-        Of each draw, m and Hz; NaN where no peak was found.
+        Of each draw, m and Hz; NaN where no peak was found, and of draws that were not run.
     samples : mapping of setting to (n,) float
     status : tuple of str
-        Of each draw.
+        Of each draw, as in :class:`bdamper.design.sweep.SweepResult`.
     settings : mapping
         Of the problem that was varied.
     model_hash : str
@@ -142,20 +145,33 @@ class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
             validate.number("percentile", value, least=0.0, most=100.0)
         return np.nanpercentile(getattr(self, quantity), q, axis=0)
 
+    @property
+    def complete(self) -> bool:
+        """Whether there is an optimal curve of every draw."""
+        return all(s == "done" for s in self.status)
+
     def __str__(self) -> str:
-        low, mid, high = self.percentile([5.0, 50.0, 95.0])
-        k = int(np.nanargmin(high))
-        missing = int(np.count_nonzero(~np.isfinite(self.amplitude)))
+        run = np.array([s != "not run" for s in self.status], bool)
+        missing = int(np.count_nonzero(~np.isfinite(self.amplitude[run])))
         warned = sum(bool(w) for w in self.warnings)
-        return (
+        lines = [
             f"optimal curves of {len(self)} draws of {', '.join(self.samples)}, {self.preload[0]:g} to "
             f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
-            f"{f', {warned} draws with a warning' if warned else ''}\n"
-            f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, median "
-            f"{mid[k]:.6g} m)"
-        )
+            f"{f', {warned} draws with a warning' if warned else ''}"
+        ]
+        if not run.all():
+            lines.append(f"  interrupted: {np.count_nonzero(~run)} of {len(self)} draws were not run")
+        if np.isfinite(self.amplitude).any():
+            low, mid, high = self.percentile([5.0, 50.0, 95.0])
+            k = int(np.nanargmin(high))
+            lines.append(
+                f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, "
+                f"median {mid[k]:.6g} m)"
+            )
+        return "\n".join(lines)
 
 
+@renamed(results="resume")
 def uncertain_curve(
     problem: Problem,
     samples: Mapping[str, Sequence[float] | NDArray],
@@ -165,7 +181,7 @@ def uncertain_curve(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     executor: Executor | None = None,
-    results: str | Path | None = None,
+    resume: str | Path | None = None,
     progress: bool = False,
 ) -> UncertainCurve:
     """Optimal curves of a sample of settings.
@@ -177,7 +193,7 @@ def uncertain_curve(
         From :func:`draw`, or given otherwise.
     preload, n, frequency, mode
         As in :func:`bdamper.peaks.optimal.optimal_curve`; the same preloads serve all draws.
-    executor, results, progress
+    executor, resume, progress
         As in :func:`bdamper.design.sweep.sweep`.
     """
     validate.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
@@ -186,7 +202,7 @@ def uncertain_curve(
     values = preload_values(preload, n)
     task = OptimalTask(tuple(float(p) for p in values), len(values), frequency, mode)
     done = sweep(
-        problem, dict(samples), task, combine="zip", executor=executor, results=results, progress=progress
+        problem, dict(samples), task, combine="zip", executor=executor, resume=resume, progress=progress
     )  # fmt: skip
     m = len(values)
     nothing = [np.nan] * m
@@ -234,21 +250,33 @@ def robust_optimum(
     frequency, mode, executor, progress
         As in :func:`uncertain_curve`.
 
+    Returns
+    -------
+    RobustOptimum
+        After Ctrl-C that of the last whole grid.
+
     Raises
     ------
     BdamperError
         If a draw has no peak at any preload of a grid.
+    KeyboardInterrupt
+        If the first grid was interrupted.
     """
     percentile = validate.number("percentile", percentile, least=0.0, most=100.0)
     n = validate.whole("n", n, least=5)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     ends = preload_values(preload, 2)[[0, -1]]
     low, high = (float(p) for p in ends)
+    found: RobustOptimum | None = None
     rounds = 0
     while True:
         curve = uncertain_curve(
             problem, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
+        if "not run" in curve.status:
+            if found is None:
+                raise KeyboardInterrupt
+            return replace(found, status="interrupted")
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
@@ -257,8 +285,10 @@ def robust_optimum(
         k = int(np.argmin(height))
         p = curve.preload
         width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
+        kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
+        warned = sum(bool(w) for w in curve.warnings)
+        status = "converged" if width <= tolerance else "bracket not narrowed further"
+        found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned, status)
         if width <= tolerance or rounds >= 30:
-            kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
-            warned = sum(bool(w) for w in curve.warnings)
-            return RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned)
+            return found
         low, high = float(p[max(k - 1, 0)]), float(p[min(k + 1, n - 1)])

@@ -31,7 +31,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable, draw
-from bdamper.util.progress import each
+from bdamper.util.progress import each, passes_interrupts_on
 from bdamper.util.repr import brief
 
 ACCURACY = 0.5
@@ -205,7 +205,7 @@ def march_until_settled(
             motion = Motion(*state)
             found.append(amplitudes_of(response, system.n_harmonics))
     except KeyboardInterrupt:
-        if len(found) < FEWEST:
+        if len(found) < FEWEST or passes_interrupts_on():
             raise
         stopped = True
     harmonics = np.array(found)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar
 
 
 class BdamperError(Exception):
@@ -23,6 +25,7 @@ class StaticError(BdamperError):
 
 
 _LONGEST_FOUND = 300
+P = ParamSpec("P")
 T = TypeVar("T")
 
 
@@ -37,6 +40,22 @@ def removed(**successors: str) -> Callable[[type[T]], type[T]]:
 
         cls.__getattr__ = missing  # type: ignore[attr-defined]
         return cls
+
+    return decorate
+
+
+def renamed(**successors: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
+    """Decorator of a function: arguments under a name that they had before are accepted with a DeprecationWarning."""
+
+    def decorate(function: Callable[P, T]) -> Callable[P, T]:
+        @wraps(function)
+        def call(*args: P.args, **keywords: P.kwargs) -> T:
+            for old in successors.keys() & keywords.keys():
+                warnings.warn(f"{old}= is now {successors[old]}=", DeprecationWarning, stacklevel=2)
+                keywords[successors[old]] = keywords.pop(old)
+            return function(*args, **keywords)
+
+        return call
 
     return decorate
 

@@ -1,11 +1,57 @@
-"""Progress of long work on the terminal or in a notebook."""
+"""Progress of long work on the terminal or in a notebook, and what an interruption (Ctrl-C) ends."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, Literal, TypeVar
 
 T = TypeVar("T")
+
+_passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
+
+
+class LongWork:
+    """A context that an interruption ends quietly, so that what there is by then can be returned.
+
+    Parts of the work do not return what they have so far as their answer (:func:`passes_interrupts_on`), and work that is
+    itself such a part passes the interruption on.
+
+    Attributes
+    ----------
+    interrupted : bool
+        Whether the work was ended.
+    """
+
+    def __init__(self) -> None:
+        self.interrupted = False
+
+    def __enter__(self) -> LongWork:
+        self.outer = _passed_on.set(True)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> bool:
+        _passed_on.reset(self.outer)
+        self.interrupted = kind is not None and issubclass(kind, KeyboardInterrupt)
+        return self.interrupted and not passes_interrupts_on()
+
+
+def passes_interrupts_on() -> bool:
+    """Whether the caller is a part of longer work, which an interruption ends (:class:`LongWork`)."""
+    return _passed_on.get()
+
+
+@contextmanager
+def counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator[Callable[[], Any]]:
+    """A function that counts one more, in a bar with the time left if it is to be shown."""
+    if not show:
+        yield lambda: None
+        return
+    from tqdm.auto import tqdm
+
+    with tqdm(total=total, initial=done, desc=what, unit=unit) as bar:
+        yield bar.update
 
 
 def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:

@@ -2,13 +2,14 @@
 
 import json
 import os
+import pickle
 import random
 import shutil
 import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,8 +18,10 @@ import pytest
 from scipy import stats
 
 import bdamper as bd
+from bdamper.continuation.follower import Follower
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.design.sweep import OptimalTask, PeakTask, study_fingerprint
+from bdamper.design.workers import work
 from bdamper.peaks import scan as peakscan
 from bdamper.peaks.optimal import highest_peak, optimal_curve
 from tests.models import ground_model, wedge_model
@@ -65,6 +68,13 @@ def residual_norm(study, preload):
 def slow_question(study, preload):
     time.sleep(0.004)
     return {"value": study.friction_coefficient * preload, "note": "x" * 200}
+
+
+def stopping_question(study, preload):
+    """Ctrl-C at 300 N."""
+    if preload == 300.0:
+        raise KeyboardInterrupt
+    return {"value": preload}
 
 
 def thinner(alpha=0.8, seed=0):
@@ -164,11 +174,153 @@ class TestAnswers:
             bd.sweep(study, **arguments)
 
 
+class Parcels(Executor):
+    """Tasks of processes, which may be kept from seeing the file of the job; counts the bytes that they take."""
+
+    def __init__(self, pool, seen=True):
+        self.pool, self.seen, self.bytes = pool, seen, []
+
+    def submit(self, function, key, path, packed, settings):
+        path = path if self.seen else path + " elsewhere"
+        self.bytes.append(len(pickle.dumps((function, key, path, packed, settings))))
+        return self.pool.submit(function, key, path, packed, settings)
+
+
+class TestWorkers:
+    """What all points have in common reaches each worker once."""
+
+    over = {"preload": np.geomspace(100.0, 1000.0, 30)}  # noqa: RUF012
+
+    def begun(self, pool, study, seen=True):
+        """A pool whose processes were there before the job, which they would inherit."""
+        bd.sweep(replace(study, friction_coefficient=0.5), {"preload": [1.0, 2.0]}, residual_norm, executor=pool)
+        return Parcels(pool, seen)
+
+    def test_tasks_are_small_where_workers_see_the_file(self, study):
+        alone = answers(bd.sweep(study, self.over, residual_norm))
+        with ProcessPoolExecutor(2) as pool:
+            parcels = self.begun(pool, study)
+            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
+            assert len(parcels.bytes) == 30 and max(parcels.bytes) < 1000
+
+    def test_few_tasks_carry_the_job_where_they_do_not(self, study):
+        alone = answers(bd.sweep(study, self.over, residual_norm))
+        with ProcessPoolExecutor(2) as pool:
+            parcels = self.begun(pool, study, seen=False)
+            assert answers(bd.sweep(study, self.over, residual_norm, executor=parcels)) == alone
+        assert 1 <= sum(size > 100_000 for size in parcels.bytes) <= 10
+
+    def test_a_damaged_file_is_no_job(self, tmp_path):
+        (tmp_path / "job").write_bytes(pickle.dumps("something else"))
+        assert work("digest", str(tmp_path / "job"), None, {})[1] is None
+
+
+class TestInterrupted:
+    """Ctrl-C keeps the points that are finished."""
+
+    over = {"preload": [100.0, 200.0, 300.0, 400.0]}  # noqa: RUF012
+
+    def test_points_left_out_are_not_run(self, study, tmp_path):
+        result = bd.sweep(study, self.over, stopping_question, resume=tmp_path / "r.jsonl")
+        assert result.status == ("done", "done", "not run", "not run")
+        assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
+        assert not result.complete
+        assert str(result).count("interrupted: 2 of 4 points were not run") == 1 and "0 failed" in str(result)
+        result.save(tmp_path / "part.h5")
+        assert bd.load(tmp_path / "part.h5").status == result.status
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()
+        assert [json.loads(line)["index"] for line in lines[1:]] == [0, 1]
+
+    def test_on_workers(self, study):
+        with ThreadPoolExecutor(1) as pool:
+            result = bd.sweep(study, self.over, stopping_question, executor=pool)
+        assert result.status[:3] == ("done", "done", "not run")
+
+    def test_an_interrupted_part_is_no_answer(self, study, monkeypatch):
+        """A question that tracks a curve: what the curve has so far is not recorded as the answer."""
+
+        def question(study, preload):
+            return {"points": len(study.track(preload, (340.0, 360.0)))}
+
+        record = Follower.record
+        seen = []
+
+        def accept(follower, *args, **keywords):
+            seen.append(follower)
+            if len(seen) == stop:
+                raise KeyboardInterrupt
+            return record(follower, *args, **keywords)
+
+        stop = -1
+        monkeypatch.setattr(Follower, "record", accept)
+        assert bd.sweep(study, {"preload": [1000.0]}, question).complete
+        stop = 2 * len(seen) + len(seen) // 2  # within the second of two more
+        result = bd.sweep(study, {"preload": [1000.0, 1000.0]}, question)
+        assert len(seen) == stop and result.status == ("done", "not run")
+
+    def test_samples(self, study, monkeypatch):
+        """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
+        whole, made = optimal_curve, []
+
+        def stopped(*args, **options):
+            if len(made) == 3:
+                raise KeyboardInterrupt
+            made.append(whole(*args, **options))
+            return made[-1]
+
+        monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", stopped)
+        samples = {"friction_coefficient": [0.25, 0.3]}
+        four = {"friction_coefficient": [0.25, 0.3, 0.35, 0.4]}
+        curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
+        assert curve.status == ("done", "done", "done", "not run")
+        assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
+        assert "interrupted: 1 of 4 draws were not run" in str(curve) and "without a peak" not in str(curve)
+        ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
+        made.clear()
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
+        assert (found.rounds, found.status) == (1, "interrupted")
+        with pytest.raises(KeyboardInterrupt):
+            bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
+
+    @pytest.mark.slow
+    def test_a_signal_to_all_processes(self, tmp_path):
+        """As a terminal sends it: to the process and to the workers of its pool."""
+        script = tmp_path / "pool.py"
+        script.write_text(POOL_SCRIPT)
+        child = subprocess.Popen(
+            [sys.executable, script], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+        )
+        assert child.stdout.readline() == "begins\n"
+        time.sleep(2.0)
+        os.killpg(child.pid, signal.SIGINT)
+        out, err = child.communicate(timeout=60)
+        status = json.loads(out)
+        assert 0 < status.count("done") < 1000 and set(status) == {"done", "not run"}, err
+
+
+POOL_SCRIPT = """
+import json, time
+from concurrent.futures import ProcessPoolExecutor
+import bdamper as bd
+
+def question(study, preload):
+    time.sleep(0.05)
+    return {"value": preload}
+
+if __name__ == "__main__":
+    study = bd.Study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
+    pool = ProcessPoolExecutor(2)
+    print("begins", flush=True)
+    result = bd.sweep(study, {"preload": [float(p) for p in range(1, 1001)]}, question, executor=pool)
+    print(json.dumps(result.status))
+"""
+
+
 class TestResultsFile:
     over = {"friction_coefficient": np.linspace(0.1, 0.6, 10), "preload": [100.0, 200.0, 300.0]}  # noqa: RUF012
 
     def run(self, study, path, **more):
-        return bd.sweep(study, over=self.over, evaluate=slow_question, results=path, **more)
+        return bd.sweep(study, over=self.over, evaluate=slow_question, resume=path, **more)
 
     def test_killed_at_random_moments_and_resumed(self, study, tmp_path):
         """20 kills, each at a random moment; no finished point is lost, and the results are those of one quiet run."""
@@ -219,6 +371,11 @@ class TestResultsFile:
             first = self.run(study, path, executor=pool)
         assert answers(first) == answers(self.run(study, path))
 
+    def test_the_name_that_resume_had_is_accepted(self, study, tmp_path):
+        with pytest.warns(DeprecationWarning, match="results= is now resume="):
+            again = bd.sweep(study, over=self.over, evaluate=residual_norm, results=tmp_path / "s.jsonl")
+        assert (tmp_path / "s.jsonl").exists() and again.complete
+
     def test_file_of_another_study_is_refused(self, study, tmp_path):
         path = tmp_path / "r.jsonl"
         self.run(study, path)
@@ -226,9 +383,9 @@ class TestResultsFile:
         with pytest.raises(bd.BdamperError, match="another one: study"):
             self.run(replace(study, engine_order=60), path)
         with pytest.raises(bd.BdamperError, match="another one: over"):
-            bd.sweep(study, over={"preload": [1.0]}, evaluate=slow_question, results=path)
+            bd.sweep(study, over={"preload": [1.0]}, evaluate=slow_question, resume=path)
         with pytest.raises(bd.BdamperError, match="another one: evaluate"):
-            bd.sweep(study, over=self.over, evaluate=residual_norm, results=path)
+            bd.sweep(study, over=self.over, evaluate=residual_norm, resume=path)
         assert path.read_bytes() == content
 
     def test_something_else_is_refused_and_left_alone(self, study, tmp_path):

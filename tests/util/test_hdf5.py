@@ -166,17 +166,17 @@ class TestResumeFiles:
     def test_those_of_version_0_1_are_refused(self, study, tmp_path):
         shutil.copy(OLD / "sweep.jsonl", tmp_path)
         with pytest.raises(bd.BdamperError, match=r"expected results of .*, found those of bdamper 0\.1,"):
-            bd.sweep(study, {"preload": [2000.0, 4000.0]}, frequency=(270.0, 380.0), results=tmp_path / "sweep.jsonl")
+            bd.sweep(study, {"preload": [2000.0, 4000.0]}, frequency=(270.0, 380.0), resume=tmp_path / "sweep.jsonl")
 
     def test_those_of_another_numpy_are_continued(self, study, tmp_path):
         path = tmp_path / "sweep.jsonl"
         asked = {"over": {"preload": [2000.0, 4000.0]}, "evaluate": halved}
-        bd.sweep(study, **asked, results=path)
+        bd.sweep(study, **asked, resume=path)
         lines = path.read_text().splitlines()
         header = json.loads(lines[0])
         assert header["numpy_version"] == np.__version__ and header["bdamper_version"] == bd.__version__
         path.write_text("\n".join([json.dumps({**header, "numpy_version": "1.0"}), lines[1], ""]))
-        result = bd.sweep(study, **asked, results=path)
+        result = bd.sweep(study, **asked, resume=path)
         assert result.array("half").tolist() == [1000.0, 2000.0]
         assert len(path.read_text().splitlines()) == 3
 

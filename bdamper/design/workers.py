@@ -1,0 +1,154 @@
+"""Points of a sweep on the workers of an executor, each of which receives what all points have in common once.
+
+The job, a study with its question, takes some megabytes, a task some hundred bytes.  So the job is written to a file that
+tasks name with its digest, and a worker reads it when it meets the digest first.  A worker that does not see the file (on
+another host) hands the task back; as many tasks at a time as there are such workers then carry the job itself, until all of
+them have it.  This asks nothing of an executor but :meth:`concurrent.futures.Executor.submit`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any, Protocol
+
+Record = dict[str, Any]
+
+
+class Job(Protocol):
+    """What all points have in common; it can be pickled if it is to reach other processes."""
+
+    def run(self, settings: Mapping[str, Any]) -> Record:
+        """The record of the point with some settings."""
+        ...
+
+
+_jobs: dict[str, Job] = {}
+"""The job that this process works at, by the digest of its pickle."""
+
+
+def _unpacked(key: str, path: str, packed: bytes | None) -> Job | None:
+    """The job of a digest: the one that is kept, from the bytes, or from the file; None without any of them."""
+    job = _jobs.get(key)
+    if job is None:
+        if packed is None:
+            try:
+                packed = Path(path).read_bytes()
+            except OSError:
+                return None
+            if hashlib.sha256(packed).hexdigest() != key:
+                return None
+        _jobs.clear()
+        job = _jobs[key] = pickle.loads(packed)
+    return job
+
+
+def work(key: str, path: str, packed: bytes | Job | None, settings: Mapping[str, Any]) -> tuple[str, Record | None]:
+    """Name of the worker that ran this, and the record of one point, None if the worker has no way to the job."""
+    job = _unpacked(key, path, packed) if packed is None or isinstance(packed, bytes) else packed
+    return f"{platform.node()} {os.getpid()}", None if job is None else job.run(settings)
+
+
+class _Tasks:
+    """Tasks of an executor, and what is known of its workers."""
+
+    def __init__(self, executor: Executor, key: str, path: str, packed: bytes | Job, points: Sequence[Mapping[str, Any]]):
+        self.executor, self.key, self.path, self.packed, self.points = executor, key, path, packed, points
+        self.running: dict[Future[tuple[str, Record | None]], int] = {}
+        self.finished: SimpleQueue[Future[tuple[str, Record | None]]] = SimpleQueue()
+        self.without: set[str] = set()
+        """Workers that have handed a task back and not yet received the job."""
+        self.carriers: set[Future[tuple[str, Record | None]]] = set()
+        """Running tasks that carry the job."""
+        self.handed_back: list[int] = []
+
+    def submit(self, i: int, carries: bool) -> None:
+        """Submit a point, with the job or with its digest alone."""
+        future = self.executor.submit(work, self.key, self.path, self.packed if carries else None, self.points[i])
+        self.running[future] = i
+        if carries:
+            self.carriers.add(future)
+        future.add_done_callback(self.finished.put)
+
+    def take(self, future: Future[tuple[str, Record | None]]) -> tuple[int, Record | None]:
+        """Number and record of a finished task; one that was handed back is submitted again."""
+        i = self.running.pop(future)
+        self.carriers.discard(future)
+        worker, record = future.result()
+        if record is None:
+            self.without.add(worker)
+            self.handed_back.append(i)
+        else:
+            self.without.discard(worker)
+        while self.handed_back and (not self.without or len(self.carriers) < len(self.without)):
+            self.submit(self.handed_back.pop(0), bool(self.without))
+        return i, record
+
+    def left(self) -> Iterator[tuple[int, Record]]:
+        """What was finished when the work was interrupted."""
+        for future, i in self.running.items():
+            if not future.cancel() and future.done() and future.exception() is None:
+                record = future.result()[1]
+                if record is not None:
+                    yield i, record
+
+
+def outcomes(
+    job: Job, points: Sequence[Mapping[str, Any]], todo: Sequence[int], executor: Executor | None
+) -> Iterator[tuple[int, Record]]:
+    """Numbers and records of the points, in the order in which they are finished.
+
+    Parameters
+    ----------
+    job : Job
+    points : sequence of mapping
+    todo : sequence of int
+        Numbers of the points to run.
+    executor : concurrent.futures.Executor, optional
+        One point after another without it.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        After what was finished by then has been yielded.
+    """
+    if executor is None or not todo:
+        for i in todo:
+            yield i, job.run(points[i])
+        return
+    packed: bytes | Job
+    try:
+        packed = pickle.dumps(job)
+        key = hashlib.sha256(packed).hexdigest()
+        _jobs.clear()
+        _jobs[key] = job  # threads of this process use the job itself
+    except (pickle.PicklingError, AttributeError, TypeError):
+        packed, key = job, ""  # enough for threads; a pool of processes raises an error that says why it cannot
+    with tempfile.TemporaryDirectory(prefix="bdamper-", ignore_cleanup_errors=True) as folder:
+        path = Path(folder) / "job.pickle"
+        if isinstance(packed, bytes):
+            with suppress(OSError):  # without room for the file tasks carry the job
+                path.write_bytes(packed)
+        tasks = _Tasks(executor, key, str(path), packed, points)
+        try:
+            for i in todo:
+                tasks.submit(i, carries=not key)
+            while tasks.running:
+                i, record = tasks.take(tasks.finished.get())
+                if record is not None:
+                    yield i, record
+        except KeyboardInterrupt:
+            yield from tasks.left()
+            raise
+        finally:
+            for future in tasks.running:
+                future.cancel()
+            _jobs.pop(key, None)
