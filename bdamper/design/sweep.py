@@ -1,29 +1,27 @@
 """Sweeps: one question asked of many variants of a problem, on any executor, with results that survive a crash.
 
 Every point is computed from the problem and its own settings alone, so results do not depend on order, workers or
-interruptions.  Finished points can be kept in a file (:mod:`bdamper.design.results_file`).
+interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.results_file`).
 """
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.results_file import ResultsFile, as_line
 from bdamper.design.workers import outcomes
-from bdamper.model.model import Model, feed_digest
+from bdamper.model.model import Model
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.problem import Problem
-from bdamper.problem.variation import check_name, vary
+from bdamper.problem.variation import check_name, study_fingerprint, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -32,6 +30,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
+from bdamper.util.results_file import ResultsFile, as_line
 from bdamper.util.versions import HERE
 
 NOT_RUN = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
@@ -216,15 +215,6 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
         if warned:
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
-
-
-def study_fingerprint(problem: Problem) -> str:
-    """Digest of the model and of all settings of a problem."""
-    digest = hashlib.sha256(problem.model.hash.encode())
-    for item in fields(problem):
-        if item.name != "model" and not item.name.startswith("_"):
-            feed_digest(digest, item.name, getattr(problem, item.name))
-    return digest.hexdigest()
 
 
 def _named(task: Any) -> str:

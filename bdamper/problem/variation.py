@@ -8,6 +8,7 @@ density of free bodies, at the same shape and stiffness and the same static load
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any, TypeVar
@@ -15,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bdamper.contact.residual_modes import ResidualModes
-from bdamper.model.model import Body, Model
+from bdamper.model.model import Body, Model, feed_digest
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -53,6 +54,15 @@ def check_name(problem: Problem, name: str) -> None:
     """Raises a SettingError that lists the names there are."""
     if name not in setting_names(problem):
         raise SettingError(f"setting to vary: expected one of {setting_names(problem)}, found '{name}'")
+
+
+def study_fingerprint(problem: Problem) -> str:
+    """Digest of the model and of all settings of a problem."""
+    digest = hashlib.sha256(problem.model.hash.encode())
+    for item in fields(problem):
+        if item.name != "model" and not item.name.startswith("_"):
+            feed_digest(digest, item.name, getattr(problem, item.name))
+    return digest.hexdigest()
 
 
 def vary(problem: P, settings: Mapping[str, Any]) -> P:

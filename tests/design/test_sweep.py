@@ -20,10 +20,11 @@ from scipy import stats
 import bdamper as bd
 from bdamper.continuation.follower import Follower
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.design.sweep import OptimalTask, PeakTask, study_fingerprint
+from bdamper.design.sweep import OptimalTask, PeakTask
 from bdamper.design.workers import work
 from bdamper.peaks import scan as peakscan
 from bdamper.peaks.optimal import highest_peak, optimal_curve
+from bdamper.problem.variation import study_fingerprint
 from tests.models import ground_model, wedge_model
 
 INTERVAL = (250.0, 400.0)
@@ -397,7 +398,7 @@ class TestResultsFile:
             assert path.read_bytes() == text
 
     def test_two_runs_on_one_file_are_refused(self, study, tmp_path):
-        from bdamper.design.results_file import ResultsFile
+        from bdamper.util.results_file import ResultsFile
 
         header = {"format": "bdamper-sweep-results"}
         first = ResultsFile(tmp_path / "r.jsonl", header)

@@ -1,8 +1,8 @@
-"""The file in which a sweep keeps its finished points, so that an interrupted one can go on.
+"""The file in which long work keeps what is finished, so that it can go on when it was interrupted.
 
-Each finished point is appended at once, as one line of JSON, and forced to disk; a run that is killed leaves at most an
-incomplete last line, which the next run removes.  The first line identifies the problem, the settings and the question: a
-file of another sweep, or of another version of the package, is refused.
+Each finished part (a point of a sweep, a scan of an optimal curve) is appended at once, as one line of JSON, and forced to
+disk; work that is killed leaves at most an incomplete last line, which the next run removes.  The first line identifies the
+problem, the settings and the question: a file of other work, or of another version of the package, is refused.
 """
 
 from __future__ import annotations
@@ -19,29 +19,33 @@ from bdamper.util.versions import HERE, Versions
 
 
 class ResultsFile:
-    """Lines of JSON, the first of which identifies the sweep.  It is locked until it is closed.
+    """Lines of JSON, the first of which identifies the work.  It is locked until it is closed.
 
     Parameters
     ----------
     path : path
     header : mapping
         Compared with the first line of an existing file.
+    work : str
+        What the file belongs to: "sweep", "optimal curve".
 
     Attributes
     ----------
-    records : dict of int to mapping
-        Finished points by their number.
+    records : dict of (int or str) to mapping
+        Finished parts by their "index", a number or a name.
 
     Raises
     ------
     BdamperError
-        If another run uses the file, or it is not one of this sweep.
+        If another run uses the file, or it is not one of this work.
     """
 
-    def __init__(self, path: str | Path, header: Mapping[str, Any]) -> None:
+    def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
         self.path = Path(path)
         self.header = dict(header)
-        self.records: dict[int, dict[str, Any]] = {}
+        self.expected = f"a results file of {'an' if work[0] in 'aeiou' else 'a'} {work}"
+        self.work = work
+        self.records: dict[int | str, dict[str, Any]] = {}
         self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
         try:
             self._lock()
@@ -71,29 +75,29 @@ class ResultsFile:
         lines = content[:whole].splitlines()
         if not lines:
             if content and not as_line(self.header).startswith(content[: len(as_line(self.header))]):
-                raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
+                raise BdamperError(f"{self.path}: expected {self.expected}, found something else")
             os.ftruncate(self.file, 0)
             self._write(self.header)
             return
         try:
             found = json.loads(lines[0])
         except ValueError as error:
-            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else") from error
+            raise BdamperError(f"{self.path}: expected {self.expected}, found something else") from error
         self._compare(found)
         for number, line in enumerate(lines[1:], 2):
             try:
                 record = json.loads(line)
-                self.records[int(record["index"])] = record
+                self.records[record["index"]] = record
             except (ValueError, KeyError, TypeError) as error:
                 raise BdamperError(
-                    f"{self.path}, line {number}: expected one finished point, found {line[:60]!r}"
+                    f"{self.path}, line {number}: expected one finished part, found {line[:60]!r}"
                 ) from error
         if whole < len(content):  # incomplete, since the run that wrote it was killed
             os.ftruncate(self.file, whole)
 
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
-            raise BdamperError(f"{self.path}: expected a results file of a sweep, found something else")
+            raise BdamperError(f"{self.path}: expected {self.expected}, found something else")
         own, other = (Versions.stored(header).bdamper for header in (self.header, found))
         if own != other:
             raise BdamperError(
@@ -103,7 +107,7 @@ class ResultsFile:
         for name, expected in json.loads(as_line(self.header)).items():
             if name not in HERE.attributes() and found.get(name) != expected:
                 raise BdamperError(
-                    f"{self.path}: expected results of this sweep, found those of another one: {name} is "
+                    f"{self.path}: expected results of this {self.work}, found those of another one: {name} is "
                     f"{_short(found.get(name))}, here {_short(expected)}"
                 )
 
@@ -114,9 +118,9 @@ class ResultsFile:
         os.fsync(self.file)
 
     def append(self, record: dict[str, Any]) -> None:
-        """Add one finished point, on disk when this returns."""
+        """Add one finished part, on disk when this returns."""
         self._write(record)
-        self.records[int(record["index"])] = record
+        self.records[record["index"]] = record
 
     def close(self) -> None:
         os.close(self.file)
