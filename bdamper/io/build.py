@@ -30,6 +30,7 @@ from bdamper.io.plausible import (
     check_sizes,
 )
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
+from bdamper.io.row_order import check_row_order
 from bdamper.model.model import Body, Location, Model, SurfaceMesh
 from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters
@@ -167,6 +168,7 @@ def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units
     for body in bodies.values():
         if body.has_matrices:
             check_not_swapped(body)
+            check_row_order(body)
 
 
 def _known_frequencies(given: Mapping[int, Sequence[float]] | None) -> Mapping[int, Sequence[float]]:

@@ -23,6 +23,7 @@ from bdamper.fe.sector import SectorFE, damper_sets
 from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
 from bdamper.io.plausible import wave_speed
 from bdamper.io.prepare import PreparedBody, placement
+from bdamper.io.row_order import check_row_order
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
@@ -380,6 +381,49 @@ def test_bad_blade(bodies, tip, change, message):
     with pytest.raises(BdamperError, match=message) as caught:
         build_model(change(bodies[0]), bodies[1], contacts=contacts(), locations={"tip": tip}, **SETTINGS)
     assert "\n" not in str(caught.value)
+
+
+def by_component(body):
+    """Matrices with the rows of all x, then all y, then all z, and the table that says so."""
+    dofs = np.stack([np.repeat(body.numbers, 3), np.tile([1, 2, 3], len(body.nodes))], axis=1)
+    rows = np.argsort(dofs[:, 1], kind="stable")
+    matrices = {key: getattr(body, key)[rows][:, rows] for key in ("stiffness", "mass")}
+    return replace(body, dofs=dofs[rows], **matrices)
+
+
+def without_clamped(body):
+    held = np.isin(np.repeat(body.numbers, 3), body.node_sets["BORE"])
+    keep = np.flatnonzero(~held)
+    dofs = np.stack([np.repeat(body.numbers, 3), np.tile([1, 2, 3], len(body.nodes))], axis=1)[keep]
+    return replace(body, dofs=dofs, stiffness=body.stiffness[keep][:, keep], mass=body.mass[keep][:, keep])
+
+
+@pytest.mark.parametrize("elements", [True, False], ids=["with elements", "without"])
+@pytest.mark.parametrize("which", ["blade", "damper", "held blade"])
+def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
+    """Node by node and component by component alike, if the table says so; the order that fits is named otherwise."""
+    body = bodies[which == "damper"] if elements else replace(bodies[which == "damper"], elements=())
+    body = without_clamped(body) if which == "held blade" else body
+    place = placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
+    by_node = PreparedBody("blade", body, place)
+    check_row_order(by_node)
+    assert "rigid motions cost" in by_node.checks[0]
+    if which == "held blade":
+        mistaken = replace(body, dofs=body.dofs[np.argsort(body.dofs[:, 1], kind="stable")])
+        expected = r"expected rows in the order of the table, found forces on .*rows come node by node"
+    else:
+        check_row_order(PreparedBody("blade", by_component(body), place))
+        mistaken = replace(by_component(body), dofs=None)
+        expected = r"expected rows x, y, z of one node .*, found forces on .*rows come component by component \(all x"
+    with pytest.raises(ModelError, match=expected) as caught:
+        check_row_order(PreparedBody("blade", mistaken, place))
+    assert "\n" not in str(caught.value)
+
+
+def test_positions_of_other_nodes_are_noticed(bodies):
+    moved = replace(bodies[0], nodes=np.roll(bodies[0].nodes, 3, axis=0))
+    with pytest.raises(ModelError, match=r"forces on 9.* % of the nodes .*positions that do not belong to the nodes"):
+        check_row_order(PreparedBody("blade", moved, placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")))
 
 
 def grounded(body):
