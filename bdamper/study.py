@@ -138,6 +138,7 @@ class Study(Problem):
         frequency: tuple[float, float] | None = None,
         mode: int = 1,
         checks: int = 0,
+        verify: bool = True,
         options: PeakOptions | None = None,
         tolerance: float = 0.05,
         check: bool = True,
@@ -146,7 +147,7 @@ class Study(Problem):
 
         Parameters
         ----------
-        preload, n, frequency, mode, checks, options
+        preload, n, frequency, mode, checks, verify, options
             As :func:`bdamper.peaks.optimal.optimal_curve` explains them.
         tolerance : float
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
@@ -162,7 +163,8 @@ class Study(Problem):
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         validate.flag("check", check)
-        curve = optimal.optimal_curve(self, preload, n, frequency=frequency, mode=mode, checks=checks, options=options)
+        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
+        curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways)
         return accuracy_tolerance.with_ladder(self, curve, tolerance) if check else curve
 
     peak_sensitivities = sensitivity.peak_sensitivities

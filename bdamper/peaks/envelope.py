@@ -1,35 +1,34 @@
-"""All resonance peaks over a range of preloads, and the preload at which the highest of them is least.
+"""All resonance peaks over a range of preloads.
 
 The peak is followed down from the highest preload, where the contact is nearly stuck and the response nearly linear.
 Several peaks can exist at one preload, and a followed one need not stay the highest.  So the response over frequency is
 followed (:mod:`bdamper.peaks.scan`) at both ends of the range, next to where a peak has ended, and wherever the highest
-peak does not come from that at the neighbouring preload; every peak that such a scan finds is followed both ways.  A scan
-starts at the highest peak that is known there, or at the ends of the interval.
+peak does not come from that at the neighbouring preload; every peak that such a scan finds is followed both ways.
 
-The highest peak over the preload is the envelope of all branches of peaks.  Its least value (:func:`least_peak`) is a root
-of the adjoint sensitivity where the envelope is smooth there, the point of equal height where two peaks cross, or the
-place of the jump where a higher peak vanishes; the preload is found to a relative 1e-7.
+A scan starts at the highest peak that is known there and follows the curve coarsely.  If this does not lead to both ends
+of the interval, or did not at a preload beside it, the whole tracking curve is taken, which
+:func:`bdamper.continuation.track.track` gives by default: in a tangle of folds a coarse curve takes as long and gets lost
+more often.
+
+A preload has a value if a scan there was complete, or if the nearest scans on both sides were: the highest peak is then
+the value of the optimal curve.  What an incomplete scan finds is a lower bound: branches are followed from it, but nothing
+is concluded from it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.track import find_start
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.peaks.follower import PeakFollower
+from bdamper.peaks.follower import LOST, PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
-from bdamper.peaks.optimal_curve import OptimumPoint
-from bdamper.peaks.scan import FROM_ENDS, Scan, scan, scan_from
-from bdamper.peaks.sensitivity import amplitude_sensitivity
+from bdamper.peaks.scan import COMPLETE, Scan, scan, scan_from
 from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import BdamperError, SettingError, StaticError
-from bdamper.util.rootfind import find_root
 
 SIGNIFICANT = 0.5
 """Peaks below this share of the highest one at the same preload are not followed; a branch ends below half of it."""
@@ -37,12 +36,9 @@ FOLLOWED = 4
 """Peaks of one scan that are followed at most, the highest ones."""
 KEPT = 64
 """Equations of different preloads that are kept."""
-OPTIMUM_TOLERANCE = 1e-7
-"""Relative, on the preload of the optimum."""
-FLAT = 1e-6
-"""Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
-NEAR = 0.95
-"""Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found."""
+
+SAME_PRELOAD = 1e-4
+"""Relative difference up to which a curve at one preload stands for the other."""
 
 
 @dataclass
@@ -82,6 +78,16 @@ class PeakEnvelope:
         Where to look for peaks.
     options : PeakOptions
     meter : CostMeter
+
+    What is known so far, between any two scans, is held by
+
+    * ``preload``, to which those are added at which curves check an optimum, and ``asked``, which tells the others,
+    * ``branches`` and ``events``,
+    * ``scanned``: "complete" or why not, by the index of the preload,
+    * ``whole``: where the whole tracking curve was taken,
+    * ``bound``: the highest response (m) where a scan found no peak there.
+
+    With these set, :meth:`find_all` goes on where it was.
     """
 
     def __init__(
@@ -95,7 +101,10 @@ class PeakEnvelope:
         self.options = options
         self.meter = meter
         self.branches: list[Branch] = []
+        self.asked = np.ones(len(preload), bool)
         self.scanned: dict[int, str] = {}
+        self.whole: set[int] = set()
+        self.bound: dict[int, float] = {}
         self.events: list[str] = []
         self.systems: dict[float, HarmonicSystem] = {}
 
@@ -119,26 +128,58 @@ class PeakEnvelope:
         """The highest peak within the interval that is not known to be isolated, and its branch."""
         return next(((b, q) for b, q in self.at(k) if k not in b.isolated and self.within(q)), None)
 
+    def value(self, k: int) -> tuple[Branch, Peak] | None:
+        """The highest peak at a preload, if it is known that there is no higher one."""
+        return self.highest(k) if self.trusted(k) else None
+
+    def trusted(self, k: int) -> bool:
+        """Whether the scan at a preload was complete, or the nearest ones on both sides were."""
+        if k in self.scanned:
+            return self.scanned[k] == COMPLETE
+        below = max((j for j in self.scanned if j < k), default=-1)
+        above = min((j for j in self.scanned if j > k), default=-1)
+        return self.scanned.get(below) == COMPLETE and self.scanned.get(above) == COMPLETE
+
+    def lower_bound(self, k: int) -> float:
+        """Highest response found at a preload (m), NaN if none was."""
+        top = self.highest(k)
+        return max(self.bound.get(k, np.nan), np.nan if top is None else top[1].amplitude)
+
     def within(self, peak: Peak) -> bool:
         """Whether a peak lies in the interval of frequency; a branch is followed beyond it, since it may come back."""
         return self.frequency[0] <= peak.frequency <= self.frequency[1]
 
-    def scan(self, k: int) -> None:
-        """Follow the response over frequency at a preload, and every new peak that is found to both sides."""
-        if k in self.scanned:
-            return
+    def scan(self, k: int, whole: bool = False) -> None:
+        """Follow the response over frequency at a preload, and every new peak that is found to both sides.
+
+        Parameters
+        ----------
+        k : int
+        whole : bool
+            Take the whole tracking curve.
+        """
         p = float(self.preload[k])
         state = self.problem.static(p)
         if not state.converged:
             self.scanned[k] = f"not made: static state: {state.note}"
             self.events.append(f"{p:.6g} N: static state: {state.note}")
             return
-        found = self.look(k, p)
-        peaks, ending = found.peaks, found.ending
-        self.scanned[k] = ending
+        try:
+            found = self.look(k, p, whole)
+        except LOST as error:
+            self.scanned[k] = f"failed: {type(error).__name__}: {error}"
+            self.events.append(f"{p:.6g} N: scan over frequency {self.scanned[k]}")
+            return
+        peaks = found.peaks
+        self.scanned[k] = found.ending if found.above is None else f"{found.ending}, {found.above}"
+        if found.above is not None:
+            self.bound[k] = found.above.amplitude
         known = self.at(k)
+        for b, q in known:
+            if any(same_peak(q, other) for other in peaks):
+                b.isolated.discard(k)
         new = [q for q in peaks if not any(same_peak(q, other) for _, other in known)]
-        if ending == "complete":
+        if found.ending == COMPLETE:
             for b, q in known:
                 if not any(same_peak(q, other) for other in peaks) and not found.passes(q, self.family(p).n_mean):
                     b.isolated.add(k)
@@ -147,7 +188,7 @@ class PeakEnvelope:
                         "connected to the response curve that a sweep of frequency follows"
                     )
         self.events.append(
-            f"{p:.6g} N: scan over frequency ({ending}) found {len(peaks)} peaks, {len(new)} of them new"
+            f"{p:.6g} N: scan over frequency ({self.scanned[k]}) found {len(peaks)} peaks, {len(new)} of them new"
         )
         top = max([q.amplitude for q in peaks], default=0.0)
         for q in new[:FOLLOWED]:
@@ -158,32 +199,27 @@ class PeakEnvelope:
             self.follow(branch, k, -1)
             self.follow(branch, k, +1)
 
-    def look(self, k: int, preload: float) -> Scan:
-        """The response over frequency, from the highest peak known at this preload if there is one."""
-        system = self.family(preload)
+    def look(self, k: int, preload: float, whole: bool) -> Scan:
+        """The response over frequency: from the highest peak known at a preload, if that will do, else the whole curve."""
         item = self.highest(k)
-        start = None if item is None else item[1].y
-        if start is None:
-            low = 2.0 * np.pi * self.frequency[0]
-            start, _ = find_start(self.problem, preload, low, FROM_ENDS, self.meter)
-        if start is not None:
+        if not whole and item is not None and not self.whole.intersection((k - 1, k + 1)):
             found = scan_from(
-                self.problem, system, start, self.frequency, preload=preload, options=self.options, meter=self.meter,
-                share=0.5 * SIGNIFICANT,
+                self.problem, self.family(preload), item[1].y, self.frequency, preload=preload, options=self.options,
+                meter=self.meter, share=0.5 * SIGNIFICANT,
             )  # fmt: skip
-            if found.ending == "complete":
+            if found.whole:
                 return found
-        return scan(
-            self.problem, preload, self.frequency, options=self.options, continuation=FROM_ENDS, meter=self.meter
-        )
+        self.whole.add(k)
+        curve = ContinuationOptions()
+        return scan(self.problem, preload, self.frequency, options=self.options, continuation=curve, meter=self.meter)
 
-    def follow(self, branch: Branch, k: int, step: int) -> None:
-        """Follow a branch from preload to preload until it ends or meets another one."""
+    def follow(self, branch: Branch, k: int, step: int, last: int | None = None) -> None:
+        """Follow a branch from preload to preload until it ends or meets another one, or to the ``last`` alone."""
         follower = PeakFollower(self.family, branch.peaks[k], self.options, self.limits)
         ended = ""
         while True:
             k += step
-            if not 0 <= k < len(self.preload):
+            if not 0 <= k < len(self.preload) or (last is not None and k == last + step):
                 break
             peak = follower.go(float(self.preload[k]))
             if peak is None:
@@ -203,27 +239,55 @@ class PeakEnvelope:
                 ended = "no longer significant"
                 break
         self.meter.iterations += follower.iterations
+        if last is not None:
+            return
         if step < 0:
             branch.down = ended
         else:
             branch.up = ended
 
-    def find_all(self, checks: int) -> None:
-        """Find peaks at all preloads, with scans at the ends of the range, at some preloads between, and where needed."""
-        n = len(self.preload)
-        for k in [n - 1, *(int(i) for i in np.round(np.linspace(0, n - 1, checks + 2))[1:-1])]:
+    def find_all(self, checks: int = 0) -> None:
+        """Find peaks at all preloads, by one scan after another until :meth:`next_scan` asks for none."""
+        while (k := self.next_scan(checks)) is not None:
             self.scan(k)
-        for _ in range(2 * n):
+
+    def next_scan(self, checks: int) -> int | None:
+        """The preload that is to be scanned next: ends of the range, some between, and where what is known asks for it."""
+        n = len(self.preload)
+        first = [n - 1, *(int(i) for i in np.round(np.linspace(0, n - 1, checks + 2))[1:-1])]
+        todo = next((k for k in first if k not in self.scanned), None)
+        if todo is None:
             todo = self.without_peak()
-            if todo is None:
-                todo = 0 if 0 not in self.scanned else self.beside_tangle()
-            if todo is None:
-                todo = self.suspicious()
-            if todo is None:
-                break
-            self.scan(todo)
-        for k in range(n - 1):
-            self.note_change(k)
+        if todo is None and 0 not in self.scanned:
+            return 0
+        if todo is None:
+            todo = self.suspicious()
+        return self.beside_incomplete() if todo is None else todo
+
+    def insert(self, preload: float) -> int:
+        """Index of a preload, which is added if it is none of those so far, with the peaks that can be followed there."""
+        k = int(np.searchsorted(self.preload, preload))
+        for j in (k - 1, k):
+            if 0 <= j < len(self.preload) and abs(np.log(self.preload[j] / preload)) < SAME_PRELOAD:
+                return j
+
+        def moved(j: int) -> int:
+            return j + (j >= k)
+
+        self.preload = np.insert(self.preload, k, preload)
+        self.asked = np.insert(self.asked, k, False)
+        self.scanned = {moved(j): ending for j, ending in self.scanned.items()}
+        self.whole = {moved(j) for j in self.whole}
+        self.bound = {moved(j): amplitude for j, amplitude in self.bound.items()}
+        for b in self.branches:
+            b.peaks = {moved(j): q for j, q in b.peaks.items()}
+            b.isolated = {moved(j) for j in b.isolated}
+            b.joined = {moved(j): number for j, number in b.joined.items()}
+        for b in self.branches:
+            for step in (1, -1):
+                if k - step in b.peaks and k not in b.peaks:
+                    self.follow(b, k - step, step, k)
+        return k
 
     def note_change(self, k: int) -> None:
         """Note an event if the highest peaks at a preload and at the next one are of different branches."""
@@ -252,12 +316,13 @@ class PeakEnvelope:
                 return next((j for j in first if j not in self.scanned), k)
         return None
 
-    def beside_tangle(self) -> int | None:
-        """A preload beside one whose scan ended in a tangle of folds: the curve may be simpler there."""
-        for k, ending in self.scanned.items():
-            beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload)]
-            if "tangle" in ending and not any(j in self.scanned for j in beside):
-                return beside[0]
+    def beside_incomplete(self) -> int | None:
+        """A preload beside one without a complete scan, so that every value lies between complete ones."""
+        for k, ending in sorted(self.scanned.items(), reverse=True):
+            if ending != COMPLETE:
+                beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and j not in self.scanned]
+                if beside:
+                    return beside[0]
         return None
 
     def suspicious(self) -> int | None:
@@ -275,143 +340,3 @@ class PeakEnvelope:
                 if ended and j not in self.scanned:
                     return j
         return None
-
-
-class _Place(NamedTuple):
-    """Highest peak at one preload: ln(preload), number of the branch, the peak and d ln(amplitude)/d ln(preload)."""
-
-    x: float
-    branch: int
-    peak: Peak
-    slope: float
-
-
-class _Minimum:
-    """The search for the least value of the envelope."""
-
-    def __init__(self, known: PeakEnvelope) -> None:
-        self.known = known
-        self.options = replace(known.options, position_tolerance=min(known.options.position_tolerance, 1e-8))
-        self.cache: dict[float, list[tuple[int, Peak]]] = {}
-
-    def at(self, x: float, every: bool = False) -> _Place:
-        """Highest peak at a preload of exp(x) newtons, with ``every`` also of branches that are low at both neighbours."""
-        p = float(np.exp(x))
-        if every or x not in self.cache:
-            grid = np.log(self.known.preload)
-            k = int(np.clip(np.searchsorted(grid, x), 1, len(grid) - 1))
-            places = next(((i,) for i in (k - 1, k) if abs(grid[i] - x) < 1e-13), (k - 1, k))
-            found = []
-            for branch in self.known.branches:
-                if branch.isolated.intersection(places):
-                    continue
-                near = [branch.peaks[i] for i in places if i in branch.peaks]
-                near += [q for list_ in self.cache.values() for number, q in list_ if number == branch.number]
-                if not near or not (every or self.is_high(branch, places)):
-                    continue
-                near.sort(key=lambda q: -abs(np.log(q.parameter) - x))
-                exact = abs(np.log(near[-1].parameter) - x) < 1e-13
-                peak = near[-1] if exact else self.followed(near, p)
-                if peak is not None and self.known.within(peak):
-                    found.append((branch.number, peak))
-            if not found:
-                raise ArithmeticError(f"no peak found at {p:.8g} N")
-            self.cache[x] = sorted(found, key=lambda item: -item[1].amplitude)
-        number, peak = self.cache[x][0]
-        slope = amplitude_sensitivity(peak, self.known.family, p, self.options) * p / peak.amplitude
-        return _Place(x, number, peak, slope)
-
-    def is_high(self, branch: Branch, places: tuple[int, ...]) -> bool:
-        """Whether a branch comes near the highest peak at one of two neighbouring preloads."""
-        for k in places:
-            top = self.known.highest(k)
-            if k in branch.peaks and top is not None and branch.peaks[k].amplitude >= NEAR * top[1].amplitude:
-                return True
-        return False
-
-    def followed(self, near: list[Peak], p: float) -> Peak | None:
-        """The peak of a branch at a preload, followed from the nearest ones known; None if it does not get there."""
-        distinct = {q.parameter: q for q in near}
-        follower = PeakFollower(self.known.family, list(distinct.values())[-3:], self.options, self.known.limits)
-        peak = follower.go(p)
-        self.known.meter.iterations += follower.iterations
-        return peak
-
-    def continues(self, near: _Place, far: _Place) -> bool:
-        """Whether two places have the same peak on top, which branches of different scans may both hold."""
-        there = self.cache[far.x]
-        return any(number == near.branch and same_peak(peak, far.peak) for number, peak in there)
-
-    def between(self, near: _Place, far: _Place) -> OptimumPoint:
-        """Least value of the envelope between two places: it falls from ``near`` toward ``far``, which is not lower."""
-        sense = np.sign(far.x - near.x)
-        start, length = near.x, abs(far.x - near.x)
-
-        def slope(t: float) -> float:
-            nonlocal near, far
-            place = self.at(start + sense * t)
-            falls = place.slope * sense < 0.0 and place.peak.amplitude <= near.peak.amplitude * (1.0 + 1e-12)
-            if falls:
-                near = place
-            else:
-                far = place
-            return -abs(place.slope) if falls else abs(place.slope)
-
-        ends = (0.0, -abs(near.slope)), (length, abs(far.slope))
-        root = find_root(slope, *ends, OPTIMUM_TOLERANCE)
-        meeting = far.slope * sense >= 0.0  # the envelope also falls from far toward near
-        kind = "jump" if not meeting else ("smooth" if self.continues(near, far) else "crossing")
-        best = near
-        if kind == "smooth":
-            best = min(near, far, key=lambda place: abs(place.slope))
-        elif far.peak.amplitude < near.peak.amplitude:
-            best = far
-        if kind != "jump" and self.at(best.x, every=True).peak.amplitude > best.peak.amplitude * (1.0 + 1e-9):
-            raise ArithmeticError("another peak is higher there")
-        ok = "converged" if root.step <= 10.0 * OPTIMUM_TOLERANCE else "bracket not narrowed further"
-        return OptimumPoint(best.peak.parameter, best.peak.amplitude, best.peak.frequency, kind, root.step, ok)
-
-
-def least_peak(known: PeakEnvelope) -> OptimumPoint:
-    """The preload at which the highest peak is least.
-
-    Parameters
-    ----------
-    known : PeakEnvelope
-        Peaks at all its preloads.
-
-    Raises
-    ------
-    BdamperError
-        If there is no peak at any preload.
-    """
-    n = len(known.preload)
-    highest = [known.highest(k) for k in range(n)]
-    height = np.array([item[1].amplitude if item else np.inf for item in highest])
-    found = height[np.isfinite(height)]
-    if not len(found):
-        low, high = known.frequency
-        endings = ", ".join(dict.fromkeys(known.scanned.values())) or "not made"
-        raise BdamperError(
-            f"no peak found at any of {n} preloads from {known.preload[0]:g} to {known.preload[-1]:g} N "
-            f"between {low:.6g} and {high:.6g} Hz; scans over frequency: {endings}"
-        )
-    k = int(np.argmin(height))
-    best = highest[k][1]  # type: ignore[index]
-    if len(found) > 1 and found.max() <= (1.0 + FLAT) * found.min():
-        return OptimumPoint(np.nan, best.amplitude, best.frequency, "flat", np.inf, "the preload does not matter")
-    x = np.log(known.preload)
-    search = _Minimum(known)
-    try:
-        near = search.at(float(x[k]))
-        side = -1 if near.slope > 0.0 else 1
-        if not 0 <= k + side < n:
-            return OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", 0.0)
-        if not np.isfinite(height[k + side]):
-            width = float(abs(x[k + side] - x[k]))
-            why = f"the amplitude falls toward {known.preload[k + side]:.6g} N, where no peak was found"
-            return OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", width, why)
-        return search.between(near, search.at(float(x[k + side])))
-    except (ArithmeticError, SettingError, StaticError) as error:
-        width = float(np.max(np.abs(np.diff(x))))
-        return OptimumPoint(best.parameter, best.amplitude, best.frequency, "smooth", width, str(error))

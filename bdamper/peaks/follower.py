@@ -21,6 +21,9 @@ from bdamper.peaks.sensitivity import sensitivities
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.util.repr import brief
 
+LOST = (ArithmeticError, np.linalg.LinAlgError, StaticError)
+"""What may go wrong at one preload without saying anything about others."""
+
 
 @brief
 @dataclass(frozen=True)
@@ -129,16 +132,22 @@ class PeakFollower:
         if peak.corner:
             return np.zeros_like(peak.y)
         factor = peak.parameter if self.logarithmic else 1.0
-        found = sensitivities(peak, {"parameter": (self.family, peak.parameter)}, self.options)["parameter"]
+        try:
+            found = sensitivities(peak, {"parameter": (self.family, peak.parameter)}, self.options)["parameter"]
+        except LOST:
+            return np.zeros_like(peak.y)
         return found.y * factor
 
     def _attempt(self, value: float, drift: bool, thorough: bool) -> Peak | None:
-        last = self.known[-1]
         try:
-            predictions, system = self._predictions(value), self.family(value)
-        except StaticError as error:
-            self.reason = str(error)
+            return self._found(value, drift, thorough)
+        except LOST as error:
+            self.reason = str(error) if isinstance(error, StaticError) else f"{type(error).__name__}: {error}"
             return None
+
+    def _found(self, value: float, drift: bool, thorough: bool) -> Peak | None:
+        last = self.known[-1]
+        predictions, system = self._predictions(value), self.family(value)
         order = int(np.argmin(self.errors[: len(predictions)]))
         guess = predictions[order]
         if not guess[-1] > 0.0:

@@ -367,7 +367,8 @@ class _Search:
         # the curvature is that between the last point and the nearest one on the other side of the maximum
         other = min((p for p in points if p.slope * here.slope < 0.0), key=lambda p: norm2((p.y - here.y) / self.scale),
                     default=a)  # fmt: skip
-        curvature = (here.slope - other.slope) / float(here.tangent @ ((here.y - other.y) / self.scale))
+        apart = float(here.tangent @ ((here.y - other.y) / self.scale))
+        curvature = (here.slope - other.slope) / apart if apart != 0.0 else np.nan
         found = root.step * length <= self.options.position_tolerance
         self.reason = "" if found else f"not found within {self.options.max_trials} correctors"
         return (*self.exact(here, curvature)[:2], found)

@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.peaks.envelope import PeakEnvelope, least_peak
+from bdamper.peaks.envelope import PeakEnvelope
+from bdamper.peaks.least import least_peak, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
@@ -39,6 +40,7 @@ def optimal_curve(
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
     checks: int = 0,
+    verify: bool = True,
     options: PeakOptions | None = None,
 ) -> OptimalCurve:
     """Resonance amplitude and frequency over the preload, and the preload of least amplitude.
@@ -56,6 +58,8 @@ def optimal_curve(
     checks : int
         Preloads, besides the ends of the range, at which the whole response is followed to look for higher peaks in any
         case.
+    verify : bool
+        Compare the optimum with whole tracking curves, and search on where they contradict it.
     options : PeakOptions
         ``FOLLOWING`` by default.
 
@@ -71,6 +75,7 @@ def optimal_curve(
     start = time.perf_counter()
     values = preload_values(preload, n)
     checks = validate.whole("checks", checks)
+    validate.flag("verify", verify)
     check_options(options)
     if not problem.carries_load:
         why = problem.why_no_load
@@ -82,7 +87,9 @@ def optimal_curve(
     known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
     known.find_all(checks)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
-    optimum = least_peak(known)
+    optimum = verified_optimum(known) if verify else least_peak(known)
+    for k in range(len(known.preload) - 1):
+        known.note_change(k)
     columns = _columns(known, problem.n_unknowns)
     return OptimalCurve(
         **columns, free=free, stuck=stuck, optimum=optimum, events=tuple(known.events),
@@ -92,22 +99,24 @@ def optimal_curve(
 
 def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
     """Fields of an optimal curve that hold the highest peak at each preload, and all peaks."""
-    highest = [known.highest(k) for k in range(len(known.preload))]
+    asked = [int(k) for k in np.flatnonzero(known.asked)]
+    values = [known.value(k) for k in asked]
     every = [(b.number, q, k in b.isolated) for b in known.branches for k, q in sorted(b.peaks.items())]
 
     def column(name: str, fill: Any) -> NDArray:
-        return np.array([fill if item is None else getattr(item[1], name) for item in highest])
+        return np.array([fill if item is None else getattr(item[1], name) for item in values])
 
     return {
-        "preload": known.preload,
+        "preload": known.preload[asked],
         "amplitude": column("amplitude", np.nan),
+        "lower_bound": np.array([known.lower_bound(k) if item is None else np.nan for k, item in zip(asked, values)]),
         "frequency": column("frequency", np.nan),
         "shares": column("shares", np.full(3, np.nan)),
         "residual": column("residual", np.nan),
         "rank_deficiency": column("rank_deficiency", 0),
-        "branch": np.array([-1 if item is None else item[0].number for item in highest]),
-        "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in highest]),
-        "status": tuple(_status(item is not None, known.scanned.get(k)) for k, item in enumerate(highest)),
+        "branch": np.array([-1 if item is None else item[0].number for item in values]),
+        "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in values]),
+        "status": tuple(_status(known, k) for k in asked),
         "peak_preload": np.array([q.parameter for _, q, _ in every]),
         "peak_amplitude": np.array([q.amplitude for _, q, _ in every]),
         "peak_frequency": np.array([q.frequency for _, q, _ in every]),
@@ -117,11 +126,13 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
     }
 
 
-def _status(found: bool, ending: str | None) -> str:
+def _status(known: PeakEnvelope, k: int) -> str:
     """What is known at a preload, with the ending of the scan over frequency if one was made there."""
-    if not found:
-        return f"no peak found, scan over frequency {ending or 'not made'}"
-    return "followed" if ending is None else ("scanned" if ending == "complete" else f"scan {ending}")
+    ending = known.scanned.get(k)
+    if known.value(k) is not None:
+        return "followed" if ending is None else "scanned"
+    what = "no peak found" if known.highest(k) is None else "lower bound"
+    return f"{what}, scan over frequency {'not made' if ending is None else ending}"
 
 
 @one_thread
@@ -191,9 +202,9 @@ def highest_peak(
     check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(problem, preload, frequency, options=options, meter=meter)
-    peaks, ending, drift = found.peaks, found.ending, found.drift
-    if drift is not None and (not peaks or drift[1] > peaks[0].amplitude):
-        ending += f"; higher where the mean position drifts, {drift[1]:.6g} m at {drift[0]:.6g} Hz"
+    peaks, ending = found.peaks, found.ending
+    if found.above is not None:
+        ending += f"; {found.above}"
     if not peaks:
         raise BdamperError(
             f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "

@@ -17,6 +17,10 @@ from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
+AT_END = "end of the range, the optimum may lie beyond"
+COARSE = 1e-5
+"""Relative uncertainty of the preload of an optimum from which on it is told."""
+
 
 @dataclass(frozen=True)
 class Limit:
@@ -44,12 +48,13 @@ class OptimumPoint:
     frequency : float, Hz
     kind : {"smooth", "crossing", "jump", "end", "flat"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads, or of those with a peak; or none, since the preload
+        the side on which it is gone; the end of the range of preloads, or of those with a value; or none, since the preload
         does not matter (nothing slips, or all of it is bonded).
     uncertainty : float
         Relative, of the preload.
     status : str
-        "converged", or why the preload is known no better than ``uncertainty``.
+        "verified" if the whole tracking curve there has no higher peak, and no preload without a value could take its
+        place; otherwise "not verified: " with the reason.
     """
 
     preload: float
@@ -57,17 +62,21 @@ class OptimumPoint:
     frequency: float
     kind: str
     uncertainty: float
-    status: str = "converged"
+    status: str = "not verified: no tracking curve was compared"
+
+    @property
+    def verified(self) -> bool:
+        """Whether whole tracking curves contradict nothing."""
+        return self.status == "verified"
 
     def __str__(self) -> str:
         if self.kind == "flat":
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
-        least = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
-        if self.status != "converged":
-            return f"least {least}, not converged: {self.status}; known to a relative {self.uncertainty:.2g}"
-        if self.kind == "end":
-            return f"least {least} (end of the range, the optimum may lie beyond)"
-        return f"optimum {least} ({self.kind})"
+        what = AT_END if self.kind == "end" else self.kind
+        name = "optimum" if self.verified and self.kind != "end" else "least"
+        known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
+        place = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
+        return f"{name} {place} ({what}), {self.status}{known}"
 
 
 @brief
@@ -82,7 +91,10 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     ----------
     preload : (n,) float, N
     amplitude : (n,) float, m
-        Of the highest peak; NaN where none was found.
+        Of the highest peak; NaN where none was found, and where the response over frequency was not followed to its ends,
+        so that there may be a higher one.
+    lower_bound : (n,) float, m
+        Highest response found at a preload without a value, NaN where there is a value or nothing was found.
     frequency : (n,) float, Hz
     shares : (n, 3) float
         Stick, slip and open at the peak, mean over the friction points and the cycle.
@@ -92,8 +104,8 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
         Number of the branch of peaks, -1 where there is none.
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "followed"; "scanned" if the whole response over frequency was followed at this preload too; "scan incomplete ..."
-        if that failed, so that there may be a higher peak; or what went wrong.
+        "followed" from preloads at which the whole response over frequency was followed; "scanned" if it was at this
+        preload too; otherwise why there is no value.
     peak_preload, peak_amplitude, peak_frequency : (m,) float
         All peaks found, also those that are not the highest, and those of a branch that was followed beyond the interval of
         frequency, which do not count for the optimal curve.
@@ -118,6 +130,7 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
 
     preload: NDArray
     amplitude: NDArray
+    lower_bound: NDArray
     frequency: NDArray
     shares: NDArray
     residual: NDArray
@@ -146,16 +159,19 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
 
     @property
     def complete(self) -> bool:
-        """Whether there is a converged peak at every preload."""
+        """Whether there is a value at every preload."""
         return bool(np.isfinite(self.amplitude).all())
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What the curve and its optimum leave open: preloads without a peak or a whole scan, a coarse optimum."""
+        """What the curve and its optimum leave open: preloads without a value, an optimum that is not verified."""
         out = [f"{p:.6g} N: {s}" for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned")]
         o = self.optimum
-        if o.status != "converged" and o.kind != "flat":
-            out.append(f"optimum to a relative {o.uncertainty:.2g}: {o.status}")
+        if o.kind == "end":
+            out.append(f"optimum: least value at the {AT_END}")
+        if o.kind != "flat" and not o.verified:
+            known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > COARSE else ""
+            out.append(f"optimum {o.status}{known}")
         return tuple(out)
 
     @property
@@ -206,7 +222,7 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
         jumps = sum("jump" in event for event in self.events)
         lines = [
             f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
-            + (f", {bad} without a peak" if bad else ""),
+            + (f", {bad} without a value" if bad else ""),
             f"  {self.optimum}",
             f"  {error_line(self.error_estimates)}",
             f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "

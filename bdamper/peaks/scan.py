@@ -6,8 +6,9 @@ is known already at this preload.  It is followed coarsely, since its peaks are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,28 @@ FROM_WITHIN = ContinuationOptions(
 """Settings with which a curve is followed from a known solution."""
 PASSED = 0.1
 """Distance, relative to its vibration, at which a curve passes a peak."""
-FROM_ENDS = replace(FROM_WITHIN, patience=ContinuationOptions.patience)
-"""The same from the ends of the interval."""
+COMPLETE = "complete"
+"""Ending of a curve that was followed from end to end of the interval."""
+HIGHER = 3e-3
+"""Relative, by which a point of a curve has to exceed the peaks found on it: a curve followed coarsely is off by less."""
+
+
+class Above(NamedTuple):
+    """A point of a response curve that is higher than the peaks found on it.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    amplitude : float, m
+    what : str
+    """
+
+    frequency: float
+    amplitude: float
+    what: str
+
+    def __str__(self) -> str:
+        return f"higher {self.what}, {self.amplitude:.6g} m at {self.frequency:.6g} Hz"
 
 
 @brief
@@ -49,15 +70,19 @@ class Scan:
         "complete" if the curve was followed from end to end of the interval, otherwise how it ended.
     points : (n, n_unknowns + 1) float
         Of the curve, in order.
-    drift : (frequency, amplitude), Hz, m, optional
-        The highest point at which the mean position of the damper drifts, a corner of the curve and no maximum; of a scan
-        from the ends of the interval.
+    above : Above, optional
+        The highest point within the interval, if it is higher than all peaks.
     """
 
     peaks: tuple[Peak, ...]
     ending: str
     points: NDArray
-    drift: tuple[float, float] | None = None
+    above: Above | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether the curve was followed from end to end and its highest peak is the highest point within the interval."""
+        return self.ending == COMPLETE and self.above is None
 
     def passes(self, peak: Peak, n_mean: int) -> bool:
         """Whether the curve passes a peak, even if no point is marked as a maximum: a step may have passed over it."""
@@ -162,11 +187,18 @@ def scan(
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    drift = max((i for i, kind in enumerate(curve.point_kind) if kind == "drift"), key=curve.amplitude.item, default=None)
-    return Scan(
-        peaks, "complete" if curve.complete else f"{curve.status} ({curve.reason})", points,
-        None if drift is None else (float(curve.frequency[drift]), float(curve.amplitude[drift])),
-    )  # fmt: skip
+    above = _above(peaks, curve.frequency, curve.amplitude, curve.point_kind)
+    return Scan(peaks, COMPLETE if curve.complete else f"{curve.status} ({curve.reason})", points, above)
+
+
+def _above(peaks: Sequence[Peak], frequency: NDArray, amplitude: NDArray, kinds: Sequence[str]) -> Above | None:
+    """The highest point of a curve if it is higher than its peaks and lies within the interval."""
+    i = int(np.argmax(amplitude))
+    top = max((q.amplitude for q in peaks), default=0.0)
+    if amplitude[i] <= (1.0 + HIGHER) * top or kinds[i] == "end":
+        return None
+    what = "where the mean position drifts" if kinds[i] == "drift" else "where no maximum was located"
+    return Above(float(frequency[i]), float(amplitude[i]), what)
 
 
 def scan_from(
@@ -208,15 +240,17 @@ def scan_from(
     pieces = search.pieces
     points = [p for i, piece in enumerate(pieces) for p in (piece.path.points if i else piece.path.points[::-1])]
     ends = {_end(piece) for piece in pieces}
-    height = [float(np.hypot(*(row @ p.y[:-1] for row in system.response_parts))) for p in points]
-    least = share * max(height, default=0.0)
+    height = np.array([float(np.hypot(*(row @ p.y[:-1] for row in system.response_parts))) for p in points])
+    least = share * float(height.max(initial=0.0))
     kept = [p for p, h in zip(points, height) if h >= least]
     peaks = refine_maxima(system, kept, options=options, parameter=preload)
     if ends >= {"low", "high"}:
-        ending = "complete"
+        ending = COMPLETE
     else:
         ending = f"incomplete ({'; '.join(f'{piece.path.status}: {piece.path.reason}' for piece in pieces)})"
-    return Scan(peaks, ending, np.array([p.y for p in points]).reshape(-1, len(start)))
+    y = np.array([p.y for p in points]).reshape(-1, len(start))
+    above = _above(peaks, y[:, -1] / (2.0 * np.pi), height, [p.kind for p in points]) if points else None
+    return Scan(peaks, ending, y, above)
 
 
 def _end(piece: Piece) -> str:

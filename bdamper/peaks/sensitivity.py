@@ -25,6 +25,10 @@ NOTHING = 1e-14
 """Rows of the Jacobian below this share of the largest are those of coordinates on which no force depends."""
 
 
+class NoDerivative(SettingError, ArithmeticError):
+    """A peak has no derivative with respect to a parameter, or none that can be computed."""
+
+
 class _Bordered:
     """``B = [J r_omega; t^T]`` in scaled unknowns, factorised; least norm if it is singular.
 
@@ -107,7 +111,7 @@ def sensitivities(
     Raises
     ------
     SettingError
-        If the peak is not converged or lies at a corner, where it has no derivative.
+        If the peak is not converged or lies at a corner, where it has no derivative; NoDerivative if none can be computed.
     """
     options = options or PeakOptions()
     _check(peak)
@@ -137,12 +141,13 @@ def sensitivities(
         across = (
             _slope_at(high, y + dp * direction, t, scale, idle) - _slope_at(low, y - back * direction, t, scale, idle)
         ) / (dp + back)  # fmt: skip
+        if along == 0.0:
+            raise NoDerivative(f"sensitivities: expected a curved peak, found a flat one at {peak.frequency:.6g} Hz")
         dy = (z_p - across / along * t) * scale
         # amplitude: explicit change of the response row (a parameter may scale the modes), then of the solution
         explicit = (amplitude_at(high, y) - amplitude_at(low, y)) / (dp + back)
-        out[name] = PeakSensitivity(
-            name, value, explicit - float(adjoint @ r_p), float(dy[-1]) / (2.0 * np.pi), dy
-        )  # fmt: skip
+        amplitude = _finite(explicit - float(adjoint @ r_p) + 0.0 * float(dy.sum()), peak)
+        out[name] = PeakSensitivity(name, value, amplitude, float(dy[-1]) / (2.0 * np.pi), dy)
     return out
 
 
@@ -173,7 +178,14 @@ def amplitude_sensitivity(peak: Peak, family: Family, value: float, options: Pea
     low, high = family(value - dp), family(value + dp)
     r_p = (high.residual(y) - low.residual(y)) / (2.0 * dp)
     explicit = (amplitude_at(high, y) - amplitude_at(low, y)) / (2.0 * dp)
-    return explicit - float(adjoint @ r_p)
+    return _finite(explicit - float(adjoint @ r_p), peak)
+
+
+def _finite(value: float, peak: Peak) -> float:
+    """A derivative that is finite."""
+    if not np.isfinite(value):
+        raise NoDerivative(f"sensitivities: expected finite ones, found {value} at {peak.frequency:.6g} Hz")
+    return value
 
 
 def _check(peak: Peak) -> None:

@@ -167,6 +167,11 @@ def plot_optimal(
     -------
     two matplotlib axes
         Of the amplitude and of the frequency shift.
+
+    Notes
+    -----
+    A filled star marks an optimum that whole tracking curves have verified, an open one the least value otherwise.  Where
+    there is no value the picture is hatched; an open triangle there is a lower bound.
     """
     dark, light = "0.1", plt.get_cmap("viridis")(0.45)
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -179,22 +184,46 @@ def plot_optimal(
             ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
                     label="other peaks")
         for first, last in runs(result.branch):
+            if result.branch[first] < 0:
+                continue
             part = slice(first, last + 1)
             alone = "." if first == last else None
             ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
             right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
         ax.plot([], [], "-", color=dark, label="amplitude")
         ax.plot([], [], "--", color=light, label="frequency shift")
+        _mark_gaps(ax, result)
         o = result.optimum
         if np.isfinite(o.preload):
             what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
-            ax.plot(o.preload, o.amplitude, "o", color=dark, markersize=4.5, markerfacecolor="w",
+            what = what if o.verified else ("least value" if o.kind != "end" else what) + ", not verified"
+            ax.plot(o.preload, o.amplitude, "*", color=dark, markersize=8.0, markerfacecolor=dark if o.verified else "w",
                     label=f"{what}, {newtons(float(f'{o.preload:.3g}'))}")
         elif o.kind == "flat":
             ax.plot([], [], linestyle="none", label="flat: no optimum")
         ax.set(xscale="log", yscale="log", xlabel=PRELOAD, ylabel="Resonance amplitude (m)")
         right.set_ylabel("Frequency shift (%)")
     return ax, right
+
+
+def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
+    """Hatch the preloads without a value, up to halfway to their neighbours, and mark what is known there from below."""
+    x, missing = np.log(result.preload), ~np.isfinite(result.amplitude)
+    if not missing.any():
+        return
+    edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
+    kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
+    looks = {1: ("////", "no peak found"), 2: ("....", "curve not followed to its ends")}
+    for first, last in runs(kind):
+        if not missing[first]:
+            continue
+        hatch, reason = looks[int(kind[first])]
+        label = f"no value: {reason}" if first == np.argmax(kind == kind[first]) else None
+        ax.axvspan(edges[first], edges[last + 1], facecolor="none", edgecolor="0.75", linewidth=0.0, zorder=0, hatch=hatch,
+                   label=label)
+    if np.isfinite(result.lower_bound).any():
+        ax.plot(result.preload, result.lower_bound, "^", color="0.4", markersize=4.0, markerfacecolor="w",
+                linestyle="none", label="lower bound")
 
 
 def plot_over_measurement(

@@ -1,0 +1,235 @@
+"""The preload at which the highest resonance peak is least, and whether whole tracking curves agree.
+
+The highest peak over the preload is the envelope of all branches of peaks (:mod:`bdamper.peaks.envelope`).  Its least
+value (:func:`least_peak`) is a root of the adjoint sensitivity where the envelope is smooth there, the point of equal
+height where two peaks cross, or the place of the jump where a higher peak vanishes, found to a relative 1e-7.
+
+Branches that are not known cannot be followed.  So the whole tracking curve is taken where the least value is
+(:func:`verified_optimum`): a higher peak on it joins the known ones, is followed to both sides, and the search goes on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bdamper.peaks.envelope import SAME_PRELOAD, Branch, PeakEnvelope
+from bdamper.peaks.follower import LOST, PeakFollower
+from bdamper.peaks.newton import Peak, same_peak
+from bdamper.peaks.optimal_curve import OptimumPoint
+from bdamper.peaks.sensitivity import amplitude_sensitivity
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.rootfind import find_root
+
+OPTIMUM_TOLERANCE = 1e-7
+"""Relative, on the preload of the optimum."""
+FLAT = 1e-6
+"""Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
+NEAR = 0.95
+"""Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found."""
+ROUNDS = 6
+"""Times that a least value is compared with a whole curve at most."""
+NARROW = 0.02
+"""Relative, on the preload, to which the place of a least value has to be known to be called verified."""
+BESIDE = 1e-3
+"""Relative distance from a jump at which a curve is taken, on the side where the higher peak is gone."""
+AGREES = 2e-3
+"""Relative difference of amplitudes up to which a curve agrees with the least value."""
+NOT_VERIFIED = "not verified: "
+
+
+class _Unknown(ArithmeticError):
+    """The search for the least value meets a preload where the highest peak is not known."""
+
+    def __init__(self, preload: float, why: str) -> None:
+        super().__init__(why)
+        self.preload = preload
+
+
+class _Place(NamedTuple):
+    """Highest peak at one preload: ln(preload), number of the branch, the peak and d ln(amplitude)/d ln(preload)."""
+
+    x: float
+    branch: int
+    peak: Peak
+    slope: float
+
+
+class _Minimum:
+    """The search for the least value of the envelope."""
+
+    def __init__(self, known: PeakEnvelope) -> None:
+        self.known = known
+        self.options = replace(known.options, position_tolerance=min(known.options.position_tolerance, 1e-8))
+        self.cache: dict[float, list[tuple[int, Peak]]] = {}
+
+    def at(self, x: float, every: bool = False) -> _Place:
+        """Highest peak at a preload of exp(x) newtons, with ``every`` also of branches that are low at both neighbours."""
+        p = float(np.exp(x))
+        if every or x not in self.cache:
+            grid = np.log(self.known.preload)
+            k = int(np.clip(np.searchsorted(grid, x), 1, len(grid) - 1))
+            places = next(((i,) for i in (k - 1, k) if abs(grid[i] - x) < 1e-13), (k - 1, k))
+            found = []
+            for branch in self.known.branches:
+                if branch.isolated.intersection(places):
+                    continue
+                near = [branch.peaks[i] for i in places if i in branch.peaks]
+                near += [q for list_ in self.cache.values() for number, q in list_ if number == branch.number]
+                if not near or not (every or self.is_high(branch, places)):
+                    continue
+                near.sort(key=lambda q: -abs(np.log(q.parameter) - x))
+                exact = abs(np.log(near[-1].parameter) - x) < 1e-13
+                peak = near[-1] if exact else self.followed(near, p)
+                if peak is not None and self.known.within(peak):
+                    found.append((branch.number, peak))
+            if not found:
+                raise _Unknown(p, f"no peak could be followed to {p:.8g} N")
+            self.cache[x] = sorted(found, key=lambda item: -item[1].amplitude)
+        number, peak = self.cache[x][0]
+        slope = amplitude_sensitivity(peak, self.known.family, p, self.options) * p / peak.amplitude
+        return _Place(x, number, peak, slope)
+
+    def is_high(self, branch: Branch, places: tuple[int, ...]) -> bool:
+        """Whether a branch comes near the highest peak at one of two neighbouring preloads."""
+        for k in places:
+            top = self.known.highest(k)
+            if k in branch.peaks and top is not None and branch.peaks[k].amplitude >= NEAR * top[1].amplitude:
+                return True
+        return False
+
+    def followed(self, near: list[Peak], p: float) -> Peak | None:
+        """The peak of a branch at a preload, followed from the nearest ones known; None if it does not get there."""
+        distinct = {q.parameter: q for q in near}
+        follower = PeakFollower(self.known.family, list(distinct.values())[-3:], self.options, self.known.limits)
+        peak = follower.go(p)
+        self.known.meter.iterations += follower.iterations
+        return peak
+
+    def continues(self, near: _Place, far: _Place) -> bool:
+        """Whether two places have the same peak on top, which branches of different scans may both hold."""
+        there = self.cache[far.x]
+        return any(number == near.branch and same_peak(peak, far.peak) for number, peak in there)
+
+    def between(self, near: _Place, far: _Place) -> OptimumPoint:
+        """Least value of the envelope between two places: it falls from ``near`` toward ``far``, which is not lower."""
+        sense = np.sign(far.x - near.x)
+        start, length = near.x, abs(far.x - near.x)
+
+        def slope(t: float) -> float:
+            nonlocal near, far
+            place = self.at(start + sense * t)
+            falls = place.slope * sense < 0.0 and place.peak.amplitude <= near.peak.amplitude * (1.0 + 1e-12)
+            if falls:
+                near = place
+            else:
+                far = place
+            return -abs(place.slope) if falls else abs(place.slope)
+
+        ends = (0.0, -abs(near.slope)), (length, abs(far.slope))
+        root = find_root(slope, *ends, OPTIMUM_TOLERANCE)
+        meeting = far.slope * sense >= 0.0  # the envelope also falls from far toward near
+        kind = "jump" if not meeting else ("smooth" if self.continues(near, far) else "crossing")
+        best = near
+        if kind == "smooth":
+            best = min(near, far, key=lambda place: abs(place.slope))
+        elif far.peak.amplitude < near.peak.amplitude:
+            best = far
+        if kind != "jump" and self.at(best.x, every=True).peak.amplitude > best.peak.amplitude * (1.0 + 1e-9):
+            raise _Unknown(best.peak.parameter, "another peak is higher there")
+        return OptimumPoint(best.peak.parameter, best.peak.amplitude, best.peak.frequency, kind, root.step)
+
+
+def least_peak(known: PeakEnvelope) -> OptimumPoint:
+    """The preload at which the highest peak is least.
+
+    Parameters
+    ----------
+    known : PeakEnvelope
+        Peaks at all its preloads.
+
+    Raises
+    ------
+    BdamperError
+        If there is no value at any preload.
+    """
+    return _least(known)[0]
+
+
+def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
+    """The least value known, and the preload (N) at which a whole curve would tell whether there is a higher peak."""
+    n = len(known.preload)
+    values = [known.value(k) for k in range(n)]
+    height = np.array([item[1].amplitude if item else np.inf for item in values])
+    found = height[np.isfinite(height)]
+    if not len(found):
+        low, high = known.frequency
+        endings = ", ".join(dict.fromkeys(known.scanned.values())) or "not made"
+        what = "peaks found, but none certain to be the highest," if any(known.at(k) for k in range(n)) else "no peak found"
+        raise BdamperError(
+            f"{what} at any of {n} preloads from {known.preload[0]:g} to {known.preload[-1]:g} N "
+            f"between {low:.6g} and {high:.6g} Hz; scans over frequency: {endings}"
+        )
+    k = int(np.argmin(height))
+    best = values[k][1]  # type: ignore[index]
+    if len(found) > 1 and found.max() <= (1.0 + FLAT) * found.min():
+        return OptimumPoint(np.nan, best.amplitude, best.frequency, "flat", np.inf, "the preload does not matter"), np.nan
+    x = np.log(known.preload)
+    at_grid = OptimumPoint(best.parameter, best.amplitude, best.frequency, "end", 0.0)
+    search = _Minimum(known)
+    try:
+        near = search.at(float(x[k]))
+        side = -1 if near.slope > 0.0 else 1
+        if not 0 <= k + side < n:
+            return at_grid, best.parameter
+        width = float(abs(x[k + side] - x[k]))
+        if not np.isfinite(height[k + side]):
+            why = f"{NOT_VERIFIED}the amplitude falls toward {known.preload[k + side]:.6g} N, where no value is known"
+            return replace(at_grid, uncertainty=width, status=why), best.parameter
+        out = search.between(near, search.at(float(x[k + side])))
+        return out, out.preload * (1.0 - side * BESIDE if out.kind == "jump" else 1.0)
+    except (*LOST, SettingError) as error:
+        width = float(np.max(np.abs(np.diff(x[max(k - 1, 0) : k + 2]))))
+        place = error.preload if isinstance(error, _Unknown) else best.parameter
+        return replace(at_grid, kind="smooth", uncertainty=width, status=f"{NOT_VERIFIED}{error}"), place
+
+
+def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
+    """The preload of the least value, compared with whole tracking curves.
+
+    Raises
+    ------
+    BdamperError
+        As :func:`least_peak`.
+    """
+    found, place = _least(known)
+    for _ in range(ROUNDS):
+        if found.kind == "flat":
+            return found
+        before, k = found, known.insert(place)
+        if k not in known.whole:
+            known.scan(k, whole=True)
+            known.find_all()
+        if known.value(k) is None:
+            return replace(found, status=f"{NOT_VERIFIED}tracking curve at {place:.6g} N: {known.scanned[k]}")
+        found, place = _least(known)
+        same = abs(np.log(found.preload / before.preload)) < SAME_PRELOAD
+        if same and abs(found.amplitude / before.amplitude - 1.0) <= AGREES and known.insert(place) in known.whole:
+            return _judged(known, found)
+    return replace(found, status=f"{NOT_VERIFIED}whole tracking curves still changed it {ROUNDS} times")
+
+
+def _judged(known: PeakEnvelope, found: OptimumPoint) -> OptimumPoint:
+    """The status of an optimum with which the tracking curve there agrees."""
+    if found.status.startswith(NOT_VERIFIED + "the") or found.uncertainty > NARROW:
+        return found
+    lower = [
+        p for k, p in enumerate(known.preload)
+        if known.value(k) is None and not known.lower_bound(k) >= (1.0 - AGREES) * found.amplitude
+    ]  # fmt: skip
+    if lower:
+        why = f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N"
+        return replace(found, status=f"{NOT_VERIFIED}{why}")
+    return replace(found, status="verified")
