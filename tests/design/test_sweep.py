@@ -473,7 +473,10 @@ class TestWarnings:
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
         assert result.values[0]["optimum_status"] == "not verified: lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
-        expected = "500 N: scan incomplete (lost); optimum not verified: lost, preload known to a relative 0.1"
+        expected = (
+            "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
+            "optimum not verified: lost, preload known to a relative 0.1"
+        )
         assert result.warnings == (expected,)
         curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
         assert curve.warnings == (expected,)

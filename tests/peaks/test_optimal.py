@@ -92,7 +92,7 @@ class TestOptimalCurve:
         again = bd.load(tmp_path / "curve.h5")
         for name, value in result.__dict__.items():
             if isinstance(value, np.ndarray):
-                assert np.array_equal(getattr(again, name), value)
+                np.testing.assert_array_equal(getattr(again, name), value)
             else:
                 assert getattr(again, name) == value, name
 
