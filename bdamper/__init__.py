@@ -24,6 +24,7 @@ from bdamper.study import Study
 from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticError
 from bdamper.util.hdf5 import load
 from bdamper.util.versions import HERE
+from bdamper.util.warn import PlausibilityWarning
 
 __version__ = HERE.bdamper
 
@@ -65,6 +66,8 @@ __all__ = [  # noqa: RUF022
     "ModelError",
     "SettingError",
     "StaticError",
+    # what it may want to look at
+    "PlausibilityWarning",
 ]
 
 _SUCCESSORS = {

@@ -24,6 +24,7 @@ from bdamper.peaks import optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import compare_stiffness as methods
+from bdamper.problem.plausible import check_settings
 from bdamper.problem.problem import Problem
 from bdamper.stability import floquet, steady_state, time_integration
 from bdamper.util import validate
@@ -46,6 +47,10 @@ class Study(Problem):
     static state are those of :class:`bdamper.problem.problem.Problem`.  Studies are told apart by identity; what two of
     them have in common is seen in the settings of their results.
     """
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_settings(self)
 
     # linear limits
     free = linear_curve.free

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 from bdamper.continuation.curve import Curve
 from bdamper.harmonic_balance.linear import NEAREST, around, linear_maximum, linear_resonances
 from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.problem.plausible import check_interval
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -49,6 +50,7 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
 
 def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:
     low, high = (2.0 * np.pi * f for f in validate.interval("frequency", frequency))
+    check_interval(problem, frequency, preload)
     system, settings = problem.system(preload), problem.record(None)
     return linear_curve(system, kind, (low, high), springs, preload, settings, problem.model.hash)
 

@@ -22,11 +22,16 @@ from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, pat
 from bdamper.util import validate
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.repr import brief
+from bdamper.util.warn import implausible
 
 SMALLEST_OVERLAP = 0.05
 """Share of the smaller face that two faces must have in common."""
 LARGEST_DISTANCE = 0.2
 """Distance of two faces, or gap between them, over the width of what they have in common."""
+LARGEST_MISFIT = 0.02
+"""Distance of the meshes of two faces beside the gap that is given, over their width, and lack of overlap of faces that are
+equal in area; more than that draws a warning."""
+EQUAL_AREAS = 0.01
 FRAME_TOLERANCE = 1e-6
 MOST_POINTS = 400
 """Contact points on one face; a study with more than some 200 takes minutes."""
@@ -241,6 +246,25 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, are
     if not isinstance(contact.gap, str) and abs(contact.gap) > LARGEST_DISTANCE * width:
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
         raise mismatch(f"{contact.item}: gap", "metres, much less than the width of the face", found)
+    _warn_of_misfit(contact, pair, means, area_a, area_b)
+
+
+def _warn_of_misfit(contact: ContactFaces, pair: str, means: PatchMeans, area_a: float, area_b: float | None) -> None:
+    """Warn of faces that touch, but not as they would in one assembly: one of the bodies may stand beside its place."""
+    area = float(means.area.sum())
+    width = np.sqrt(area)
+    if not isinstance(contact.gap, str):
+        off = means.distance - contact.gap
+        worst = float(off[np.abs(off).argmax()])
+        if area_b is not None and abs(worst) > LARGEST_MISFIT * width:
+            expected = f"meshes within {LARGEST_MISFIT * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
+            implausible(pair, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
+    if area_b is None or contact.patches is not None or abs(area_a / area_b - 1.0) > EQUAL_AREAS:
+        return
+    share = area / min(area_a, area_b)
+    if share < 1.0 - LARGEST_MISFIT:
+        found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
+        implausible(pair, f"faces of equal areas that match to {100 * LARGEST_MISFIT:g} %", found)
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:

@@ -20,6 +20,7 @@ from bdamper.peaks.least import least_peak, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
+from bdamper.problem.plausible import check_interval, check_load
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -82,6 +83,7 @@ def optimal_curve(
         raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
     meter = CostMeter(start)
     frequency = peak_interval(problem, frequency, mode)
+    check_load(problem, float(values[0]), float(values[-1]))
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
     known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
@@ -169,7 +171,11 @@ def preload_values(preload: Any, n: int) -> NDArray:
 def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
     """The interval (Hz) that is given, or the one around the resonances of a mode."""
     mode = validate.whole("mode", mode, least=1)
-    return resonance_interval(problem, mode) if frequency is None else validate.interval("frequency", frequency)
+    if frequency is None:
+        return resonance_interval(problem, mode)
+    frequency = validate.interval("frequency", frequency)
+    check_interval(problem, frequency, 1.0 if problem.carries_load else 0.0)
+    return frequency
 
 
 def check_options(options: PeakOptions | None) -> None:
@@ -199,6 +205,7 @@ def highest_peak(
     """
     preload = problem.check_preload(preload)
     frequency = peak_interval(problem, frequency, mode)
+    check_load(problem, preload)
     check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(problem, preload, frequency, options=options, meter=meter)

@@ -55,7 +55,7 @@ class Problem(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self._modal_bases  # the nodal diameters that the harmonics need
+        _ = self.modal_bases  # the nodal diameters that the harmonics need
         _ = self.point_gaps
         self._check_stiffness()
 
@@ -116,7 +116,7 @@ class Problem(Settings):
         for name, value in settings.items():
             object.__setattr__(out, name, value)
         object.__setattr__(out, "harmonics", Effects.of(out).harmonics)  # checks them
-        for name in ("bases", "_modal_bases", "response_rows"):
+        for name in ("bases", "modal_bases", "response_rows"):
             out.__dict__.pop(name, None)
         check_evaluation(out.evaluation, out.harmonic_numbers[-1])
         _ = out.bases
@@ -179,7 +179,8 @@ class Problem(Settings):
         return residual.basis(harmonic).stiffer(float(self.contact_stiffness_factor)).join(basis)
 
     @cached_property
-    def _modal_bases(self) -> list[HarmonicBasis]:
+    def modal_bases(self) -> list[HarmonicBasis]:
+        """Modes of the bodies for each harmonic, from the mean on."""
         return [
             self.coupling.basis(l) if l in self.active_harmonics else self.coupling.no_basis()
             for l in range(self.harmonic_numbers[-1] + 1)
@@ -189,7 +190,7 @@ class Problem(Settings):
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
         bases = [
-            self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self._modal_bases)
+            self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self.modal_bases)
         ]
         if self.damping_ratio is not None:
             bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]

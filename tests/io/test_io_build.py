@@ -4,6 +4,7 @@ import pickle
 import re
 import subprocess
 import sys
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -21,11 +22,13 @@ from bdamper.fe.mesh import MeshDensity, damper_mesh
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE, damper_sets
 from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
+from bdamper.io.contact_faces import lay_contacts
 from bdamper.io.plausible import wave_speed
 from bdamper.io.prepare import PreparedBody, placement
 from bdamper.io.row_order import check_row_order
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
+from bdamper.util.warn import PlausibilityWarning
 from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
 
 ND = 5
@@ -629,3 +632,20 @@ def test_messages_are_of_one_line_and_name_the_body(bodies, tip):
     with pytest.raises(ModelError) as caught:
         build_model(unsymmetric(bodies[0]), bodies[1], contacts=contacts(), locations={"tip": tip}, **SETTINGS)
     assert re.match(r"blade \(sector arrays\): stiffness matrix: expected .*, found .*", str(caught.value))
+
+
+@pytest.mark.parametrize(
+    ("shift", "text"),
+    [((0.0, 1e-3, 0.0), "into each other"), ((0.0, -1e-3, 0.0), "farther apart"), (None, None)],
+    ids=["outward", "inward", "in place"],
+)
+def test_a_damper_off_its_place_by_a_millimetre_is_noticed(bodies, shift, text):
+    place = placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")
+    moved = bodies[1] if shift is None else replace(bodies[1], nodes=bodies[1].nodes + np.array(shift))
+    prepared = {"blade": PreparedBody("blade", bodies[0], place), "damper": PreparedBody("damper", moved, place)}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        lay_contacts(contacts(), prepared, 65)
+    found = [str(w.message) for w in caught if w.category is PlausibilityWarning]
+    assert len(found) == (0 if text is None else 2)  # left and right
+    assert all(re.search(text, line) and "plausible meshes within" in line for line in found)

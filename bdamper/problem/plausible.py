@@ -1,0 +1,96 @@
+"""Values that are possible but that nothing built has: one warning each, with the plausible range and what was found."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bdamper.contact.stiffness import PerArea
+from bdamper.harmonic_balance.linear import linear_resonances
+from bdamper.model.model import Model
+from bdamper.problem.problem import Problem
+from bdamper.util.errors import ModelError
+from bdamper.util.warn import implausible
+
+FRICTION = (0.05, 1.5)
+"""Friction coefficient, if there is friction: lubricated steel to clean metals at rest."""
+DAMPING = 0.1
+"""Largest damping ratio of a mode: metals have 1e-4 to 1e-3, joints and the air add up to some 0.02."""
+STIFFNESS = (0.01, 100.0)
+"""Contact stiffness over that of the bodies at the contact points.  By the methods of the package 0.4 to 3 on the shipped
+models; 1e4 N/m gives 2e-5, 1e12 N/m gives 2e3."""
+EXCITATION = (1e-6, 1.0)
+"""Amplitude of the excitation over the preload: below, nothing slips; above, the damper does not stay in its seat."""
+
+
+def check_settings(problem: Problem) -> None:
+    """Warn of implausible settings of a problem."""
+    for mu in sorted(set(problem.friction_by_interface().values()) - {0.0}):
+        if not FRICTION[0] <= mu <= FRICTION[1]:
+            implausible("friction_coefficient", f"{FRICTION[0]:g} to {FRICTION[1]:g}, or 0", f"{mu:g}")
+    of_modes = [b.damping_ratio.max(initial=0.0) for b in problem.modal_bases]
+    damping = max(of_modes, default=0.0) if problem.damping_ratio is None else problem.damping_ratio
+    if damping > DAMPING:
+        implausible("damping_ratio", f"at most {DAMPING:g} of critical damping", f"{damping:g}")
+    _check_engine_order(problem.model, problem.engine_order)
+    given = problem.contact_stiffness
+    if given == "model" or (not isinstance(given, str) and not hasattr(given, "patterns")):
+        _check_stiffness(problem, "of " + type(given).__name__ if isinstance(given, PerArea) else "")
+
+
+def _check_engine_order(model: Model, order: int) -> None:
+    if model.n_blades > 1 and 2 * order > model.n_blades:
+        d, backward = model.folded_nodal_diameter(order)
+        wave = f"the {'backward' if backward else 'forward'} wave of nodal diameter {d}"
+        most = f"at most {model.n_blades // 2}, half of the number of blades"
+        implausible("engine_order", most, f"{order}, which excites {wave}")
+
+
+def _check_stiffness(problem: Problem, kind: str) -> None:
+    """Compare the stiffness of the user, summed over the friction faces, with that of the bodies at their points."""
+    try:
+        flexibility = problem.coupling.residual_flexibility(1).diagonal().real.reshape(-1, 3)
+    except ModelError:  # the model has none to compare with
+        return
+    rows = problem.friction_points
+    if not rows.any() or not flexibility[rows].min() > 0.0:
+        return
+    own, given = float(np.sum(1.0 / flexibility[rows])), float(problem.point_stiffness[rows].sum())
+    if given > 0.0 and not STIFFNESS[0] <= given / own <= STIFFNESS[1]:
+        n = 3 * int(rows.sum())
+        implausible(
+            f"contact_stiffness {kind}".strip(),
+            f"{STIFFNESS[0] * own / n:.2g} to {STIFFNESS[1] * own / n:.2g} N/m at a point, {STIFFNESS[0]:g} to "
+            f"{STIFFNESS[1]:g} times that of the bodies there",
+            f"{given / n:.2g} N/m in the mean",
+        )
+
+
+def check_load(problem: Problem, low: float, high: float | None = None) -> None:
+    """Warn of an excitation that is extreme for preloads from ``low`` to ``high`` (N)."""
+    amplitude, high = problem.excitation.amplitude, low if high is None else high
+    if amplitude > 0.0 and high > 0.0 and (amplitude > EXCITATION[1] * high or amplitude < EXCITATION[0] * low):
+        span = f"{low:g} N" if low == high else f"{low:g} to {high:g} N"
+        found = f"{amplitude:g} N with a preload of {span}"
+        implausible("excitation amplitude", f"{EXCITATION[0]:g} to {EXCITATION[1]:g} times the preload", found)
+
+
+def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:
+    """Warn of an interval (Hz) without a resonance that has some as soon as it is taken for radians per second.
+
+    An interval that has resonances either way is taken as it is given.
+    """
+    state = problem.static(preload)
+    if not state.converged:
+        return
+    system, springs = problem.system(preload), (None, problem.stuck_springs(state))
+    low, high = frequency
+    if linear_resonances(system, springs, 2.0 * np.pi * low, 2.0 * np.pi * high):
+        return
+    mistaken = sorted({w / (2.0 * np.pi) for w, _, _ in linear_resonances(system, springs, low, high)})
+    if mistaken:
+        near = ", ".join(f"{f:.4g}" for f in mistaken[:3])
+        implausible(
+            "frequency",
+            f"an interval in Hz around resonances of the model, such as {near} Hz",
+            f"({low:g}, {high:g}) without one, 2 pi times an interval that has them: radians per second suspected",
+        )

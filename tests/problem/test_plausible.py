@@ -1,0 +1,68 @@
+"""Values that nothing built has draw one warning each, with the plausible range and what was found; shipped scenes none."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.problem.plausible import check_interval, check_load
+from bdamper.util.warn import PlausibilityWarning
+
+
+def study(name="bladed_disk", points=9, **settings):
+    model = bd.reference_model(name, points)
+    order = 5 if model.n_blades > 1 else 0
+    given = {"engine_order": order, "friction_coefficient": 0.4, "excitation": bd.Excitation("tip")}
+    return bd.Study(model, **(given | settings))
+
+
+@pytest.mark.parametrize(
+    ("settings", "text"),
+    [
+        ({"friction_coefficient": 30.0}, r"friction_coefficient: plausible 0\.05 to 1\.5, or 0, found 30"),
+        ({"damping_ratio": 0.2}, r"damping_ratio: plausible at most 0\.1 .*, found 0\.2"),
+        ({"contact_stiffness": 1e4}, r"contact_stiffness: plausible 2\.6e\+06 to 2\.6e\+10 N/m .*, found 1e\+04 N/m"),
+        ({"contact_stiffness": 1e12}, r"contact_stiffness: plausible .*, found 1e\+12 N/m"),
+        ({"contact_stiffness": bd.PerArea(1e8)}, r"contact_stiffness of PerArea: plausible .*, found 4\.8e\+03 N/m"),
+        ({"engine_order": 60}, "engine_order: plausible at most 32, .*, found 60, .* backward wave of nodal diameter 5"),
+    ],
+    ids=str,
+)
+def test_settings_beyond_anything_built_are_named(settings, text):
+    with pytest.warns(PlausibilityWarning, match=text) as caught:
+        study(**settings)
+    assert len(caught) == 1 and "\n" not in str(caught[0].message)
+    assert caught[0].filename == __file__  # at the line of the user
+
+
+def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
+    s = study()
+    with pytest.warns(PlausibilityWarning, match=r"frequency: .* 283\.1 Hz, found \(1700, 1850\) without one, 2 pi"):
+        s.free((1700.0, 1850.0))
+    with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
+        s.track(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
+    strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
+    with pytest.warns(PlausibilityWarning, match=r"excitation amplitude: .* to 1 times .*, found 10000 N with .* 2000 N"):
+        strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
+    with pytest.warns(PlausibilityWarning, match=r"excitation amplitude: .* 20 to 200 N"):
+        check_load(strong, 20.0, 200.0)
+
+
+SHIPPED = [("bladed_disk", 9), ("bladed_disk", 24), ("blade_to_ground", 24), ("test_rig", 24)]
+
+
+@pytest.mark.parametrize(("name", "points"), SHIPPED)
+def test_shipped_scenes_are_plausible(name, points):
+    """The models with the settings of the examples, around their first modes, and ranges of preloads."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        for mu in (0.1, 0.4, 0.7):
+            s = study(name, points, friction_coefficient=mu, contact_stiffness=2e7)
+        s = study(name, points)
+        preload = 1000.0 if s.carries_load else 0.0
+        omega2 = s.modal_bases[1].omega2
+        for f in np.sqrt(omega2[omega2 > 0.0][:6]) / (2.0 * np.pi):
+            check_interval(s, (0.9 * f, 1.1 * f), preload)
+        check_load(s, 10.0, 25e3)
+        check_load(s, preload)
