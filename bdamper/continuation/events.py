@@ -2,8 +2,8 @@
 
 Where the frequency component of the tangent changes sign there is a fold, where the derivative of the response amplitude
 does, a maximum; the root along the step is found by :func:`bdamper.util.rootfind.root_trials` with a Newton corrector for
-each trial.  Two of them in one step leave the signs as they were: there the cubic through both ends of the step, with their
-slopes, turns within.
+each trial, which sets off from the cubic through the points around it.  Two of them in one step leave the signs as they
+were: there the cubic through both ends of the step, with their slopes, turns within.
 
 The Jacobian is only piecewise continuous: where a contact starts or ceases to slip or to separate, the curve may have a
 corner.  The Jacobian along a step that fails tells where: its null vector jumps there.
@@ -23,6 +23,8 @@ from bdamper.util.rootfind import root_trials
 
 Event = Callable[[NDArray, NDArray], float]
 """A function of point and tangent that changes sign at an event."""
+Place = tuple[float, NDArray, NDArray]
+"""Of a step: distance along the tangent where it sets off, point and tangent there."""
 BISECTIONS = 7
 """Of a step that is searched for a corner."""
 
@@ -40,6 +42,18 @@ def turns_twice(first: float, last: float, rise: float, margin: float = 0.02) ->
     if c <= 0.0 or not -2.0 * c < b < 0.0:
         return False
     return first - 0.25 * b * b / c < -margin * max(first, last)
+
+
+def _on_cubic(near: Place, far: Place, s: float, a: PathPoint) -> NDArray:
+    """Point of the cubic through two places of a step, with their tangents; of the tangent at a where these turn away."""
+    h = far[0] - near[0]
+    along = [float(tangent @ a.tangent) for _, _, tangent in (near, far)]
+    if h <= 0.0 or min(along) < 0.5:
+        return np.asarray(a.y + s * a.tangent * a.scale)
+    t = (s - near[0]) / h
+    first, last = (h * a.scale * place[2] / cosine for place, cosine in zip((near, far), along))
+    rise = far[1] - near[1]
+    return np.asarray(near[1] + t * (first + t * (3.0 * rise - 2.0 * first - last + t * (first + last - 2.0 * rise))))
 
 
 class Events:
@@ -132,36 +146,39 @@ class Events:
             found.append((slope, "maximum"))
         located = []
         for event, kind in found:
-            at: list[Correction] = []
-            first, last = event(a.y, a.tangent), event(b.y, b.tangent)
-            if first * last <= 0.0:
-                trials = root_trials((0.0, first), (end, last), self.options.locate_tolerance * end)
-                s = next(trials)
-                try:
-                    while True:
-                        s = trials.send(self._trial(a, event, last, s, at))
-                except StopIteration:
-                    pass
-            if at:
-                located.append(point_of(at[-1], a.scale, kind))
-            else:
+            at = self._locate(a, b, end, event)
+            if at is None:
                 missed = kind
+            else:
+                located.append(point_of(at, a.scale, kind))
         located.sort(key=lambda p: float(a.tangent @ ((p.y - a.y) / a.scale)))
         return located, missed
 
-    def _trial(self, a: PathPoint, event: Event, beyond: float, s: float, reached: list[Correction]) -> float:
-        """The event function at a distance along the tangent at a; a point that is found is noted.
+    def _locate(self, a: PathPoint, b: Correction, end: float, event: Event) -> Correction | None:
+        """Where the event function vanishes between a and b, at a distance along the tangent at a.
 
         Points lie in planes normal to the tangent; where such a plane misses the curve it lies beyond a corner, and beyond
-        the event.
+        the event.  A corrector begins at the cubic through the points around, with their tangents.
         """
-        guess = a.y + s * a.tangent * a.scale
-        c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, self.options.max_iterations)
-        self.iterations += c.iterations
-        if c.status != OK or norm2((c.y - a.y) / a.scale) > 2.0 * s:
-            return beyond
-        reached.append(c)
-        return event(c.y, c.tangent)
+        value, last = event(a.y, a.tangent), event(b.y, b.tangent)
+        if value * last > 0.0:
+            return None
+        near, far = (0.0, a.y, a.tangent), (end, b.y, b.tangent)
+        trials = root_trials((0.0, value), (end, last), self.options.locate_tolerance * end)
+        found = None
+        s = next(trials)
+        try:
+            while True:
+                guess = _on_cubic(near, far, s, a)
+                c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, self.options.max_iterations)
+                self.iterations += c.iterations
+                value = last
+                if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
+                    found, value = c, event(c.y, c.tangent)
+                    near, far = ((s, c.y, c.tangent), far) if value * last < 0.0 else (near, (s, c.y, c.tangent))
+                s = trials.send(value)
+        except StopIteration:
+            return found
 
     # ---- corners ----
 

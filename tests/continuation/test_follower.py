@@ -134,7 +134,7 @@ def test_a_drift_without_end_is_left_a_million_vibrations_away():
     assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("preload", "points", "most_evaluations"), [(200.0, 97, 860), (2000.0, 83, 440)])
+@pytest.mark.parametrize(("preload", "points", "most_evaluations"), [(200.0, 97, 690), (2000.0, 83, 413)])
 def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations):
     """Counts, not times: steps grow as they may, the predictor is the tangent, events are located in few trials."""
     study = bd.Study(
