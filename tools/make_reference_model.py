@@ -36,8 +36,7 @@ FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
 
 def build(fe: SectorFE, points: int) -> Model:
     """One model, with the full finite element frequencies of the bonded damper in its provenance."""
-    # shapes for pictures are large: they come with the default number of contact points only
-    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,) if points == 24 else ())
+    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,))
     bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
     note = {
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"

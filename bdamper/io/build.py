@@ -144,6 +144,9 @@ def build_model(
     laid = lay_contacts(contacts, bodies, n_blades)
     places = _locations(locations, bodies)
     made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed)
+    if engine_order is not None:  # of the excited wave alone: they make up most of a file
+        d = engine_order % n_blades
+        bodies["blade"].pictures = {k: v for k, v in bodies["blade"].pictures.items() if k == min(d, n_blades - d)}
     return _assembled(bodies, laid, places, made, n_blades, known, check_units)
 
 
@@ -320,11 +323,12 @@ def _assembled(
 
 
 def _surface(body: PreparedBody) -> SurfaceMesh:
-    """Quadrilaterals of the outer surface; triangles repeat their last corner."""
+    """Quadrilaterals of the outer surface, with mode shapes; triangles repeat their last corner."""
     quads = []
     for group in body.boundary.groups:
         n = corner_count(group.shape[1])
         quads.append(group[:, [0, 1, 2, 3 if n == 4 else 2]])
     stacked = np.concatenate(quads)
     used, compact = np.unique(stacked, return_inverse=True)
-    return SurfaceMesh(body.nodes[used].copy(), compact.reshape(stacked.shape))
+    modes = {d: shapes[used] for d, shapes in body.pictures.items()}
+    return SurfaceMesh(body.nodes[used].copy(), compact.reshape(stacked.shape), modes)

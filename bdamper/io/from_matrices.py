@@ -13,6 +13,8 @@ from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 
+POSITIVE = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
+
 
 def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None) -> Body:
     """A sector from its matrices at each nodal diameter.
@@ -34,9 +36,11 @@ def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fi
         with body.refusing(f"nodal diameter {d}", "fixed nodes alike on both sector faces"):
             made = CyclicSector(body.structure, ring.left, ring.right, mask, ring.n_blades, d)
         _check_held(body, made, bool(mask.any()))
+        with body.refusing("matrices", POSITIVE):
+            body.keep_pictures(d, made.modes(n_modes)[1])
         return made
 
-    with body.refusing("matrices", "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"):
+    with body.refusing("matrices", POSITIVE):
         built = constrained_body(
             body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
             wanted.damping_ratio, ring.diameters,

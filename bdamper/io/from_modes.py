@@ -163,6 +163,7 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
         order = np.argsort(frequency, kind="stable")[: wanted.n_modes]
         shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
         contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
+        body.keep_pictures(d, shapes)
         bases[d] = ModalBasis(
             omega2=(2.0 * np.pi * frequency[order]) ** 2,
             damping_ratio=np.full(len(order), wanted.damping_ratio),

@@ -552,7 +552,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Mode
     ----------
     name : str
         "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
-        harmonic; mode shapes for pictures come with 24 contact points.
+        harmonic; mode shapes for pictures are those of nodal diameter 5.
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
         prescribed (:func:`bdamper.prescribe_preload`).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.

@@ -28,6 +28,9 @@ from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
 SYMMETRY_TOLERANCE = 1e-6
 """Largest difference between a matrix and its transpose, relative to its largest entry."""
 
+PICTURE_MODES = 10
+"""Number of modes at a nodal diameter whose shapes on the surface are kept for pictures."""
+
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]
 
@@ -129,6 +132,8 @@ class PreparedBody:
         Checks that the body has passed; grows while the model is built.
     missing : list of str
         Quantities that the body does not provide, and what to do about it; grows likewise.
+    pictures : dict of nodal diameter to (n_nodes, 3, n_modes)
+        The first shapes of a model's modes, for pictures; where the body has elements and the shapes all nodes.
     """
 
     name: str
@@ -136,6 +141,7 @@ class PreparedBody:
     place: Placement
     checks: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
+    pictures: dict[int, NDArray] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         g = self.given
@@ -155,6 +161,13 @@ class PreparedBody:
             raise self.error("nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
+
+    def keep_pictures(self, nodal_diameter: int, shapes: NDArray) -> None:
+        """Keep the first modes of a model (3 n_nodes, n_modes) for pictures."""
+        if self.elements:
+            kept = shapes.reshape(-1, 3, shapes.shape[1])[..., :PICTURE_MODES].copy()
+            if np.isfinite(kept[self.used]).all():
+                self.pictures[nodal_diameter] = kept
 
     def error(self, item: str, expected: str, found: object) -> ModelError:
         """The error for something about this body that does not fit."""

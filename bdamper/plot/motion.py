@@ -19,7 +19,10 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
+from bdamper.util.warn import implausible
 
+LARGEST_MISSING = 0.01
+"""Share of the modal motion in modes without shapes on the mesh, above which a picture of it warns."""
 STICK, SLIP, OPEN = range(3)
 """States of a contact point in pictures and maps."""
 
@@ -289,7 +292,17 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
 
     Free bodies move with their rigid-body modes, constrained ones with those of their retained modes whose shapes the
     model carries (``model.meshes[...].modes``, at the nodal diameter of the fundamental); the mean motion of constrained
-    bodies is left out unless they carry shapes of nodal diameter 0.
+    bodies is NaN unless they carry shapes of nodal diameter 0.
+
+    Raises
+    ------
+    SettingError
+        If a constrained body has a surface without shapes at the nodal diameter of the fundamental.
+
+    Warns
+    -----
+    PlausibilityWarning
+        If the modes without shapes hold more than a hundredth of the motion, in the norm of the mass matrix.
     """
     unknowns = _solutions(problem, unknowns)
     q0, q1, *_ = _amplitudes(problem, unknowns)
@@ -303,12 +316,24 @@ def surface_motion(problem: Problem, unknowns: NDArray) -> dict[str, SurfaceMoti
             for target, q, harmonic in ((mean, q0, 0), (amplitude, q1, 1)):
                 d, conjugate = problem.model.folded_nodal_diameter(int(problem.engine_order) * harmonic)
                 shapes = mesh.modes.get(d)
-                if shapes is None:
+                if shapes is None and harmonic == 0:
+                    mean[:] = np.nan
                     continue
+                if shapes is None:
+                    raise SettingError(
+                        f"motion of surfaces: expected mode shapes of nodal diameter {d} on the mesh of '{name}', found "
+                        + (f"those of {sorted(mesh.modes)}" if mesh.modes else "none")
+                    )
                 shapes = shapes.conj() if conjugate else shapes
-                for k, coordinate in enumerate(problem.bases[harmonic].coordinates):
-                    if coordinate.body == name and coordinate.index < shapes.shape[2]:
-                        move = shapes[..., coordinate.index] * q[k]
-                        target += move.real if harmonic == 0 else move
+                coordinates = problem.bases[harmonic].coordinates
+                own = np.array([k for k, c in enumerate(coordinates) if c.body == name], int)
+                index = np.array([coordinates[k].index for k in own], int)
+                known = index < shapes.shape[2]
+                move = shapes[..., index[known]] @ q[own[known]]
+                target += move.real if harmonic == 0 else move
+                missing = np.linalg.norm(q[own[~known]]) / max(float(np.linalg.norm(q[own])), 1e-300)
+                if harmonic == 1 and missing > LARGEST_MISSING:
+                    most = f"at most {100 * LARGEST_MISSING:g} % of the motion in modes without shapes on the mesh"
+                    implausible(f"motion of the surface of '{name}'", most, f"{100 * missing:.2g} %")
         out[name] = SurfaceMotion(mesh.points, mean, amplitude)
     return out

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from bdamper.model.model import Model
 from bdamper.plot.motion import surface_motion
 from bdamper.problem.problem import Problem
+from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 
@@ -27,6 +28,8 @@ def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, wha
     """Body and nodal diameter whose shapes are shown: those asked for, or the first that the meshes carry."""
     carriers = [name for name, mesh in model.meshes.items() if mesh.modes]
     body = carriers[0] if body is None and carriers else body
+    if not carriers:
+        raise SettingError(f"{what}: expected a model with mode shapes on the mesh of a body, this one has none")
     if body not in carriers:
         raise SettingError(f"{what}: expected a body with mode shapes on its mesh out of {carriers}, found {body!r}")
     return body, next(iter(model.meshes[body].modes)) if nodal_diameter is None else nodal_diameter
@@ -75,6 +78,8 @@ def export_modes(
 def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[str], name: str = "response") -> list[Path]:
     """Write the motion of every body with a surface at one solution: mean, real and imaginary part of the vibration.
 
+    The mean is left out where the mesh has no mode shapes of nodal diameter 0.
+
     Parameters
     ----------
     problem : Problem
@@ -87,13 +92,20 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     Returns
     -------
     list of Path
+
+    Raises
+    ------
+    SettingError
+        If the model has no surface, or one without mode shapes at the nodal diameter of the excitation.
     """
+    if not validate.instance("study", problem, Problem).model.meshes:
+        raise SettingError("export of a response: expected a model with the surface of a body, found none")
     meshio = _meshio()
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
         path = Path(folder) / f"{name}_{body}.vtu"
-        fields = {
-            "mean displacement, m": motion.mean,
+        mean = {"mean displacement, m": motion.mean} if np.isfinite(motion.mean).all() else {}
+        fields = mean | {
             "vibration, real, m": np.ascontiguousarray(motion.amplitude.real),
             "vibration, imaginary, m": np.ascontiguousarray(motion.amplitude.imag),
         }

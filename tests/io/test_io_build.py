@@ -292,6 +292,11 @@ def test_report_and_file(built, tmp_path):
     built.save(tmp_path / "model.h5")
     loaded = load_model(tmp_path / "model.h5")
     assert loaded.hash == built.model.hash
+    # shapes for pictures are those of the modes
+    mesh, tip = loaded.meshes["blade"], loaded.locations["tip"]
+    node = np.argmin(np.linalg.norm(mesh.points - tip.position, axis=1))
+    modes = loaded.bodies["blade"].bases[ND].locations["tip"]
+    np.testing.assert_allclose(mesh.modes[ND][node], modes[:, : mesh.modes[ND].shape[2]], atol=1e-6 * np.abs(modes).max())
     assert "Import report" in loaded.provenance["report"]
 
 

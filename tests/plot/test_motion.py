@@ -133,5 +133,38 @@ def test_export_to_vtu(solved, tmp_path):
     # the tip on the surface moves as the response says (all ten modes of the study are on the mesh)
     tip = np.argmin(np.linalg.norm(stored.points - study.model.locations["tip"].position, axis=1))
     assert abs(blade[tip, 0]) == pytest.approx(curve.peak.amplitude, rel=1e-6)
+    assert "mean displacement, m" not in meshio.read(paths[0]).point_data  # no shapes of nodal diameter 0
     with pytest.raises(bd.SettingError, match="mode shapes on its mesh"):
         export_modes(study.model, tmp_path / "x.vtu", body="damper")
+
+
+SHIPPED = [("bladed_disk", 9), ("bladed_disk", 48), ("blade_to_ground", 24), ("test_rig", 24)]
+
+
+@pytest.mark.parametrize(("name", "points"), SHIPPED)
+def test_surfaces_of_shipped_models_move_as_the_response_says(name, points):
+    model = bd.reference_model(name, points)
+    study = bd.Study(model, bd.Excitation("tip"), engine_order=5 if model.n_blades > 1 else 0, contact_stiffness=1e8)
+    curve = study.free((250.0, 300.0))
+    top = curve.peak
+    body = model.locations["tip"].body
+    mesh, motion = model.meshes[body], surface_motion(study, curve.unknowns[top.index])[body]
+    tip = np.argmin(np.linalg.norm(mesh.points - model.locations["tip"].position, axis=1))
+    assert abs(motion.amplitude[tip, 0]) == pytest.approx(top.amplitude, rel=1e-6)
+    assert np.isfinite(motion.mean).all() == (0 in mesh.modes)
+
+
+def test_surfaces_without_mode_shapes_are_refused_or_named(solved, tmp_path):
+    study, curve = solved
+    u = curve.unknowns[curve.peak.index]
+    mesh = study.model.meshes["blade"]
+    bare = replace(study, model=replace(study.model, meshes={"blade": replace(mesh, modes={})}))
+    for call in (lambda: surface_motion(bare, u), lambda: export_response(bare, u, tmp_path)):
+        with pytest.raises(bd.SettingError, match="mode shapes of nodal diameter 5 on the mesh of 'blade', found none"):
+            call()
+    for call in (lambda: bare.model.plot_mode(1), lambda: export_modes(bare.model, tmp_path / "x.vtu")):
+        with pytest.raises(bd.SettingError, match="expected a model with mode shapes on the mesh of a body"):
+            call()
+    few = replace(bare, model=replace(study.model, meshes={"blade": replace(mesh, modes={5: mesh.modes[5][..., :1]})}))
+    with pytest.warns(bd.PlausibilityWarning, match="at most 1 % of the motion in modes without shapes on the mesh, found"):
+        surface_motion(few, u)
