@@ -20,6 +20,7 @@ from bdamper.model.model import Model
 from bdamper.peaks.newton import PeakOptions
 from bdamper.problem.effects import Effects
 from bdamper.problem.prescribed import prescribe_preload
+from bdamper.problem.settings import PAPER
 from bdamper.study import Study
 from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticError
 from bdamper.util.hdf5 import load
@@ -35,6 +36,7 @@ __all__ = [  # noqa: RUF022
     "Response",
     "Effects",
     "RIGID_NAMES",
+    "PAPER",
     # how it is answered
     "Sampled",
     "PerArea",

@@ -26,7 +26,7 @@ from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
-from benchmarks import tolerance_scenes
+from benchmarks import PLAIN, tolerance_scenes
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -42,7 +42,7 @@ REPEATS = 3
 def reference_study(points: int = 24, **settings: object) -> bd.Study:
     """Engine order 5, first mode; at 2 kN the contact slips and opens at the peak."""
     model = bd.reference_model("bladed_disk", points)
-    return bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3, **settings)  # type: ignore[arg-type]
+    return bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3, **(PLAIN | settings))
 
 
 def at_frequency(frequency: float) -> Callable[[bd.Study, float, tuple[float, float]], Answer]:
@@ -96,7 +96,8 @@ def model_192() -> bd.Model:
 
 
 def contact_points(stiffness: str) -> AccuracyCost:
-    study = bd.Study(model_192(), bd.Excitation("tip"), 5, friction_coefficient=0.3, contact_stiffness=stiffness)
+    settings = PLAIN | {"contact_stiffness": stiffness}
+    study = bd.Study(model_192(), bd.Excitation("tip"), 5, friction_coefficient=0.3, **settings)
     return bd.accuracy_cost(
         study, 4000.0, (340.0, 380.0), quantity="curve", vary={"contact_points": [9, 24, 48, 96, 192]},
         tolerance=0.05, repeats=REPEATS,

@@ -79,6 +79,7 @@ def scenes(n: int) -> Iterator[Scene]:
         ground = name == "blade_to_ground"
         study = bd.Study(
             models[name], bd.Excitation("tip", direction), order, friction_coefficient=friction,
+            contact_stiffness="unit_traction",
             effects=bd.Effects(harmonics=5, damper_modes=0 if ground else 2),
         )  # fmt: skip
         if ground:
@@ -144,7 +145,9 @@ def table() -> None:
             print("|---|---|---|---|---|---|---|")
             whole = None
             for off, effects in OFF.items():
-                study = bd.Study(model, excitation, engine_order=5, friction_coefficient=0.4, effects=effects)
+                study = bd.Study(
+                    model, excitation, 5, friction_coefficient=0.4, contact_stiffness="unit_traction", effects=effects
+                )
                 system = study.system(preload)
                 begin = time.process_time()
                 curve = study.track(preload, interval)

@@ -32,6 +32,7 @@ def study(points: int, harmonics: int, rotation: str) -> bd.Study:
     return bd.Study(
         bd.reference_model("bladed_disk", points),
         engine_order=5,
+        contact_stiffness="unit_traction",
         harmonics=harmonics,
         friction_coefficient=0.4,
         rigid_modes=bd.RIGID_NAMES if rotation == "on" else ("TX", "TY", "TZ"),

@@ -11,6 +11,7 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 
 import bdamper as bd
+from benchmarks import PLAIN
 
 
 def optimal_against_tracking(study: bd.Study, preload: tuple[float, float], frequency: tuple[float, float]) -> float:
@@ -53,7 +54,7 @@ def sweep_on_two_workers(study: bd.Study) -> None:
 
 def main() -> None:
     study = bd.Study(
-        bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+        bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3, **PLAIN
     )  # fmt: skip
     study.track(1000.0, (340.0, 360.0))
     optimal_against_tracking(study, (100.0, 25e3), (250.0, 400.0))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 
 import bdamper as bd
+from benchmarks import PLAIN
 
 REPEATS = 5
 
@@ -22,7 +23,7 @@ def main() -> None:
                 engine_order=5,
                 friction_coefficient=0.4,
                 excitation=bd.Excitation("tip"),
-                harmonics=harmonics,
+                **(PLAIN | {"harmonics": harmonics}),
             )
             for preload in (200.0, 2000.0):
                 study.track(preload, (250.0, 400.0))

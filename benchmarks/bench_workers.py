@@ -15,6 +15,7 @@ import numpy as np
 import psutil
 
 import bdamper as bd
+from benchmarks import PLAIN
 
 POINTS, BLOCKS = 1000, 10
 
@@ -29,7 +30,7 @@ def processor_seconds() -> float:
 def main(points: int = POINTS) -> None:
     """Print seconds, processor seconds and their ratios."""
     study = bd.Study(
-        bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
+        bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3, **PLAIN
     )  # fmt: skip
     friction = np.linspace(0.1, 0.6, points // BLOCKS)
 

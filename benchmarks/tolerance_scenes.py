@@ -23,6 +23,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.peaks.scan import resonance_interval
 from bdamper.util.ladder import Ladder, Rung
+from benchmarks import PLAIN
 
 SCENES = 200
 REFERENCE = 13
@@ -77,7 +78,7 @@ def draw(number: int) -> Scene:
     friction, preload = float(rng.uniform(0.2, 0.6)), float(np.exp(rng.uniform(np.log(60.0), np.log(25e3))))
     tolerance = float(rng.choice([0.01, 0.02, 0.05]))
     order = 5 if name == "bladed_disk" else 1
-    study = bd.Study(_model(name), bd.Excitation("tip", direction), order, friction_coefficient=friction)
+    study = bd.Study(_model(name), bd.Excitation("tip", direction), order, friction_coefficient=friction, **PLAIN)
     text = f"{name}, mode {mode}, {direction}, mu {friction:.2f}, {preload:.4g} N, {100.0 * tolerance:g} %"
     return Scene(number, study, preload, resonance_interval(study, mode), tolerance, text)
 

@@ -12,6 +12,7 @@ import argparse
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ FACES = MeshDensity(
     centre=2, contact=8, fillet=1, chord=12, disk=1, shank=1, platform=1, airfoil=3,
     damper_face=8, damper_ridge=1, damper_height=2, damper_length=12,
 )  # fmt: skip
+SETTINGS: dict[str, Any] = {"blade_modes": 10, "harmonics": 1}
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,8 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
     for n in points:
         start = time.perf_counter()
         model = bladed_disk(n, n_modes=20, nodal_diameters=(5,), fe=fe)
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False)
-        unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="residual_modes", constraints=False, **SETTINGS)
+        unit = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness="unit_traction", constraints=False, **SETTINGS)
         contact = study.contact_map(preload)
         springs = np.concatenate([study.stiffness[name].stiffness for name in study.coupling.interfaces])
         curve = study.track(preload, (345.0, 375.0))

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ CHOICES: tuple[str | bd.ResidualModes, ...] = (
     bd.ResidualModes(12, 0.5),
     bd.ResidualModes(16, 0.5),
 )
+SETTINGS: dict[str, Any] = {"blade_modes": 10, "harmonics": 1}
 MICROSLIP_PRELOAD = 1000.0
 MICROSLIP_FORCES = np.concatenate([np.arange(15.0, 271.0, 15.0), np.arange(275.0, 311.0, 5.0)])
 MICROSLIP_CHOICES: tuple[str | bd.ResidualModes, ...] = (
@@ -70,7 +72,7 @@ def split_study(
     model = bd.reference_model("bladed_disk", points)
     rows = []
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False, **SETTINGS)
         for preload in preloads:
             curve = study.track(preload, (330.0, 375.0))
             i = curve.peak.index
@@ -96,7 +98,7 @@ def microslip_study(
     model = bd.reference_model("bladed_disk", points)
     curves = {}
     for choice in choices:
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False)
+        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=choice, constraints=False, **SETTINGS)
         curves[name_of(choice)] = microslip(study, MICROSLIP_PRELOAD, MICROSLIP_FORCES)
     return curves
 

@@ -53,6 +53,9 @@ def main(
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     axial = replace(tangential, excitation=bd.Excitation("tip", direction="axial", amplitude=1.0))
     out = {

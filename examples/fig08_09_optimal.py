@@ -55,6 +55,9 @@ def main(figures: Path = Path("figures"), n: int = 60) -> dict[str, OptimalCurve
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
         damping_ratio=DAMPING_RATIO,
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     axial = replace(tangential, excitation=bd.Excitation("tip", direction="axial", amplitude=1.0))
     out = {

@@ -42,6 +42,9 @@ def main(figures: Path = Path("figures"), n: int = 40) -> dict[int, HigherMode]:
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     out = {}
     for mode, (direction, band, preloads, interval) in MODES.items():

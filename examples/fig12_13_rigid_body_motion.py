@@ -69,6 +69,9 @@ def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
     print(

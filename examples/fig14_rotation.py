@@ -39,6 +39,9 @@ def main(figures: Path = Path("figures"), preloads: tuple[float, ...] = PRELOADS
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     translation = replace(study, rigid_modes=("TX", "TY", "TZ"))
     pairs = [Pair(p, study.track(p, BAND), translation.track(p, BAND)) for p in preloads]

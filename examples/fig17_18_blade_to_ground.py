@@ -93,6 +93,9 @@ def main(figures: Path = Path("figures"), loads: tuple[float, ...] = LOADS, harm
         model,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     share = distribution(model)
     cases = []

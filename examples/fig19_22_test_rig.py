@@ -57,12 +57,22 @@ def main(figures: Path = Path("figures"), measured: Path | None = None, n: int =
     figures.mkdir(parents=True, exist_ok=True)
     excitation = bd.Excitation("tip", direction="tangential", amplitude=1.0)
     model = bd.reference_model("test_rig")
-    study = bd.Study(model, friction_coefficient=0.4, excitation=excitation)
+    study = bd.Study(
+        model,
+        friction_coefficient=0.4,
+        excitation=excitation,
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
+    )
     wheel = bd.Study(
         bd.reference_model("bladed_disk", contact_points=24),
         engine_order=5,
         friction_coefficient=0.4,
         excitation=excitation,
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
     )
     curves = {
         "rig, 10 modes": study.optimal_curve(LOADS, n, frequency=BAND, check=False),

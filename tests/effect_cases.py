@@ -16,6 +16,7 @@ import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.problem.effects import Effects
 from tests import models
+from tests.plain import plain_study
 
 HARMONICS = 5
 
@@ -78,7 +79,7 @@ def everything_on(case: Case) -> Effects:
 
 def study_of(case: Case, effects: Effects | None = None) -> bd.Study:
     """The study of a case, with everything on by default."""
-    return bd.Study(
+    return plain_study(
         _model(case),
         bd.Excitation("tip", case.direction),
         engine_order=case.engine_order,

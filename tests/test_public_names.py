@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import bdamper as bd
+from tests.plain import plain_study
 
 ROOT = Path(__file__).parents[1]
 
@@ -44,7 +45,7 @@ def test_a_removed_name_tells_its_successor(name, successor):
 
 
 def test_removed_methods_tell_their_successors():
-    study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5)
+    study = plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5)
     with pytest.raises(AttributeError, match=r"Study\.adaptive_peak has gone with version 0\.2: use Study\.advise and"):
         study.adaptive_peak(500.0, (330.0, 365.0))
     with pytest.raises(AttributeError, match=r"Curve\.errors has gone with version 0\.2: use Study\.estimate_errors"):

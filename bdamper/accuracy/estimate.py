@@ -432,7 +432,7 @@ def _more_modes(problem: Problem) -> Richer | str:
 
 
 def _residual_modes(problem: Problem) -> Richer | None:
-    if problem.contact_stiffness not in ("unit_traction", "eq4"):
+    if problem.stiffness_method not in ("unit_traction", "eq4"):
         return None
     return Richer(replace(problem, contact_stiffness="residual_modes"), "residual modes")
 

@@ -64,6 +64,8 @@ class StiffnessReport:
     fallback : (3,) int
         Points, for t1, t2, n, at which the method's substitute was used.
     smallest, median, largest : (3,) float, N/m
+    note : str
+        Why the method is not the default one, if the study left the choice to the model.
     """
 
     interface: str
@@ -73,6 +75,7 @@ class StiffnessReport:
     smallest: NDArray
     median: NDArray
     largest: NDArray
+    note: str = ""
 
     def __str__(self) -> str:
         parts = [
@@ -81,7 +84,8 @@ class StiffnessReport:
                 ("t1", "t2", "n"), self.median, self.smallest, self.largest, self.fallback
             )
         ]
-        return f"{self.interface}, {self.source}, N/m: " + "; ".join(parts)
+        note = f"\n  {self.note}" if self.note else ""
+        return f"{self.interface}, {self.source}, N/m: " + "; ".join(parts) + note
 
 
 @dataclass(frozen=True)
@@ -106,18 +110,24 @@ class Contact:
     ----------
     stiffness : dict of interface name to ContactStiffness
     residual : ResidualSet, optional
+    method : name, ResidualModes, float, PerArea or mapping
+        What it was made by.
+    note : str
+        Why that is not the default method, if the choice was left to the model.
     """
 
     stiffness: dict[str, ContactStiffness]
     residual: ResidualSet | None = None
+    method: Any = None
+    note: str = ""
 
 
-def report(interface: str, contact: ContactStiffness) -> StiffnessReport:
+def report(interface: str, contact: ContactStiffness, note: str = "") -> StiffnessReport:
     """Summary of the stiffness of one interface."""
     k = contact.stiffness
     fallback = np.zeros(3, int) if contact.fallback is None else contact.fallback.sum(axis=0)
     return StiffnessReport(
-        interface, contact.source, len(k), fallback, k.min(axis=0), np.median(k, axis=0), k.max(axis=0)
+        interface, contact.source, len(k), fallback, k.min(axis=0), np.median(k, axis=0), k.max(axis=0), note
     )
 
 
@@ -245,6 +255,10 @@ def contact_stiffness(
         direction, N/m3 for every direction, or for each interface an array that broadcasts to (n_points, 3).
     friction : (n_points,) float
         Friction coefficients.
+
+    Returns
+    -------
+    Contact
 
     Raises
     ------

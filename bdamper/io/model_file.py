@@ -545,7 +545,7 @@ def _read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
 CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "blade_to_ground": (24,), "test_rig": (24,)}
 
 
-def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Model:
+def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
     """A model shipped with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fe`.
 
     Parameters
@@ -556,8 +556,8 @@ def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Mode
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
         prescribed (:func:`bdamper.prescribe_preload`).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
-    contact_points : int
-        Contact points on each face: 9, 24 or 48 for "bladed_disk", 24 for the others.
+    contact_points : int, optional
+        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 for the others.
 
     Raises
     ------
@@ -565,6 +565,7 @@ def reference_model(name: str = "bladed_disk", contact_points: int = 24) -> Mode
         If there is no such model.
     """
     validate.choice("reference model", name, sorted(CONTACT_POINTS))
+    contact_points = CONTACT_POINTS[name][0] if contact_points is None else contact_points
     if contact_points not in CONTACT_POINTS[name]:
         raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {contact_points}")
     with resources.as_file(resources.files("bdamper") / "data" / f"{name}_{contact_points}.h5") as path:

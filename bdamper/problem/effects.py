@@ -19,6 +19,10 @@ AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
 TRACTIONS = ("static", "lower", "upper")
 MAX_HARMONIC = 64
+HARMONICS = 3
+"""By default: with fewer the peak near the optimal preload is another one (docs/accuracy.md)."""
+BLADE_MODES = 10
+"""By default; fewer where the model has no more.  Residual modes carry what the others would (docs/accuracy.md)."""
 SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
 """Effects that are on or off."""
 
@@ -67,7 +71,7 @@ class Effects:
     """
 
     harmonics: int | tuple[int, ...] = _effect(
-        1, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
+        HARMONICS, "further harmonics of the engine order", "the response is sinusoidal, with or without a mean"
     )
     bias: bool = _effect(True, "mean motion under vibration", "the mean stays at its static value")
     variable_normal_load: bool = _effect(
@@ -95,7 +99,9 @@ class Effects:
     stability: bool = _effect(
         False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
     )
-    blade_modes: int = _effect(10, "modes of the blade", "higher modes act through the contact stiffness alone")
+    blade_modes: int = _effect(
+        BLADE_MODES, "modes of the blade", "higher modes act through the contact stiffness and residual modes alone"
+    )
 
     def __post_init__(self) -> None:
         check_harmonics(self.harmonics)

@@ -33,7 +33,7 @@ def check_settings(problem: Problem) -> None:
         implausible("damping_ratio", f"at most {DAMPING:g} of critical damping", f"{damping:g}")
     _check_engine_order(problem.model, problem.engine_order)
     given = problem.contact_stiffness
-    if given == "model" or (not isinstance(given, str) and not hasattr(given, "patterns")):
+    if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
         _check_stiffness(problem, "of " + type(given).__name__ if isinstance(given, PerArea) else "")
 
 

@@ -33,8 +33,9 @@ from bdamper.problem.settings import Settings, check_history
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import SettingError, StaticError
+from bdamper.util.errors import ModelError, SettingError, StaticError
 from bdamper.util.repr import brief, short
+from bdamper.util.warn import say
 
 SMALLEST_SHARE = 1e-3
 """Share of a damper's load that its rigid-body modes in the study must carry."""
@@ -62,6 +63,8 @@ class Problem(Settings):
     def _check_stiffness(self) -> None:
         """Names and the user's own values; what a method needs of the model is found when it is used."""
         method = self.contact_stiffness
+        if method is None:
+            return
         if not (isinstance(method, str) and method == "model"):
             check_method(method)
         if not isinstance(method, ResidualModes) and (not isinstance(method, str) or method == "model"):
@@ -73,7 +76,7 @@ class Problem(Settings):
 
         mu = sorted({value for value in self.friction_by_interface().values() if value > 0.0})
         law = self.friction_law if isinstance(self.friction_law, str) else short(self.friction_law)
-        method = self.contact_stiffness
+        method = self.stiffness_method
         stiffness = method if isinstance(method, str) else short(method)
         factor = "" if self.contact_stiffness_factor == 1.0 else f" times {self.contact_stiffness_factor:g}"
         off = [f.name for f in fields(self) if f.name in _SWITCHES and not getattr(self, f.name)]
@@ -119,6 +122,13 @@ class Problem(Settings):
         for name in ("bases", "modal_bases", "response_rows"):
             out.__dict__.pop(name, None)
         check_evaluation(out.evaluation, out.harmonic_numbers[-1])
+        if self.contact_stiffness is None and not changed <= {"stability"}:
+            if self.contact.note:
+                return replace(self, **settings)
+            try:
+                _ = out.bases
+            except ModelError:  # no flexibility at the nodal diameters of these harmonics
+                return replace(self, **settings)
         _ = out.bases
         return out
 
@@ -206,13 +216,35 @@ class Problem(Settings):
 
     @cached_property
     def contact(self) -> Contact:
-        """Contact stiffness by the method asked for, with residual modes if it has any."""
-        method = self.contact_stiffness
+        """Contact stiffness by the method asked for, with residual modes if it has any.
+
+        By default residual modes; where the model lacks what they need, what it carries, or unit tractions.
+        """
+        if self.contact_stiffness is not None:
+            return self._contact_by(self.contact_stiffness)
+        try:
+            contact = self._contact_by("residual_modes")
+            for l in sorted({0, *self.active_harmonics}):
+                _ = contact.residual and contact.residual.basis(l)
+            return contact
+        except (ModelError, SettingError) as error:
+            why = str(error)
+        carried = all(name in self.model.contact for name in self.coupling.interfaces)
+        contact = self._contact_by("model" if carried else "unit_traction")
+        note = (
+            f'contact stiffness "{contact.method}" instead of residual modes ({why}); peaks may be off by tens of percent, '
+            "which more blade modes would show"
+        )
+        say(note)
+        return replace(contact, note=note)
+
+    def _contact_by(self, method: Any) -> Contact:
+        given = method
         if isinstance(method, str) and method == "model":
             missing = [name for name in self.coupling.interfaces if name not in self.model.contact]
             if missing:
                 raise SettingError(f'contact_stiffness="model": the model has none for interfaces {missing}')
-            return Contact({name: self.coupling.model.contact[name] for name in self.coupling.interfaces})
+            return Contact({n: self.coupling.model.contact[n] for n in self.coupling.interfaces}, method=given)
         if self.contact_points is not None and not isinstance(method, (str, ResidualModes, PerArea)):
             # numbers are given for the points of the model
             whole = method if isinstance(method, Mapping) else dict.fromkeys(self.coupling.interfaces, method)
@@ -220,7 +252,17 @@ class Problem(Settings):
                 name: united_stiffness(self.model.interfaces[name], self.contact_points, np.asarray(k, float))
                 for name, k in whole.items()
             }
-        return contact_stiffness(self.coupling, method, self.friction)
+        return replace(contact_stiffness(self.coupling, method, self.friction), method=given)
+
+    @property
+    def stiffness_method(self) -> Any:
+        """The method or the values of the contact stiffness, the one in use where the study leaves it to the model."""
+        if self.contact_stiffness is not None:
+            return self.contact_stiffness
+        try:
+            return self.contact.method
+        except (ModelError, SettingError):  # no stiffness at all, which an analysis says
+            return super().stiffness_method
 
     @cached_property
     def stiffness(self) -> dict[str, ContactStiffness]:
@@ -233,7 +275,7 @@ class Problem(Settings):
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
         """Range of the contact stiffness and use of fallback rules, for each interface."""
-        return tuple(report(name, contact) for name, contact in self.stiffness.items())
+        return tuple(report(name, contact, self.contact.note) for name, contact in self.stiffness.items())
 
     @cached_property
     def point_stiffness(self) -> NDArray:

@@ -20,13 +20,24 @@ from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import Excitation, Response
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model
-from bdamper.problem.effects import LAW_NAMES, TRACTIONS, Effects, check_law, harmonic_numbers, whole_harmonics
+from bdamper.problem.effects import (
+    BLADE_MODES,
+    HARMONICS,
+    LAW_NAMES,
+    TRACTIONS,
+    Effects,
+    check_law,
+    harmonic_numbers,
+    whole_harmonics,
+)  # fmt: skip
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
-BLADE_MODES = 10
-"""By default; fewer where the model has no more."""
+PAPER: Mapping[str, Any] = {
+    "contact_stiffness": "eq4", "blade_modes": 10, "damper_modes": 0, "harmonics": 1, "single_basis": True
+}  # fmt: skip
+"""Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **PAPER)``, ``study.with_(**PAPER)``."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +55,11 @@ class Settings:
         Location and direction of the excitation by default.
     harmonics : int or tuple of int
         Harmonics of the response besides the mean: how many, or which.
-    contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea or mapping
+    contact_stiffness : {"residual_modes", "unit_traction", "eq4", "model"}, ResidualModes, float, PerArea, mapping, None
         Method (see :mod:`bdamper.contact.stiffness`), values in N/m or N/m3, or "model": those that the model carries.
+        By default residual modes where the model carries the static flexibility that they need; else the values that the
+        model carries, or unit tractions, with a note in ``stiffness_report`` and a
+        :class:`~bdamper.util.warn.BdamperWarning`.
     contact_stiffness_factor : float
         On all contact stiffness, whatever its method, that of residual modes too: the flexibility of the whole contact is
         divided by it.
@@ -107,8 +121,8 @@ class Settings:
     engine_order: int = 1
     friction_coefficient: float | Mapping[str, float] = 0.3
     response: Response | None = None
-    harmonics: int | tuple[int, ...] = 1
-    contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] = "unit_traction"
+    harmonics: int | tuple[int, ...] = HARMONICS
+    contact_stiffness: str | float | ResidualModes | PerArea | Mapping[str, NDArray] | None = None
     blade_modes: int = BLADE_MODES
     damper_modes: int = 0
     rigid_modes: tuple[str, ...] = RIGID_NAMES
@@ -254,6 +268,11 @@ class Settings:
         return out
 
     @property
+    def stiffness_method(self) -> Any:
+        """The method or the values of the contact stiffness."""
+        return "residual_modes" if self.contact_stiffness is None else self.contact_stiffness
+
+    @property
     def harmonic_numbers(self) -> tuple[int, ...]:
         """Harmonics besides the mean, ascending."""
         return harmonic_numbers(self.harmonics)
@@ -271,7 +290,6 @@ class Settings:
         options : dataclass, optional
             Of the continuation, kept beside them.
         """
-        given = self.contact_stiffness
         out: dict[str, Any] = {
             "engine_order": int(self.engine_order),
             "harmonics": list(self.harmonic_numbers),
@@ -283,7 +301,7 @@ class Settings:
             "friction_coefficient": self.friction_by_interface(),
             "excitation": asdict(self.excitation),
             "response": asdict(self.response_location),
-            "contact_stiffness": _stiffness_setting(given),
+            "contact_stiffness": _stiffness_setting(self.stiffness_method),
             "contact_stiffness_factor": self.contact_stiffness_factor,
             "load_history": list(self.load_history),
             "gap": self.gap,

@@ -88,7 +88,7 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
     if new is old or not all(name in _KEPT for name in names):
         return new
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
-    method = old.contact_stiffness
+    method = old.stiffness_method
     residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
     if residual and "damper_mass_factor" in names:
         kept -= set(_CONTACT)  # the patterns are those of stuck modes

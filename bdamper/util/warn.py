@@ -1,4 +1,4 @@
-"""Warnings of values that are possible but not plausible, shown at the line of the user that gave them."""
+"""Warnings of what a user should know before trusting an answer, shown at the line of the user that caused them."""
 
 from __future__ import annotations
 
@@ -10,14 +10,22 @@ from bdamper.util.errors import shortened
 _OURS = ("bdamper", "dataclasses", "functools", "contextlib")
 
 
-class PlausibilityWarning(UserWarning):
+class BdamperWarning(UserWarning):
+    """What a user should know before trusting an answer."""
+
+
+class PlausibilityWarning(BdamperWarning):
     """A value is possible, so it is used, but it lies outside of what machines have: a mistaken unit or digit?"""
 
 
 def implausible(item: str, plausible: str, found: str) -> None:
     """Warn in one line: the item, the plausible range, and what was found."""
+    say(f"{item}: plausible {plausible}, found {shortened(found)}", PlausibilityWarning)
+
+
+def say(text: str, category: type[BdamperWarning] = BdamperWarning) -> None:
+    """Warn at the line of the user."""
     level, frame = 1, inspect.currentframe()
     while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] in _OURS:
         level, frame = level + 1, frame.f_back
-    text = f"{item}: plausible {plausible}, found {shortened(found)}"
-    warnings.warn(text, PlausibilityWarning, stacklevel=level)
+    warnings.warn(text, category, stacklevel=level)

@@ -62,7 +62,15 @@ def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20)
 
 def tracking_curve(built: BuiltModel) -> Curve:
     """First bending mode of the blade under 1 N at the tip and 200 N on the damper."""
-    study = Study(built.model, Excitation("tip", amplitude=1.0), engine_order=ENGINE_ORDER, friction_coefficient=0.3)
+    study = Study(
+        built.model,
+        Excitation("tip", amplitude=1.0),
+        engine_order=ENGINE_ORDER,
+        friction_coefficient=0.3,
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=1,
+    )
     return study.track(preload=200.0, frequency=(250.0, 400.0))
 
 

@@ -17,11 +17,12 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError, error_line
 from tests import accuracy_cases, models
+from tests.plain import plain_study
 
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=2)
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, harmonics=2)
 
 
 @pytest.fixture(scope="module")
@@ -225,7 +226,8 @@ def test_what_is_refused(study, place, peak):
 def test_stand_ins_leave_present_modes_alone(study):
     assert missing_harmonics(study, 3) == []
     assert missing_harmonics(study, 15) == []
-    small = bd.Study(models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3), bd.Excitation("tip"), 2, harmonics=2)
+    model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
+    small = plain_study(model, bd.Excitation("tip"), 2, harmonics=2)
     assert missing_harmonics(small, 5) == [4, 5]
     wide = with_stand_ins(small, 5)
     assert wide.harmonic_numbers == (1, 2, 3, 4, 5)
@@ -292,7 +294,7 @@ def test_result_prints_plots_and_saves(result, tmp_path):
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)
 def test_default_ladders_suit_every_model(name):
-    study = bd.Study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
+    study = plain_study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
     ladders = make_ladders(study, None)
     names = dict.fromkeys(s.ladder for s in ladders)
     assert list(names) == ["harmonics", "evaluation", "contact_points", "blade_modes"]
@@ -312,7 +314,7 @@ def test_preload_of_a_ladder_is_one_at_which_the_contact_slips(study, place):
     assert 0.02 < shares[1] + shares[2] < 0.98
     twice = replace(study, excitation=replace(study.excitation, amplitude=2.0))
     assert slipping_preload(twice, place[1]) == pytest.approx(2.0 * result.preload, rel=1e-9)
-    ground = bd.Study(models.ALL_MODELS["ground"](0), bd.Excitation("tip"), 2)
+    ground = plain_study(models.ALL_MODELS["ground"](0), bd.Excitation("tip"), 2)
     assert slipping_preload(ground, (200.0, 450.0)) == 0.0
     with pytest.raises(bd.BdamperError, match="nothing slips"):
         slipping_preload(replace(study, friction_coefficient=0.0), place[1])

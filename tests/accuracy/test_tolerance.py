@@ -11,6 +11,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import percent
 from bdamper.util.ladder import Ladder, Rung
 from tests import models
+from tests.plain import plain_study
 
 PLACE = 5000.0, (320.0, 365.0)
 """Preload and interval of a peak with slip and separation."""
@@ -19,7 +20,7 @@ INTERVAL = (280.0, 370.0)
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5)
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5)
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +66,7 @@ class TestCurve:
 
     def test_missing_nodal_diameters_end_the_ladder(self):
         model = models.wedge_model(0, n_blades=24, engine_order=2, harmonics=3)
-        curve = bd.Study(model, bd.Excitation("tip"), 2).track(5.0, (200.0, 450.0), tolerance=0.5)
+        curve = plain_study(model, bd.Excitation("tip"), 2).track(5.0, (200.0, 450.0), tolerance=0.5)
         assert numbers(curve) == [1, 3] and not curve.ladder.converged
         assert "no 5 harmonics are possible" in curve.ladder.note and "nodal diameter" in curve.ladder.note
         assert "fewer than three answers to compare" in curve.ladder.note

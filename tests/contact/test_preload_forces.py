@@ -18,6 +18,7 @@ from bdamper.contact.preload_forces import (
 from bdamper.model.coupling import Coupling, retained_modes
 from bdamper.util.errors import ModelError
 from tests.models import wedge_model
+from tests.plain import plain_study
 
 
 def coupling_of(model, engine_order):
@@ -246,7 +247,7 @@ def test_certificate_sees_each_violation(coupling):
 def test_a_step_is_not_tried_twice_from_the_same_states(monkeypatch):
     """At the first load all that touches sticks anyway, so the other ways to begin are the same one."""
     model = wedge_model(3, n_points=4)
-    study = bd.Study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
+    study = plain_study(model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4)
     began = []
 
     def failing(system, load, q, w, status, *_):
@@ -274,7 +275,7 @@ def test_what_goes_round_in_circles_is_given_up(seed, monkeypatch):
     def state(stalls):
         solved.append(0)
         monkeypatch.setattr(preload, "STALLS", stalls)
-        study = bd.Study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
+        study = plain_study(wedge_model(seed, n_points=6), bd.Excitation("tip"), engine_order=2, friction_coefficient=0.5)
         return study.static(100.0)
 
     soon, late = state(preload.STALLS), state(10**9)

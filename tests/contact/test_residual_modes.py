@@ -12,6 +12,7 @@ from bdamper.contact.residual_modes import ResidualModes, ResidualSet, active_co
 from bdamper.model.coupling import Coupling, retained_modes
 from bdamper.util.errors import ModelError, SettingError
 from tests.models import ALL_MODELS, wedge_model
+from tests.plain import plain_study
 
 SOURCE = "bonded frequencies, nodal diameter 5"
 
@@ -28,7 +29,7 @@ def bonded_in_full(model):
 
 def bonded(model, blade_modes, damper_modes, contact):
     """First frequencies (Hz) of the reduced model with all friction points bonded."""
-    study = bd.Study(
+    study = plain_study(
         model,
         bd.Excitation("tip"),
         5,
@@ -152,7 +153,7 @@ def test_tracking_with_residual_modes():
     model = bd.reference_model("bladed_disk", 9)
     peaks = []
     for patterns in (12, 16):
-        study = bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=ResidualModes(patterns))
+        study = plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=ResidualModes(patterns))
         curve = study.track(4000.0, (330.0, 380.0))
         assert curve.complete
         assert curve.residual.max() < 1e-9
@@ -209,7 +210,7 @@ def test_the_peak_does_not_depend_on_the_number_of_modes(preload):
     peaks = {}
     for method in ("residual_modes", "unit_traction"):
         for modes in (10, 30):
-            study = bd.Study(
+            study = plain_study(
                 bd.reference_model("bladed_disk", 9),
                 bd.Excitation("tip"),
                 5,

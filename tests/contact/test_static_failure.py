@@ -11,6 +11,7 @@ import bdamper as bd
 import bdamper.problem.problem as problem_module
 from bdamper.peaks.scan import linear_peak
 from bdamper.util.errors import StaticError
+from tests.plain import plain_study
 
 LAST = 500.0
 INTERVAL = (250.0, 400.0)
@@ -28,7 +29,7 @@ def study(monkeypatch):
 
     monkeypatch.setattr(problem_module, "static_state", failing)
     monkeypatch.setattr(problem_module, "scaled_state", lambda *args, **options: None)
-    return bd.Study(
+    return plain_study(
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3
     )
 

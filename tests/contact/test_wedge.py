@@ -12,18 +12,19 @@ from bdamper.contact.stiffness import contact_stiffness
 from bdamper.model.model import StaticContact
 from bdamper.util.errors import ModelError, SettingError
 from tests.models import wedge_model
+from tests.plain import plain_study
 
 
 def study(**settings):
     settings = {"contact_stiffness": "residual_modes", "engine_order": 5} | settings
-    return bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), **settings)
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), **settings)
 
 
 @pytest.mark.parametrize("alpha", [0.5, 0.9])
 @pytest.mark.parametrize("mu", [0.0, 0.1, 0.2])
 def test_interval_of_a_symmetric_wedge(alpha, mu):
     """The four ways in which both faces can slide: N_R = P cos(a + r1) cos(r)/sin(2 a + r1 + r2), r1, r2 = ±atan(mu)."""
-    s = bd.Study(
+    s = plain_study(
         wedge_model(n_points=6, alpha=alpha, beta=alpha),
         bd.Excitation("tip"),
         2,
@@ -44,7 +45,7 @@ def test_interval_of_a_symmetric_wedge(alpha, mu):
 def test_self_locking_is_named():
     model = wedge_model(n_points=6, alpha=0.4, beta=0.4)
     made = [
-        bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7).wedge_friction()
+        plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7).wedge_friction()
         for mu in (0.99 * np.tan(0.4), 1.01 * np.tan(0.4))
     ]
     assert [m.self_locking for m in made] == [False, True]
@@ -79,7 +80,7 @@ def test_history_of_loads():
 def test_unloading_to_nothing(mu, locks):
     """A steep wedge that slid in under load and locks itself keeps its normal force, one that does not lets go."""
     model = wedge_model(n_points=6, alpha=0.25, beta=0.25)
-    s = bd.Study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraints=False)
+    s = plain_study(model, bd.Excitation("tip"), 2, friction_coefficient=mu, contact_stiffness=1e7, constraints=False)
     assert s.wedge_friction().self_locking == locks
     found = s.static(1000.0, history=(1.0, 0.0))
     assert found.converged
@@ -197,7 +198,7 @@ class TestForcesOfTheUser:
     def test_gives_what_the_condensed_problem_gives(self, parts):
         s, solution, static = parts
         model = replace(s.model, static=static)
-        given = bd.Study(model, bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4")
+        given = plain_study(model, bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4")
         left_out = (s.coupling.residual_flexibility(0).real @ solution.force.ravel()).reshape(-1, 3)
         for name, contact in given.stiffness.items():
             rows = given.coupling.rows(name)
@@ -210,7 +211,7 @@ class TestForcesOfTheUser:
         s, _, static = parts
         bad = {name: replace(c, force=1.1 * c.force) for name, c in static.items()}
         with pytest.raises(ModelError, match=r"found a difference of 0\.1 times"):
-            bd.Study(
+            plain_study(
                 replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
             ).static(1.0)
 
@@ -218,7 +219,7 @@ class TestForcesOfTheUser:
         s, _, static = parts
         bad = {name: replace(c, displacement_b=-4.0 * c.displacement_b) for name, c in static.items()}
         with pytest.raises(ModelError, match="displacements of the model"):
-            bd.Study(
+            plain_study(
                 replace(s.model, static=bad), bd.Excitation("tip"), 5, constraints=False, contact_stiffness="eq4"
             ).static(1.0)
 

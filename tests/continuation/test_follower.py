@@ -9,6 +9,7 @@ import bdamper as bd
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
+from tests.plain import plain_study
 
 
 class Equations:
@@ -137,7 +138,7 @@ def test_a_drift_without_end_is_left_a_million_vibrations_away():
 @pytest.mark.parametrize(("preload", "points", "most_evaluations"), [(200.0, 97, 690), (2000.0, 83, 413)])
 def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations):
     """Counts, not times: steps grow as they may, the predictor is the tangent, events are located in few trials."""
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip

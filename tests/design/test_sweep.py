@@ -26,6 +26,7 @@ from bdamper.peaks import scan as peakscan
 from bdamper.peaks.optimal import highest_peak, optimal_curve
 from bdamper.problem.variation import study_fingerprint
 from tests.models import ground_model, wedge_model
+from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
 
@@ -33,7 +34,7 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
 
 
 MPI_SCRIPT = """
@@ -43,7 +44,7 @@ import bdamper as bd
 
 if __name__ == "__main__":
     model = bd.reference_model(contact_points=9)
-    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
     with MPIPoolExecutor() as pool:
         print(json.dumps(bd.sweep(study, over={over}, frequency={interval}, executor=pool).values))
 """
@@ -123,7 +124,7 @@ class TestAnswers:
         assert json.loads(done.stdout) == json.loads(answers(serial)), done.stderr
 
     def test_model_factory_and_factors(self):
-        study = bd.Study(thinner(), excitation=bd.Excitation("tip"), engine_order=2)
+        study = plain_study(thinner(), excitation=bd.Excitation("tip"), engine_order=2)
         over = {"model.alpha": [0.7, 0.8], "damper_mass_factor": [1.0, 2.0], "preload": [100.0]}
         result = bd.sweep(study, over=over, evaluate=residual_norm, model=thinner)
         assert result.complete, result.status
@@ -309,7 +310,7 @@ def question(study, preload):
     return {"value": preload}
 
 if __name__ == "__main__":
-    study = bd.Study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
+    study = plain_study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
     pool = ProcessPoolExecutor(2)
     print("begins", flush=True)
     result = bd.sweep(study, {"preload": [float(p) for p in range(1, 1001)]}, question, executor=pool)
@@ -571,7 +572,7 @@ class TestUncertainty:
 
 
 def test_models_without_a_loaded_body_say_so():
-    study = bd.Study(ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6)
+    study = plain_study(ground_model(), excitation=bd.Excitation("tip"), engine_order=2, contact_stiffness=1e6)
     with pytest.raises(bd.SettingError, match="carries a load"):
         study.optimal_curve(check=False)
     assert PeakTask(0.0) == PeakTask(0.0)

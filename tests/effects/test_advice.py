@@ -11,6 +11,7 @@ from bdamper.effects.advice import EffectAdvice, fullest, parts
 from bdamper.effects.indicator import Estimate
 from bdamper.problem.effects import Effects
 from tests import models
+from tests.plain import plain_study
 
 INTERVAL = (720.0, 880.0)
 PRELOAD = 40.0
@@ -20,7 +21,7 @@ TOLERANCE = 0.03
 @pytest.fixture(scope="module")
 def full():
     model = models.wedge_model(1, n_points=6, harmonics=5)
-    return bd.Study(
+    return plain_study(
         model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
     )
 

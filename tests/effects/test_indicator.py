@@ -10,6 +10,7 @@ from bdamper.effects.indicator import Estimate, embed, estimate_change, estimate
 from bdamper.peaks.newton import find_peak
 from bdamper.problem.effects import Effects
 from tests import models
+from tests.plain import plain_study
 
 INTERVAL = (720.0, 880.0)
 
@@ -17,7 +18,7 @@ INTERVAL = (720.0, 880.0)
 @pytest.fixture(scope="module")
 def full():
     model = models.wedge_model(1, n_points=6, harmonics=5)
-    return bd.Study(
+    return plain_study(
         model, bd.Excitation("tip"), engine_order=2, friction_coefficient=0.4, harmonics=3, damper_modes=1, blade_modes=4
     )
 

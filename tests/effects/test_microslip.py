@@ -7,6 +7,7 @@ import pytest
 import bdamper as bd
 from bdamper.effects.microslip import microslip
 from bdamper.util.errors import SettingError
+from tests.plain import plain_study
 
 LOAD, MU = 1000.0, 0.3
 FORCES = np.array([20.0, 60.0, 120.0, 200.0, 260.0, 280.0, 300.0])
@@ -14,7 +15,7 @@ FORCES = np.array([20.0, 60.0, 120.0, 200.0, 260.0, 280.0, 300.0])
 
 def study(contact, **settings):
     model = bd.reference_model("bladed_disk", 9)
-    return bd.Study(model, bd.Excitation("tip"), 5, contact_stiffness=contact, constraints=False, **settings)
+    return plain_study(model, bd.Excitation("tip"), 5, contact_stiffness=contact, constraints=False, **settings)
 
 
 @pytest.fixture(scope="module")

@@ -13,13 +13,14 @@ from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUP
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import STICK
 from tests.models import acyclic_model, wedge_model
+from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
 
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(
+    return plain_study(
         bd.reference_model("bladed_disk", 9),
         engine_order=5,
         friction_coefficient=0.4,
@@ -74,7 +75,7 @@ def test_bonded_points_give_the_stuck_response(study):
 )
 def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     """Statics, solved as one linear system: the wedge pulls at points where it would open, and nothing slips."""
-    study = bd.Study(
+    study = plain_study(
         model,
         bd.Excitation("tip", "tangential", 40.0),
         engine_order=2 if model.n_blades > 1 else 0,

@@ -11,8 +11,9 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
-from bdamper import ContinuationOptions, Excitation, Study, load_model, reference_model
+from bdamper import ContinuationOptions, Excitation, load_model, reference_model
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+from tests.plain import plain_study
 
 PATH = Path(__file__).resolve().parents[2] / "examples" / "calculix" / "bladed_disk.py"
 
@@ -38,7 +39,7 @@ def distance_from(points, line):
 
 def compare_curves(curve, model):
     """The tracking curve is that of ``model`` within half a percent: every point, both folds, the peak."""
-    study = Study(model, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(model, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3)
     own = study.track(200.0, (250.0, 400.0), options=ContinuationOptions(step=0.02, max_step=0.02))
     assert own.complete
     assert curve.complete

@@ -8,6 +8,7 @@ import bdamper as bd
 from tests import oracle
 from tests.cases import for_oracle
 from tests.models import ALL_MODELS
+from tests.plain import plain_study
 
 FULL = int(os.environ.get("BDAMPER_HARD", "0"))
 """Number of cases at full size, 0 for the default run."""
@@ -43,7 +44,7 @@ def random_study(seed, wide=False):
     translation = rng.random() < 0.3
     if wide and preload > 0.0:
         preload = float(10.0 ** rng.uniform(0.0, 4.4))
-    study = bd.Study(
+    study = plain_study(
         model,
         engine_order=order,
         harmonics=harmonics,

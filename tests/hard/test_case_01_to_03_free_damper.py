@@ -6,11 +6,12 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.mean_position import neutral_directions
 from tests.hard.random_studies import oracle_residuals
+from tests.plain import plain_study
 
 
 def study(points=9, **settings):
     settings.setdefault("excitation", bd.Excitation("tip", "tangential", 1.0))
-    return bd.Study(bd.reference_model("bladed_disk", points), engine_order=5, friction_coefficient=0.4, **settings)
+    return plain_study(bd.reference_model("bladed_disk", points), engine_order=5, friction_coefficient=0.4, **settings)
 
 
 def test_case_01_start_at_zero_motion_without_penetration():

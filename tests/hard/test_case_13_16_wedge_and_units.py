@@ -7,13 +7,14 @@ import pytest
 
 import bdamper as bd
 from tests.models import acyclic_model, wedge_model
+from tests.plain import plain_study
 
 
 @pytest.mark.parametrize(("angle", "mu", "locks"), [(45.0, 0.3, False), (20.0, 0.3, False), (15.0, 0.3, True)])
 def test_case_13_self_locking_is_named(angle, mu, locks):
     """tan(alpha) <= mu: 15 degrees lock at mu = 0.3 (16.7 degrees), 20 do not."""
     alpha = np.radians(angle)
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(1, alpha=alpha, beta=alpha, n_damper_modes=0),
         engine_order=0,
         contact_stiffness="model",
@@ -46,7 +47,7 @@ def test_case_13_self_locking_is_named(angle, mu, locks):
 )
 def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, expected):
     model = wedge_model(1, n_blades, engine_order, harmonics=3)
-    study = bd.Study(
+    study = plain_study(
         model, engine_order=engine_order, harmonics=3, contact_stiffness="model",
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
@@ -60,7 +61,7 @@ def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, ex
 
 
 def test_case_15_no_excitation_gives_the_static_state():
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 0.0)
     )
     curve = study.track(200.0, (250.0, 300.0))
@@ -80,7 +81,7 @@ def test_case_16_excitation_and_preload_scaled_together(factor):
     model = replace(model, interfaces=faces)
 
     def curve(scale):
-        study = bd.Study(
+        study = plain_study(
             model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 2.0 * scale)
         )
         return study.track(200.0 * scale, (250.0, 400.0))

@@ -7,6 +7,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.continuation.mean_position import why_no_solution
 from tests.models import acyclic_model
+from tests.plain import plain_study
 
 
 def with_gap(model, names, gap):
@@ -17,7 +18,7 @@ def with_gap(model, names, gap):
 
 
 def study(model, **settings):
-    return bd.Study(
+    return plain_study(
         model, engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0), **settings
     )
 

@@ -9,6 +9,7 @@ import bdamper as bd
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.stability.disturbances import WaveDisturbances
 from bdamper.stability.time_integration import Ring
+from tests.plain import plain_study
 
 DRAG = 4.0 * 2.0 * np.pi * 350.0
 
@@ -25,7 +26,7 @@ class Dragged(HarmonicBasis):
 @pytest.fixture(scope="module")
 def reference():
     """With one harmonic all motion is in nodal diameters 0 and 5, in harmonic balance and in time."""
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4, damping_ratio=0.001,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
@@ -75,7 +76,7 @@ CURVES = [(9, 1000.0, 1), (9, 50.0, 1), pytest.param(9, 200.0, 2, marks=pytest.m
 
 @pytest.mark.parametrize(("points", "preload", "harmonics"), CURVES)
 def test_judging_where_it_is_needed_gives_the_verdict_of_every_point(points, preload, harmonics):
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", points), engine_order=5, harmonics=harmonics, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
@@ -103,7 +104,7 @@ def plain_count(d, rate, band):
 
 @pytest.mark.slow
 def test_counts_against_plain_turns_of_the_phase():
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip

@@ -13,6 +13,7 @@ from bdamper.stability.time_integration import Ring, verify_solution
 from tests.event_march import Marcher
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model
+from tests.plain import plain_study
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +62,7 @@ def test_multipliers_of_a_stiff_rig_with_a_free_damper():
     model = acyclic_model(1, n_points=4, n_blade_modes=2, n_damper_modes=0)
     omega, u = 2 * np.pi * 358.523, None
     for harmonics in (3, 15, 31, 47, 63):
-        study = bd.Study(
+        study = plain_study(
             model, engine_order=0, harmonics=harmonics, contact_stiffness="model", damping_ratio=0.03,
             excitation=bd.Excitation("tip", "tangential", 40.0),
         )  # fmt: skip
@@ -170,7 +171,7 @@ def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
     """Most sliders rest at the end of their interval, as static slip leaves them; the structure is the one with springs."""
     coupled = {"friction_law": "coupled", "evaluation": bd.Sampled(64)}
     settings = coupled if law == "coupled" else {"variable_normal_load": False}
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(seed, n_points=4, n_blade_modes=2, n_damper_modes=0),
         engine_order=0,
         contact_stiffness="model",
@@ -204,7 +205,7 @@ def test_shooting_at_a_fully_stuck_solution_is_linear(seed, law):
 
 def test_coupled_law_of_a_study():
     """Friction along both tangential axes: harmonic balance, verdict and time integration of one acyclic structure."""
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(1, n_points=4, n_blade_modes=2),
         engine_order=0,
         harmonics=3,
@@ -226,7 +227,7 @@ def test_coupled_law_of_a_study():
 
 
 def test_curves_carry_stability(tmp_path):
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(1),
         engine_order=0,
         contact_stiffness="model",
@@ -246,7 +247,7 @@ def test_curves_carry_stability(tmp_path):
 
 
 def test_cyclic_structures_by_the_determinant_and_by_exponents():
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", 9),
         engine_order=5,
         friction_coefficient=0.4,
@@ -268,4 +269,4 @@ def test_cyclic_structures_by_the_determinant_and_by_exponents():
     assert curve.stable[: folds[0]].all()
     other = bd.reference_model("bladed_disk", 24)
     with pytest.raises(bd.SettingError, match="curve"):
-        bd.Study(other, engine_order=5, excitation=bd.Excitation("tip")).with_stability(curve)
+        plain_study(other, engine_order=5, excitation=bd.Excitation("tip")).with_stability(curve)

@@ -12,6 +12,7 @@ from bdamper.stability.floquet import multipliers, stability_of_points
 from bdamper.stability.time_integration import Ring, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
+from tests.plain import plain_study
 
 
 def distance(n_harm, periods=45, steps=600):
@@ -41,7 +42,7 @@ def test_linear_motion_to_second_order():
 def test_ring_of_sectors_keeps_the_travelling_wave():
     """Bias, fundamental and second harmonic in different nodal diameters; friction and separation; all sectors."""
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
-    study = bd.Study(
+    study = plain_study(
         model,
         engine_order=2,
         harmonics=3,
@@ -65,7 +66,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
 
 def rig(law, evaluation="exact", harmonics=5):
     """Two blades and a wedge that slips on them."""
-    return bd.Study(
+    return plain_study(
         acyclic_model(1, n_points=4, n_blade_modes=2),
         engine_order=0,
         harmonics=harmonics,
@@ -140,13 +141,13 @@ def test_verification_can_fail():
 
 def test_what_cannot_be_integrated_is_refused():
     model = wedge_model(4, n_blades=8, engine_order=1, n_points=4, n_blade_modes=2, harmonics=3)
-    study = bd.Study(
+    study = plain_study(
         model, engine_order=1, harmonics=3, single_basis=True, contact_stiffness="model",
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip
     with pytest.raises(bd.SettingError, match="single_basis"):
         Ring(study.system(100.0), 8, 1)
-    study = bd.Study(
+    study = plain_study(
         acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0)
     )
     curve = study.track(200.0, (300.0, 310.0))

@@ -15,12 +15,13 @@ from bdamper.util.cost import CostMeter
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import wedge_model
 from tests.physics import test_full_annulus as annulus
+from tests.plain import plain_study
 
 
 def study(harmonics, stiffness=1e5):
     """Eight sectors under engine order 2; on soft contact an oscillating disturbance grows near 350 Hz."""
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
-    return bd.Study(
+    return plain_study(
         model,
         engine_order=2,
         harmonics=harmonics,
@@ -199,7 +200,7 @@ def test_the_verdict_is_that_of_the_annulus(frequency, stable):
 
 
 def test_disturbances_beside_the_wave_need_their_modes():
-    s = bd.Study(
+    s = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, blade_modes=3,
         excitation=bd.Excitation("tip", "tangential", 1.0),
     )  # fmt: skip

@@ -7,11 +7,12 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks.scan import linear_peak
+from tests.plain import plain_study
 
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(bd.reference_model("bladed_disk", 9), excitation=bd.Excitation("tip"), engine_order=5)
+    return plain_study(bd.reference_model("bladed_disk", 9), excitation=bd.Excitation("tip"), engine_order=5)
 
 
 def marked(curve):

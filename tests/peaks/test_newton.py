@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import FAR, PeakOptions, find_peak, peak_scale, same_peak
+from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
 
@@ -15,7 +16,7 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +56,7 @@ def test_a_poor_curvature_does_not_lead_far_away(study, peak, beside):
 @pytest.mark.parametrize("curvature", [-1.0, 1.0])
 def test_the_search_leaves_a_minimum_uphill(curvature):
     """Between the two peaks at 18.94 N the amplitude has a minimum, where the slope vanishes too."""
-    study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
     curve = study.track(18.94, (279.0, 284.0))
     a = curve.amplitude
     i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())

@@ -15,6 +15,7 @@ from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan_f
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
+from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
 
@@ -22,7 +23,7 @@ INTERVAL = (250.0, 400.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model(contact_points=9)
-    return bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    return plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +131,7 @@ class TestOptimalCurve:
 
 def test_coexisting_peaks_are_told_apart_and_their_end_reported():
     """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
-    study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
     peaks, ending = peaks_at(study, 100.0, INTERVAL)
     assert ending == "complete"
     assert len(peaks) >= 2
@@ -150,7 +151,7 @@ def test_coexisting_peaks_are_told_apart_and_their_end_reported():
 def test_jumps_at_low_preload_are_found():
     """Down to 10 N the highest peak changes three times; every complete tracking curve has the same highest peak."""
     model = bd.reference_model(contact_points=24)
-    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
     curve = study.optimal_curve((15.0, 100.0), 12, frequency=INTERVAL, check=False)
     checked = 0
     for p, a in zip(curve.preload, curve.amplitude):
@@ -264,7 +265,7 @@ class TestNewtonToThePeak:
 
     def test_a_minimum_is_not_taken_for_a_peak(self):
         """Between the two peaks at 18.94 N the amplitude has a minimum."""
-        study = bd.Study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+        study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
         curve = study.track(18.94, (279.0, 284.0))
         a = curve.amplitude
         i = next(i for i in range(1, len(a) - 1) if a[i] < a[i - 1] and a[i] < a[i + 1] and a[i] > 0.3 * a.max())
@@ -314,7 +315,7 @@ class TestVary:
         study.system(500.0)
         fast = vary(study, settings).system(500.0)
         plain = {k: v for k, v in settings.items() if "." not in k and not k.endswith("_factor")}
-        fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
+        fresh = plain_study(study.model, excitation=study.excitation, engine_order=5, friction_coefficient=0.3)
         fresh = replace(fresh, **plain)
         if "excitation.amplitude" in settings:
             fresh = replace(fresh, excitation=replace(study.excitation, amplitude=settings["excitation.amplitude"]))
@@ -362,14 +363,14 @@ class TestVary:
         assert body.mass == 2 * old_body.mass
         # the free damper's modes keep unit modal mass: rigid translations are 1/sqrt(mass)
         assert body.bases[0].contact_modes == pytest.approx(old_body.bases[0].contact_modes / np.sqrt(2))
-        bd.Study(replace(new.model, provenance={"made": "twice as dense"}), excitation=study.excitation, engine_order=5)
+        plain_study(replace(new.model, provenance={"made": "twice as dense"}), excitation=study.excitation, engine_order=5)
 
 
 def test_static_states_scale_with_the_load(study):
     """Without gaps at the friction points the static state is proportional; a fresh analysis gives the same."""
     first = study.static(500.0)
     scaled = study.static(1250.0)
-    fresh = bd.Study(study.model, excitation=study.excitation, engine_order=5).static(1250.0)
+    fresh = plain_study(study.model, excitation=study.excitation, engine_order=5).static(1250.0)
     assert scaled.converged
     assert scaled.residual < 1e-10
     for name in ("q", "slider", "force", "closing"):
@@ -382,16 +383,16 @@ def test_static_states_scale_with_the_load(study):
     gap = np.zeros(face.n_points)
     gap[0] = 1e-9 + 1.2 * abs(float(first.closing[0]))
     model = replace(study.model, interfaces=dict(study.model.interfaces) | {"left": replace(face, gap=gap)})
-    gapped = bd.Study(model, excitation=study.excitation, engine_order=5)
+    gapped = plain_study(model, excitation=study.excitation, engine_order=5)
     low, high = gapped.static(5.0), gapped.static(5e4)
-    fresh = bd.Study(model, excitation=study.excitation, engine_order=5).static(5e4)
+    fresh = plain_study(model, excitation=study.excitation, engine_order=5).static(5e4)
     assert high.force == pytest.approx(fresh.force, rel=1e-9, abs=1e-9 * np.abs(fresh.force).max())
     assert np.any(high.status[0] != low.status[0])
 
 
 def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
     """Slopes jump where an event passes a sample; the top is bracketed all the same, and has no derivative."""
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", contact_points=9),
         bd.Excitation("tip"),
         engine_order=5,
@@ -483,7 +484,7 @@ class TestNoFriction:
 
 def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
     """At 100 N with three harmonics the curve through the solution found first ends among folds before its peak."""
-    study = bd.Study(
+    study = plain_study(
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, harmonics=3
     )
     curve = study.optimal_curve((100.0, 150.0), 2, frequency=(270.0, 380.0), check=False)

@@ -22,6 +22,7 @@ from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.model import Body, ModalBasis
 from bdamper.util.cost import CostMeter
 from tests.models import wedge_model
+from tests.plain import plain_study
 
 N, H, DOF = 8, 4, 6
 DAMPING = 4e-3
@@ -199,7 +200,7 @@ def spread(one, u, wave, n, flip=False):
 
 
 def make_study(structure, engine_order, amplitude=5.0):
-    return bd.Study(
+    return plain_study(
         structure.model(),
         bd.Excitation("tip", amplitude=amplitude, phase=0.3),
         engine_order=engine_order,

@@ -14,6 +14,7 @@ import pytest
 import bdamper as bd
 from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK, StaticSystem, static_state
 from tests.models import wedge_frames, wedge_model
+from tests.plain import plain_study
 
 LOAD = 1000.0
 
@@ -152,7 +153,7 @@ def test_without_load_nothing_happens():
 @pytest.mark.parametrize(("alpha", "beta"), [(0.8, 0.8), (0.8, 0.6)])
 def test_a_frictionless_damper_on_elastic_blades_is_statically_determinate(alpha, beta):
     """The resultants of both faces follow from equilibrium alone, however the blades give way."""
-    study = bd.Study(
+    study = plain_study(
         wedge_model(n_points=4, alpha=alpha, beta=beta),
         bd.Excitation("tip"),
         engine_order=2,
@@ -170,7 +171,7 @@ def test_a_frictionless_damper_on_elastic_blades_is_statically_determinate(alpha
 @pytest.mark.parametrize("seed", range(4))
 def test_the_static_state_of_a_study_is_in_equilibrium(seed):
     """Seed 0 slips at every point in both directions: the states of one load step are no start for the next."""
-    study = bd.Study(
+    study = plain_study(
         wedge_model(seed, n_points=4),
         bd.Excitation("tip"),
         engine_order=2,

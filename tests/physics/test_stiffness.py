@@ -8,10 +8,11 @@ from bdamper.contact.stiffness import SMALL_FORCE, paper_contact, paper_equation
 from bdamper.model.model import ContactStiffness
 from bdamper.util.errors import ModelError
 from tests.models import wedge_model
+from tests.plain import plain_study
 
 
 def study(method, **settings):
-    return bd.Study(
+    return plain_study(
         wedge_model(n_points=4, alpha=0.8, beta=0.7),
         bd.Excitation("tip"),
         engine_order=2,
@@ -93,7 +94,9 @@ class TestPaperEquations:
     def test_quotients_far_from_unit_tractions_are_not_taken(self):
         """A force that has hardly an effect, or hardly a cause: quotients beyond a factor of ten are no stiffness."""
         by_force, by_traction = (
-            bd.Study(wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3)
+            plain_study(
+                wedge_model(4), bd.Excitation("tip"), 2, blade_modes=5, contact_stiffness=m, friction_coefficient=0.3
+            )
             for m in ("eq4", "unit_traction")
         )
         coupling = by_force.coupling

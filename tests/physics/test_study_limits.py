@@ -14,6 +14,7 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
 from tests.models import RADIUS, ground_model, rotation, shroud_model, wedge_model
+from tests.plain import plain_study
 
 OPTIONS = ContinuationOptions(tolerance=1e-10)
 BAND = (290.0, 420.0)
@@ -27,7 +28,7 @@ def wedge_study(**settings):
         "friction_coefficient": 0.3,
         "contact_stiffness": "model",
     }
-    return bd.Study(model, **{**given, **settings})
+    return plain_study(model, **{**given, **settings})
 
 
 def relative_motion(model, engine_order, names):
@@ -298,7 +299,7 @@ def test_the_neighbour_is_turned_the_right_way():
 def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     """Every point solves its equations; |X| times the distance from the pole tends to a constant on both sides."""
     model = bd.reference_model("bladed_disk", contact_points=9)
-    s = bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, damping_ratio=0.0)
+    s = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, damping_ratio=0.0)
     curve = getattr(s, kind)((270.0, 380.0))
     assert (curve.residual < 1e-8).all()
     assert "unbounded at" in curve.reason

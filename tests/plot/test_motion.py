@@ -8,12 +8,13 @@ import pytest
 import bdamper as bd
 from bdamper.plot.motion import contact_status, rigid_motion, surface_motion
 from bdamper.plot.vtu import export_modes, export_response
+from tests.plain import plain_study
 
 
 @pytest.fixture(scope="module")
 def solved():
-    study = bd.Study(
-        bd.reference_model("bladed_disk"),
+    study = plain_study(
+        bd.reference_model("bladed_disk", 24),
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip"),

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from tests.plain import plain_study
 
 
 @pytest.fixture(scope="module")
 def study():
-    return bd.Study(
+    return plain_study(
         bd.reference_model("blade_to_ground"), friction_coefficient=0.4, excitation=bd.Excitation("tip", amplitude=1.0)
     )
 
@@ -67,6 +68,6 @@ def test_bad_input_is_named(study, loads, message):
 
 
 def test_free_bodies_need_a_load():
-    study = bd.Study(bd.reference_model(contact_points=9), engine_order=5, excitation=bd.Excitation("tip"))
+    study = plain_study(bd.reference_model(contact_points=9), engine_order=5, excitation=bd.Excitation("tip"))
     with pytest.raises(bd.SettingError, match="expected no free body"):
         bd.prescribe_preload(study, {"left": 1.0})

@@ -9,8 +9,9 @@ import bdamper as bd
 from bdamper.continuation.track import track
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
+from tests.plain import PLAIN, plain_study
 
-SETTINGS = {"engine_order": 5, "friction_coefficient": 0.4}
+SETTINGS = {"engine_order": 5, "friction_coefficient": 0.4, **PLAIN}
 PRELOAD, INTERVAL = 2000.0, (345.0, 360.0)
 
 
@@ -25,7 +26,7 @@ def problem(model):
 
 
 def test_a_study_is_a_problem_with_methods(model, problem):
-    study = bd.Study(model, bd.Excitation("tip"), **SETTINGS)
+    study = plain_study(model, bd.Excitation("tip"), **SETTINGS)
     assert isinstance(study, Problem) and not hasattr(problem, "track")
     ours, theirs = study.track(PRELOAD, INTERVAL), track(problem, PRELOAD, INTERVAL)
     assert np.array_equal(ours.unknowns, theirs.unknowns)
@@ -65,7 +66,7 @@ def test_wrong_settings_are_refused_by_name(problem):
 
 
 def test_settings_that_are_varied_keep_the_type(model, problem):
-    study = bd.Study(model, bd.Excitation("tip"), **SETTINGS)
+    study = plain_study(model, bd.Excitation("tip"), **SETTINGS)
     assert type(vary(study, {"excitation.amplitude": 2.0})) is bd.Study
     assert type(vary(problem, {"friction_coefficient": 0.1})) is Problem
 

@@ -6,6 +6,7 @@ import pytest
 import bdamper as bd
 from bdamper.stability.wave import Verdict, judged_along, rests
 from tests.models import wedge_model
+from tests.plain import plain_study
 
 
 def judged(growth, counts, moving=None, branch=None, positive=None):
@@ -64,7 +65,7 @@ def test_unknown_growth_and_failed_counts_are_looked_into():
 
 def test_resting_contacts_on_springs_that_only_resist():
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
-    study = bd.Study(
+    study = plain_study(
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip
@@ -83,7 +84,7 @@ def test_resting_contacts_on_springs_that_only_resist():
 @pytest.mark.parametrize("oscillating", [False, True])
 def test_the_note_says_what_was_counted(oscillating):
     model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
-    study = bd.Study(
+    study = plain_study(
         model, engine_order=2, contact_stiffness=1e5, friction_coefficient=0.3,
         excitation=bd.Excitation("tip", "tangential", 20.0),
     )  # fmt: skip

@@ -7,6 +7,7 @@ import pytest
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
 from bdamper.util.blas import one_thread
+from tests.plain import plain_study
 
 
 def blas():
@@ -84,7 +85,7 @@ def test_a_study_solves_on_one_thread(monkeypatch):
     seen = []
     inner = track_module.first_point
     monkeypatch.setattr(track_module, "first_point", lambda *args: seen.append(blas()) or inner(*args))
-    bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4).track(
+    plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4).track(
         2000.0, (340.0, 360.0)
     )
     assert seen

@@ -7,6 +7,7 @@ import pytest
 import bdamper as bd
 from bdamper.util.cost import Cost, Stopwatch
 from tests import models
+from tests.plain import plain_study
 
 
 def test_waiting_costs_no_processor_time():
@@ -18,7 +19,7 @@ def test_waiting_costs_no_processor_time():
 
 
 def test_a_curve_carries_both_times(tmp_path):
-    study = bd.Study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
+    study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
     begin, processor = time.perf_counter(), time.thread_time()
     curve = study.track(200.0, (280.0, 320.0))
     cost = curve.cost
@@ -36,5 +37,5 @@ def test_a_cost_without_processor_time_does_not_print_it():
 
 @pytest.mark.parametrize("name", ["seconds", "processor"])
 def test_a_static_state_carries_both_times(name):
-    study = bd.Study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
+    study = plain_study(models.wedge_model(1), bd.Excitation("tip", amplitude=5.0), engine_order=2)
     assert getattr(study.static(200.0).cost, name) > 0.0

@@ -18,6 +18,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.util.hdf5 import Storable
 from bdamper.util.versions import HERE, Versions
+from tests.plain import plain_study
 
 OLD = Path(__file__).parents[1] / "data" / "version_0_1"
 EXPECTED = json.loads((OLD / "expected.json").read_text())
@@ -52,7 +53,7 @@ class TestReading:
         assert len(kinds) == len(Storable.__subclasses__()) >= 10
 
     def test_models(self, tmp_path):
-        model = bd.reference_model()
+        model = bd.reference_model(contact_points=24)
         bd.save_model(model, tmp_path / "model.h5")
         assert bd.load(tmp_path / "model.h5").hash == model.hash
 
@@ -161,7 +162,7 @@ class TestResumeFiles:
     @pytest.fixture
     def study(self):
         model = bd.reference_model("bladed_disk", contact_points=9)
-        return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+        return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
 
     def test_those_of_version_0_1_are_refused(self, study, tmp_path):
         shutil.copy(OLD / "sweep.jsonl", tmp_path)

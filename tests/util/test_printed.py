@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.util.estimates import percent
+from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)
 
@@ -14,7 +15,7 @@ INTERVAL = (270.0, 380.0)
 @pytest.fixture(scope="module")
 def study():
     model = bd.reference_model("bladed_disk", contact_points=9)
-    return bd.Study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,110 @@
+"""Which settings a study has by default: error of the highest peak over processor time, on the shipped bladed disk.
+
+``python -m benchmarks defaults`` (an hour) runs blade modes, residual modes and contact points over modes 1 and 2 at four
+preloads, three harmonics each, and prints a table with the errors against the two richest studies; ``python -m
+benchmarks.bench_defaults --quick`` leaves the second richest and half of the rows out.  Curves that were run are kept in
+``benchmarks/results/defaults.json`` and not run again.  docs/accuracy.md holds the table.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import bdamper as bd
+
+RESULTS = Path(__file__).parent / "results" / "defaults.json"
+SCENES = {1: ("tangential", (255.0, 390.0)), 2: ("axial", (640.0, 760.0))}
+"""Direction of the force and interval (Hz) by mode."""
+PRELOADS = (125.0, 250.0, 500.0, 2000.0)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One choice of settings."""
+
+    contact: str | int
+    blade_modes: int
+    points: int
+    harmonics: int = 3
+
+    def __str__(self) -> str:
+        contact = f"residual modes, {self.contact}" if isinstance(self.contact, int) else self.contact
+        return f"{contact} | {self.blade_modes} | {self.points} | {self.harmonics}"
+
+
+RICHEST = (Row(12, 40, 24), Row(12, 10, 48))
+ROWS = (
+    Row("unit_traction", 10, 24, 1),
+    Row("unit_traction", 10, 24),
+    *(Row(patterns, modes, points) for points in (9, 24) for patterns in (6, 12, 24) for modes in (3, 5, 10, 20)),
+)
+QUICK = [r for r in ROWS if isinstance(r.contact, str) or (r.contact != 24 and r.blade_modes < 20)]
+
+
+@lru_cache
+def study(row: Row, mode: int) -> bd.Study:
+    """Engine order 5, friction coefficient 0.4, one newton at the tip."""
+    contact = bd.ResidualModes(row.contact) if isinstance(row.contact, int) else row.contact
+    return bd.Study(
+        bd.reference_model("bladed_disk", row.points),
+        bd.Excitation("tip", direction=SCENES[mode][0], amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.4,
+        contact_stiffness=contact,
+        blade_modes=row.blade_modes,
+        harmonics=row.harmonics,
+    )
+
+
+def run(row: Row, mode: int, preload: float, kept: dict[str, list]) -> None:
+    """Amplitude (m), frequency (Hz), status and processor time (s) of one curve, added to those that are kept."""
+    key = f"{row} | {mode} | {preload:g}"
+    if key in kept:
+        return
+    watch = time.process_time()
+    curve = study(row, mode).track(preload, SCENES[mode][1])
+    seconds = time.process_time() - watch
+    kept[key] = [curve.peak.amplitude, curve.peak.frequency, curve.status, seconds]
+    RESULTS.parent.mkdir(exist_ok=True)
+    RESULTS.write_text(json.dumps(kept, indent=0))
+
+
+def table(rows: list[Row], richest: list[Row], kept: dict[str, list]) -> str:
+    """Largest error against any of the richest, and processor time of the four curves, by mode."""
+    head = "contact stiffness | blade modes | points | harmonics"
+    lines = [f"| {head} | " + " | ".join(f"mode {m}, {p:g} N" for m in SCENES for p in PRELOADS) + " | time |"]
+    lines.append("|" + "---|" * (5 + len(SCENES) * len(PRELOADS)))
+    for row in rows:
+        cells, seconds = [], 0.0
+        for mode in SCENES:
+            for preload in PRELOADS:
+                amplitude, _, status, took = kept[f"{row} | {mode} | {preload:g}"]
+                seconds += took
+                best = [kept[f"{r} | {mode} | {preload:g}"][0] for r in richest]
+                error = max((amplitude / b - 1.0 for b in best), key=abs)
+                cells.append(f"{100.0 * error:+.0f}" + ("" if status == "complete" else "?"))
+        lines.append(f"| {row} | " + " | ".join(cells) + f" | {seconds:.1f} s |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="fewer rows, against 40 blade modes alone")
+    quick = parser.parse_known_args()[0].quick
+    rows, richest = (QUICK, [RICHEST[0]]) if quick else (list(ROWS), list(RICHEST))
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for row in [*rows, *richest]:
+        for mode in SCENES:
+            for preload in PRELOADS:
+                run(row, mode, preload, kept)
+    print("largest error of the highest peak in %, against " + " and ".join(f"({r})" for r in richest))
+    print(table([*rows, *richest], richest, kept))
+
+
+if __name__ == "__main__":
+    main()
