@@ -388,7 +388,7 @@ def accuracy_cost(
     if reference is not None:
         validate.instance("reference", reference, Mapping, "a mapping of settings to values")
     solver = QUANTITIES[quantity] if isinstance(quantity, str) else quantity
-    interval = peak_interval(problem, frequency)
+    interval = peak_interval(validate.instance("study", problem, Problem, "a Study"), frequency)
     preload = slipping_preload(problem, interval) if preload is None else problem.check_preload(preload)
     settings: list[Setting]
     if not isinstance(vary, (str, Mapping)) and vary is not None and any(isinstance(v, Setting) for v in vary):

@@ -369,7 +369,7 @@ def sweep(
         If the results file is of another sweep.
     """
     names, points, shape = _points(over, combine)
-    _check_names(problem, over, model)
+    _check_names(validate.instance("study", problem, Problem, "a Study"), over, model)
     if executor is not None and not callable(getattr(executor, "submit", None)):
         raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
     validate.flag("progress", progress)

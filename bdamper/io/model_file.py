@@ -39,7 +39,7 @@ from bdamper.model.model import (
 )
 from bdamper.model.validation import check_model, fits, shape_text
 from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError, mismatch
+from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
 from bdamper.util.hdf5 import check_folder, enter_reader
 
 FORMAT = "bdamper-model"
@@ -147,6 +147,8 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     _check_attribute_lengths(model)
     check_folder(path)
     target = Path(path)
+    if target.is_dir():
+        raise BdamperError(f"{path}: expected a file that can be written, found a folder")
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
         with h5py.File(temporary, "x", track_order=True) as file:
@@ -285,6 +287,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
     source = Path(path)
     if not source.exists():
         raise FileNotFoundError(f"there is no model file '{source}'")
+    if source.is_dir():
+        raise mismatch(str(source), "a model file", "a folder")
     try:
         with h5py.File(source, "r") as file:
             model = _read_model(file)

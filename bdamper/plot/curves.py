@@ -5,7 +5,7 @@ Unstable parts are dashed.  The limits without contact and with all contacts stu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -80,6 +80,9 @@ def plot_curves(
     -------
     matplotlib axes
     """
+    if not isinstance(curves, Iterable):
+        raise validate.unfit("curves", "a sequence of Curve (plot_curve draws one)", curves)
+    curves = tuple(curves)
     tracking = [c for c in curves if validate.instance("curves", c, Curve).kind == "tracking"]
     if labels is not None and (isinstance(labels, str) or len(labels) != len(tracking)):
         raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)

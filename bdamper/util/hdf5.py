@@ -115,6 +115,8 @@ def check_folder(path: FilePath) -> None:
 
 @contextmanager
 def _opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
+    if Path(path).is_dir():
+        raise BdamperError(f"{path}: expected {expected}, found a folder")
     if not Path(path).is_file():
         raise FileNotFoundError(f"there is no file '{path}'")
     try:

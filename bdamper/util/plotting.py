@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from typing import Any, TypeVar
+from functools import wraps
+from typing import Any, TypeVar, cast
+
+from bdamper.util import validate
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
@@ -27,8 +30,12 @@ def draws(shown: type, picture: str = "plot") -> Callable[[Drawing], Drawing]:
     """
 
     def enter(function: Drawing) -> Drawing:
-        _DRAWINGS[shown, picture] = function
-        return function
+        @wraps(function)
+        def drawing(given: Any, *arguments: Any, **options: Any) -> Any:
+            return function(validate.instance(function.__name__, given, shown), *arguments, **options)
+
+        _DRAWINGS[shown, picture] = drawing
+        return cast(Drawing, drawing)
 
     return enter
 

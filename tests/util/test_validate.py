@@ -226,6 +226,10 @@ def test_files_that_cannot_be_named(study, tmp_path):
     for save in (curve.save, lambda path: bd.save_model(study.model, path)):
         with pytest.raises(bd.BdamperError, match=r"a\.h5: expected a folder that exists, found no '.*nowhere'"):
             save(tmp_path / "nowhere" / "a.h5")
+    (tmp_path / "folder").mkdir()
+    for use in (bd.load, bd.load_model, lambda path: bd.save_model(study.model, path)):
+        with pytest.raises(bd.BdamperError, match=r"folder: expected .*, found a folder"):
+            use(tmp_path / "folder")
     with pytest.raises(FileNotFoundError, match=r"^there is no file '.*zz\.h5'$"):
         bd.load(tmp_path / "zz.h5")
 
@@ -253,6 +257,12 @@ def tracked(study):
         lambda s, c, st: plotting.plot_over_measurement({"a": c}, quantity="phase"),
         lambda s, c, st: plotting.plot_curves([c, c], labels=["a"]),
         lambda s, c, st: plotting.plot_curves([c, None]),
+        lambda s, c, st: plotting.plot_curves(c),
+        lambda s, c, st: plotting.plot_curve([c]),
+        lambda s, c, st: plotting.plot_optimal(c),
+        lambda s, c, st: plotting.plot_model(s),
+        lambda s, c, st: bd.sweep(c, {"preload": [100.0]}),
+        lambda s, c, st: bd.accuracy_cost(c, 100.0),
         lambda s, c, st: contact_status(s, c.unknowns[0, 1:], 1000.0),
         lambda s, c, st: rigid_motion(s, "unknowns"),
     ],
