@@ -5,8 +5,8 @@ the advice says what the highest peak of the reference would change if this effe
 
 1. The peak is carried into the study without the effect; one adjoint solution there estimates the change
    (:mod:`bdamper.effects.indicator`).
-2. Unless the estimate with what it may miss is within the tolerance, the highest peak of the study without the effect is
-   computed on a curve of its own.  Where there is none, the change is unknown and the effect is called for.
+2. Unless the estimate with what it may miss is within the tolerance, the study without the effect has a whole curve of its
+   own, whose highest point is taken.  Where there is none, the change is unknown and the effect is called for.
 3. Effects are left out one after the other, those that save most first, as long as the sum of their changes is within the
    tolerance.  Small changes may still amount to more together than their sum, so the peak without all of them is computed
    and compared with that of the reference; until they agree, the effect with the largest change is taken back.
@@ -20,10 +20,10 @@ from typing import TypeVar
 
 import numpy as np
 
+from bdamper.continuation.curve import Curve, Fold, uninterrupted
+from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed, estimate_or_unknown
 from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal import highest_peak
 from bdamper.problem.effects import AXES, Effects
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -33,8 +33,9 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 
-MOST_HARMONICS = 5
-"""Of the reference, unless the study or the caller asks for more."""
+MOST_HARMONICS = 3
+"""Of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as long with
+five."""
 WORTH = 0.98
 """Share of the work of the reference from which on leaving an effect out saves nothing."""
 
@@ -149,15 +150,23 @@ class Advice(Plottable, Storable, kind="bdamper-advice", version=4, oldest=4):
             f"{'without':<26}{'amplitude':>11}{'frequency':>11}{'may miss':>10}  {'source':<10}{'work':>6}  in the study",
         ]
         for e in self.effects:
-            changes = [_percent(c) for c in (e.amplitude_change, e.frequency_change)]
-            miss = _percent(e.uncertainty)[1:] if e.source == "estimated" else ""
+            changes = [_change(c, e.uncertainty) for c in (e.amplitude_change, e.frequency_change)]
+            numbers = e.source == "estimated" and not all(c.startswith("<") for c in changes)
+            miss = _percent(e.uncertainty)[1:] if numbers else ""
             state = f"{'on' if e.on else 'off'}: {e.verdict}" + (f" ({e.reason})" if e.reason else "")
             lines.append(f"{e.name:<26}{changes[0]:>11}{changes[1]:>11}{miss:>10}  {e.source:<10}{e.work:>6.2f}  {state}")
         lines.append(
-            f"{'without all left out':<26}{100 * self.amplitude_change:>+9.2f} %{100 * self.frequency_change:>+9.2f} %"
+            f"{'without all left out':<26}{_percent(self.amplitude_change):>11}{_percent(self.frequency_change):>11}"
             f"{'':>10}  {'computed':<10}{self.work:>6.2f}"
         )
         return "\n".join([*lines, *self.notes])
+
+
+def _change(value: float, uncertainty: float) -> str:
+    """A change in percent; where as much may be missed as was found, what it is less than."""
+    if not np.isfinite(uncertainty) or uncertainty == 0.0 or max(uncertainty, 5e-5) < abs(value):
+        return _percent(value)
+    return f"< {np.ceil(1e4 * (abs(value) + uncertainty)) / 100:.2f} %"
 
 
 def _percent(value: float) -> str:
@@ -213,7 +222,8 @@ def advise(
     for row in rows:
         called_for = called_for if row.called_for else called_for.without(row.name)
     peak = reference.peak
-    notes = () if peak.scan == "complete" else (f"the curve with all effects ended as: {peak.scan}",)
+    whole = reference.curve
+    notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
     work = _work(problem.with_effects(called_for).system(preload)) / reference.work
     return Advice(
         preload, frequency, tolerance, peak.amplitude, peak.frequency, tuple(rows), effects, called_for, amplitude, change,
@@ -229,7 +239,8 @@ class _Reference:
         self.effects = effects
         self.preload = preload
         self.frequency = frequency
-        self.peak = highest_peak(problem, preload, frequency)
+        self.curve = whole_curve(problem, preload, frequency)
+        self.peak = self.curve.peak
         self.work = _work(problem.system(preload))
         self.peaks = 1
 
@@ -239,11 +250,13 @@ class _Reference:
         leaner = self.problem.with_effects(self.effects.without(name))
         if not leaner.static(self.preload).converged:
             return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", np.nan, reason="no static state")
-        system = leaner.system(self.preload)
+        system, top = leaner.system(self.preload), self.peak
         work = _work(system) / self.work
-        e = estimate_or_unknown(system, embed(self.problem, leaner, self.preload, self.peak.y))
-        if e.size <= tolerance:
-            return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
+        if self.curve.point_kind[top.index] == "maximum":  # elsewhere the amplitude is not stationary along the curve
+            y = np.append(self.curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
+            e = estimate_or_unknown(system, embed(self.problem, leaner, self.preload, y))
+            if e.size <= tolerance:
+                return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
         try:
             amplitude, frequency = self.computed(leaner)
         except BdamperError as error:
@@ -253,14 +266,23 @@ class _Reference:
     def computed(self, leaner: Problem) -> tuple[float, float]:
         """Relative change of amplitude and frequency to the highest peak of another study."""
         self.peaks += 1
-        peak = highest_peak(leaner, self.preload, self.frequency)
-        if peak.scan != "complete":
-            raise BdamperError(f"the curve without it ended as: {peak.scan}")
-        return relative_change(self.peak, peak)
+        curve = whole_curve(leaner, self.preload, self.frequency)
+        if not curve.complete:
+            raise BdamperError(f"the curve without it ended as: {curve.status} ({curve.reason})")
+        return relative_change(self.peak, curve.peak)
 
 
-def relative_change(before: Peak, after: Peak) -> tuple[float, float]:
-    """Of amplitude and frequency from one peak to another."""
+def whole_curve(problem: Problem, preload: float, frequency: tuple[float, float]) -> Curve:
+    """The tracking curve, whose highest point is no end of it; it may be a corner at which the damper drifts."""
+    curve = uninterrupted(track(problem, preload, frequency))
+    why = curve.reason if not len(curve) else "the response is highest at an end" if curve.peak_at_end else ""
+    if why:
+        raise BdamperError(f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}")
+    return curve
+
+
+def relative_change(before: Fold, after: Fold) -> tuple[float, float]:
+    """Of amplitude and frequency from one highest point to another."""
     return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
 
 
@@ -268,7 +290,7 @@ def _chosen(
     reference: _Reference, rows: list[EffectAdvice], tolerance: float
 ) -> tuple[list[EffectAdvice], tuple[float, float]]:
     """The rows, marked with the effects that can be left out together, and the computed change without all of these."""
-    taken_back: dict[str, str] = {}
+    taken_back = {row.name: reason for row in rows if (reason := _contains_more(reference.effects, row, rows, tolerance))}
     while True:
         effects, total, out = reference.effects, 0.0, dict[str, EffectAdvice]()
         for row in sorted(rows, key=lambda row: row.work):
@@ -295,13 +317,25 @@ def _chosen(
     return marked, change
 
 
+def _contains_more(effects: Effects, row: EffectAdvice, rows: list[EffectAdvice], tolerance: float) -> str:
+    """Whether leaving out an effect leaves out another one that is called for by itself: both may cancel by chance."""
+    without = effects.without(row.name)
+    for other in rows:
+        if other is not row and other.size > tolerance and without.without(other.name) == without:
+            return f"contains {other.name}"
+    return ""
+
+
 def _work(system: HarmonicSystem) -> float:
     """Operations of a Newton iteration, the same on every machine."""
     return float(system.work[:3].sum())
 
 
 def fullest(problem: Problem) -> Effects:
-    """All effects that the model of a study allows: five harmonics where it has their modes, two elastic damper modes."""
+    """All effects that the model of a study allows: three harmonics where it has their modes, two elastic damper modes.
+
+    Modes of the blade are those of the study; what more of them would change, :mod:`bdamper.accuracy.estimate` says.
+    """
     own = Effects.of(problem)
     most = 1
     for l in range(2, MOST_HARMONICS + 1):
@@ -313,7 +347,6 @@ def fullest(problem: Problem) -> Effects:
     numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
     bodies = problem.model.bodies.values()
     damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
-    blade = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
     return replace(
         own,
         harmonics=len(numbers) if numbers[-1] == len(numbers) else numbers,
@@ -326,7 +359,6 @@ def fullest(problem: Problem) -> Effects:
         harmonic_nodal_diameters=True,
         constraints=True,
         contact_points=None,
-        blade_modes=max(own.blade_modes, min([10, *blade])),
     )
 
 
@@ -443,7 +475,7 @@ class AdviceCheck(Storable, kind="bdamper-advice-check"):
                 f"{peak.name:<12}{peak.amplitude:>14.6g}{peak.frequency:>14.6g}{peak.seconds:>9.3f}"
                 f"{peak.evaluations:>13}{ending}"
             )
-        changes = f"{100 * self.amplitude_change:>+12.2f} %{100 * self.frequency_change:>+12.2f} %"
+        changes = f"{_percent(self.amplitude_change):>14}{_percent(self.frequency_change):>14}"
         lines.append(
             f"{'difference':<12}{changes}, {'within' if self.agrees else 'beyond'} the tolerance of "
             f"{100 * self.tolerance:g} %; {self.speedup:.1f} times as fast"
@@ -475,8 +507,8 @@ def _checked(problem: Problem, advice: Advice, name: str, effects: Effects) -> C
     begin = time.process_time()
     study = replace(problem, **problem.settings_for(effects))  # shares nothing, so that its time is that of all its work
     try:
-        peak = highest_peak(study, advice.preload, advice.interval)
+        curve = whole_curve(study, advice.preload, advice.interval)
     except BdamperError as error:
         return CheckedPeak(name, np.nan, np.nan, time.process_time() - begin, 0, str(error))
-    evaluations = 0 if peak.cost is None else peak.cost.evaluations
-    return CheckedPeak(name, peak.amplitude, peak.frequency, time.process_time() - begin, evaluations, peak.scan)
+    seconds, top = time.process_time() - begin, curve.peak
+    return CheckedPeak(name, top.amplitude, top.frequency, seconds, curve.cost.evaluations, curve.status)

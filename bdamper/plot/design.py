@@ -70,8 +70,14 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
         for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
             others = result.points[i * last]
             label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
-            ax.plot(x if numeric else [str(value) for value in x], row, color=colour,
-                    marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label or None)
+            ax.plot(
+                x if numeric else [str(value) for value in x],
+                row,
+                color=colour,
+                marker=MARKERS[i % len(MARKERS)],
+                markersize=3.0,
+                label=label or None,
+            )
         if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
             ax.set_xscale("log")
         ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
@@ -125,7 +131,8 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
     -------
     matplotlib axes
         Changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and logarithmic
-        beyond; effects that the scene calls for are hatched, the tolerance is a grey band.
+        beyond; effects that the scene calls for are hatched, the tolerance is a grey band, thin lines show what an
+        estimate may miss, and a change that is not known is no bar.
     """
     effects = advice.effects[::-1]
     place = np.arange(len(effects))
@@ -143,9 +150,14 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
             for bar, e in zip(bars, effects):
                 if e.called_for:
                     bar.set(hatch="////", edgecolor="0.65" if offset > 0.0 else "0.25")
+            missed = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
+            ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
             handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
         ax.set_xscale("symlog", linthresh=tolerance)
         ax.set_yticks(place, [e.name for e in effects])
+        for y, e in zip(place, effects):
+            if e.source == "unknown":
+                ax.text(0.1 * tolerance, y, "not known", va="center", fontsize=7.0)
         ax.axvline(0.0, color="k", linewidth=0.6)
         if any(e.called_for for e in effects):
             handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="called for"))
