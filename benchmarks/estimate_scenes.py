@@ -62,7 +62,7 @@ def draw(number: int) -> tuple[bd.Study, float, tuple[float, float], str]:
     return study, scene.preload, scene.interval, text
 
 
-def run(number: int) -> list[Outcome]:
+def run(number: int, sources: tuple[str, ...] = SOURCES) -> list[Outcome]:
     """All estimates of a scene beside the truth; none where the scene has no whole curve."""
     study, preload, interval, text = draw(number)
     begin = time.process_time()
@@ -70,7 +70,7 @@ def run(number: int) -> list[Outcome]:
     own = time.process_time() - begin
     print(f"{number}: {text}, {own:.2f} s" + ("" if curve.complete else f", {curve.status}"), flush=True)
     out: list[Outcome] = []
-    for source in SOURCES if curve.complete else ():
+    for source in sources if curve.complete else ():
         richer = richer_study(study, source)
         if not isinstance(richer, Richer):
             continue
@@ -96,9 +96,9 @@ def run(number: int) -> list[Outcome]:
     return out
 
 
-def table(first: int = 0, last: int = SCENES - 1) -> str:
+def table(first: int = 0, last: int = SCENES - 1, sources: tuple[str, ...] = SOURCES) -> str:
     """Runs scenes and returns a summary in Markdown."""
-    outcomes = [o for number in range(first, last + 1) for o in run(number)]
+    outcomes = [o for number in range(first, last + 1) for o in run(number, sources)]
     lines = [
         "| source | estimates | not known | checked | hold | time over that of the curve, median | of the richer curve |",
         "|---|---|---|---|---|---|---|",
@@ -122,7 +122,9 @@ def table(first: int = 0, last: int = SCENES - 1) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("numbers", nargs="*", type=int, default=[0, SCENES - 1], help="first and last scene")
-    print(table(*parser.parse_args().numbers))
+    parser.add_argument("--source", choices=SOURCES, action="append", help="only this one; more than once for several")
+    given = parser.parse_args()
+    print(table(*given.numbers, sources=tuple(given.source or SOURCES)))
 
 
 if __name__ == "__main__":

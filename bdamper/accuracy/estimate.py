@@ -247,15 +247,24 @@ def change_of_peak(problem: Problem, richer: Problem, preload: float, tops: Tops
         if found is not None:
             return found
     peak = tops.peaks[0]
-    moved = _stuck_resonance(richer, preload, peak.frequency) / _stuck_resonance(problem, preload, peak.frequency)
-    low, high = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    if tops.place != "end":
-        low, high = low * min(1.0, moved), high * max(1.0, moved)
-    curve = uninterrupted(track(richer, preload, (low, high)))
+    curve = _richer_curve(richer, preload, tops)
     if not curve.complete:
         return _unknown(f"no whole curve: {curve.reason}")
     top = curve.peak
+    if curve.peak_at_end and tops.place != "end":
+        return _unknown(f"the richer curve is highest at {top.frequency:.6g} Hz, an end of the interval")
     return top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0, 0.0, "found anew by a whole curve"
+
+
+def _richer_curve(richer: Problem, preload: float, tops: Tops) -> Curve:
+    """The curve of a richer problem over the interval of the peaks, and beyond that end of it at which it is highest."""
+    frequency = tops.peaks[0].frequency
+    low, high = tops.interval or (0.85 * frequency, 1.2 * frequency)
+    curve = uninterrupted(track(richer, preload, (low, high)))
+    if not curve.complete or not curve.peak_at_end or tops.place == "end":
+        return curve
+    below = curve.peak.frequency == curve.frequency.min()
+    return uninterrupted(track(richer, preload, (0.85 * low, high) if below else (low, 1.2 * high)))
 
 
 def _change_of_each(system: HarmonicSystem, embedded: list[NDArray], tops: Tops, search: bool) -> Change | None:
@@ -296,15 +305,6 @@ def _change_at_frequency(system: HarmonicSystem, y: NDArray, peak: Peak) -> Chan
             change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
             return change, 0.0, 0.0, "solved at the end of the interval"
     return None
-
-
-def _stuck_resonance(problem: Problem, preload: float, frequency: float) -> float:
-    """Frequency in Hz of the largest stuck resonance within a third of a frequency, or this itself."""
-    system, springs = problem.system(preload), problem.stuck_springs(problem.static(preload))
-    row = problem.response_rows[1]
-    poles = [w for w in system.linear_modes(springs)[0] if 0.67 < w / (2.0 * np.pi * frequency) < 1.5]
-    best = max(poles, key=lambda w: abs(system.linear_response(w, springs) @ row), default=2.0 * np.pi * frequency)
-    return float(best) / (2.0 * np.pi)
 
 
 def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float, float, int]:
@@ -444,7 +444,14 @@ Estimated = TypeVar("Estimated", Curve, OptimalCurve)
 def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] = SOURCES) -> Estimated:
     """The same tracking or optimal curve with estimated errors of its highest peak (of that at its optimum).
 
-    It prints them in one line and saves them.
+    It prints them in one line and saves them.  Where a ladder says what more harmonics change (:mod:`bdamper.util.ladder`),
+    that is the error by harmonics.
     """
     validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
-    return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))
+    sources = validate.names("sources", sources, SOURCES)
+    ladder = result.ladder.estimates if result.ladder is not None and "harmonics" in sources else None
+    if ladder is None or not ladder["harmonics"].known:
+        return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))
+    rest = tuple(source for source in sources if source != "harmonics")
+    errors: ErrorEstimates = estimate_errors(problem, result, sources=rest) if rest else replace(ladder, sources=())
+    return replace(result, error_estimates=replace(errors, sources=(ladder["harmonics"], *errors.sources)))

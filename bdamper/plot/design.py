@@ -157,7 +157,7 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
         ax.set_yticks(place, [e.name for e in effects])
         for y, e in zip(place, effects):
             if e.source == "unknown":
-                ax.text(0.1 * tolerance, y, "not known", va="center", fontsize=7.0)
+                ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
         ax.axvline(0.0, color="k", linewidth=0.6)
         if any(e.called_for for e in effects):
             handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="called for"))

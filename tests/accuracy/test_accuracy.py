@@ -136,7 +136,7 @@ def test_curve_carries_its_errors(study, place, tmp_path):
 
 def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path):
     own = study.with_(harmonics=1)
-    curve = own.optimal_curve((3000.0, 4000.0, 5000.0), frequency=place[1])
+    curve = own.optimal_curve((3000.0, 4000.0, 5000.0), frequency=place[1], check=False)
     assert "  error not estimated" in str(curve).splitlines()
     with_errors = own.with_errors(curve, sources=["harmonics"])
     errors, best = with_errors.error_estimates, curve.optimum
@@ -150,6 +150,13 @@ def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path)
     assert own.estimate_errors(wrong, sources=["harmonics"]).line == "error not estimated"
     with pytest.raises(SettingError, match="unknowns"):
         study.estimate_errors(curve)
+
+
+def test_the_ladder_of_a_curve_is_its_error_by_harmonics(study, place):
+    curve = study.track(*place, tolerance=0.5)
+    errors = study.with_errors(curve, sources=["harmonics", "solver"]).error_estimates
+    assert errors["harmonics"].amplitude == curve.ladder.error > 0.0 and errors["solver"].known
+    assert study.with_errors(curve, sources=["harmonics"]).error_estimates.line.startswith("estimated error ")
 
 
 def test_a_lower_peak_that_becomes_the_highest_is_found(study, place, peak):
