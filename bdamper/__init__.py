@@ -3,7 +3,7 @@
 The names below are what a user starts with; types of results stand in the rooms that make them (docs/api.md lists all).
 """
 
-from bdamper.accuracy.ladders import Setting, accuracy_cost
+from bdamper.accuracy.ladders import accuracy_cost
 from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
@@ -59,7 +59,6 @@ __all__ = [  # noqa: RUF022
     "robust_optimum",
     # what settings and contacts do
     "accuracy_cost",
-    "Setting",
     "microslip",
     # results from their files
     "load",
@@ -87,6 +86,7 @@ _SUCCESSORS = {
     "Peak": "bdamper.peaks.newton.Peak",
     "PreloadState": "bdamper.contact.preload.PreloadState",
     "RobustOptimum": "bdamper.design.uncertainty.RobustOptimum",
+    "Setting": "a mapping of names to settings in accuracy_cost(vary={...})",
     "SettledResponse": "bdamper.stability.steady_state.SettledResponse",
     "SourceError": "bdamper.util.estimates.SourceError",
     "SweepResult": "bdamper.design.sweep.SweepResult",

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from bdamper.accuracy.ladders import AccuracyCost
+from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
@@ -25,6 +26,8 @@ _UNITS = {
     "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
 }  # fmt: skip
 """Units of settings and answers of a sweep; what is not listed is a plain number or a name."""
+EQUAL = 1e-12
+"""Relative difference below which two answers are the same."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
           "slip": "share of slip", "open": "share of separation"}  # fmt: skip
 
@@ -216,41 +219,54 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
 
 
 @draws(AccuracyCost)
-def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, ladders: Sequence[str] | None = None) -> Axes:
-    """Error over time of ladders of settings, with the Pareto front of each.
+def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Error over time of settings, one at a time below the richest and combined.
 
     Parameters
     ----------
     result : AccuracyCost
     ax : Axes, optional
-    ladders : sequence of str, optional
-        All by default; points of one that stands alone are named.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        A point for each run, with its value where it is poorer than the richest in one setting alone.  The time of the
+        richest is a vertical line, since its error is not known; what is not known is a cross at the upper edge, what is
+        equal to the richest a triangle at the lower edge.
     """
-    names = list(ladders or result.ladders)
-    floors = False
-    with drawing(ax, legend=7.0) as ax:
-        for i, (name, colour) in enumerate(zip(names, colours(len(names)))):
-            rungs = [r for r in result.ladder(name) if np.isfinite(r.error)]
-            own = result.reference(name).error
-            floor = max(own, 1e-12) if np.isfinite(own) else 1e-12
-            time = np.array([1e3 * r.seconds for r in rungs])
-            error = np.array([max(r.error, 0.3 * floor) for r in rungs])
-            front = sorted((t, e) for t, e, r in zip(time, error, rungs) if r.pareto)
-            ax.plot(time, error, MARKERS[i % len(MARKERS)], color=colour, markersize=4.5, label=_spaced(name))
-            if front:
-                ax.step(*zip(*front), where="post", color=colour, linewidth=1.0)
-            if floor > 1e-11:
-                ax.axhline(floor, color=colour, linewidth=0.9, linestyle=":")
-                floors = True
-            if len(names) == 1:
-                for r, t, e in zip(rungs, time, error):
-                    ax.annotate(r.name, (t, e), textcoords="offset points", xytext=(4, 3), fontsize=6.5)
-        label = f"tolerance, {result.tolerance:g}"
-        ax.axhline(result.tolerance, color="0.5", linewidth=0.8, linestyle="--", label=label)
-        if floors:
-            ax.plot([], [], color="0.2", linewidth=0.9, linestyle=":", label="error of the reference itself")
-        ax.set(xscale="log", yscale="log", xlabel="Time (ms)", ylabel="Error of the peak, relative")
-        if len(names) == 1:
-            ax.margins(x=0.15)  # for the names
+    best, names = result.recommended, result.varied
+    handles: dict[str, Any] = {}
+    with drawing(ax, size=(5.2, 4.2), title=title or f"{result.preload:.4g} N, difference from the richest") as ax:
+        shades = colours(len(names))
+        for r in result.runs[1:]:
+            k = names.index(r.part) if r.part in names else -1
+            look: dict[str, Any] = {"color": shades[k] if k >= 0 else "k", "linestyle": "none"}
+            look["markersize"] = 9.0 if r.part == COMBINED else 5.0
+            marker = MARKERS[k] if k >= 0 else "*" if r.part == COMBINED else "P"
+            handles.setdefault(
+                f"{_spaced(r.part)} below {result.richest.values[k]}" if k >= 0 else r.part,
+                Line2D([], [], marker=marker, **look),
+            )
+            place, y = ax.transData, r.error
+            if not r.error > EQUAL:
+                known = np.isfinite(r.error)
+                place, y, marker = ax.get_xaxis_transform(), 0.03 if known else 0.95, "v" if known else "x"
+            ax.plot(r.seconds, y, marker, transform=place, **look)
+            text = r.values[k] if k >= 0 else ""
+            ax.annotate(text, (r.seconds, y), xycoords=place, textcoords="offset points", xytext=(5, 3), fontsize=6.5)
+            if r is best:
+                ring: dict[str, Any] = {"color": "k", "markerfacecolor": "none", "linestyle": "none", "markersize": 12.0}
+                ax.plot(r.seconds, y, "o", transform=place, **ring)
+                values = ", ".join(f"{_spaced(name)} {value}" for name, value in zip(names, r.values))
+                handles[f"for {percent(result.tolerance)}: {values}"] = Line2D([], [], marker="o", **ring)
+        line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
+        handles["richest"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
+        if result.uncertainty > EQUAL:
+            handles["last steps to the richest, sum"] = ax.axhline(result.uncertainty, linestyle=":", **line)
+        handles[f"tolerance, {percent(result.tolerance)}"] = ax.axhline(result.tolerance, linestyle="--", **line)
+        ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel="Error of the peak, relative")
+        ax.margins(x=0.12, y=0.12)  # for the names
         few_ticks(ax)
+        ax.legend(handles.values(), handles.keys(), fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     return ax

@@ -8,8 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.accuracy import estimate
 from bdamper.accuracy.estimate import SOURCES, Richer, Tops, missing_harmonics, richer_study, with_stand_ins
-from bdamper.accuracy.ladders import make_ladders, richest, slipping_preload, varied
-from bdamper.accuracy.ways import by_sweep, by_tracking
+from bdamper.accuracy.ladders import make_ladders, slipping_preload, varied
 from bdamper.effects.indicator import Estimate
 from bdamper.harmonic_balance.system import LINE_SEARCH_TRIALS, OK
 from bdamper.peaks.newton import PeakOptions
@@ -254,68 +253,90 @@ def test_change_between_equal_studies_is_nothing(study, place, peak):
 
 @pytest.fixture(scope="module")
 def result(study, place):
-    vary = {"harmonics": [1, 2, 3], "evaluation": [bd.Sampled(64), "exact"], "contact_points": [6, 9]}
-    return bd.accuracy_cost(study, *place, quantity="curve", vary=vary, repeats=3, tolerance=0.02)
+    vary = {"harmonics": [1, 2, 3, 4], "contact_points": [6, 9]}
+    return bd.accuracy_cost(study, *place, vary=vary, tolerance=0.06)
 
 
 def test_errors_are_those_of_the_curves(study, place, result):
-    assert result.ladders == ("harmonics", "evaluation", "contact_points")
-    reference = result.reference("harmonics")
-    assert reference.name == "harmonics 6" and np.isfinite(reference.error)
-    true = with_stand_ins(study, 6).peak(*place)
-    assert reference.amplitude == pytest.approx(true.amplitude, rel=1e-8)
-    rung = result.ladder("harmonics")[0]
-    own = replace(study, harmonics=1).track(*place).peak
-    assert rung.amplitude_error == pytest.approx(own.amplitude / true.amplitude - 1.0, rel=1e-6)
-    assert rung.frequency_error == pytest.approx(own.frequency / true.frequency - 1.0, rel=1e-6)
-    exact = result.ladder("evaluation")[-1]
-    assert exact.name == "exact events" and exact.error < 1e-6
-    assert result.ladder("contact_points")[-1].error < 1e-6 < result.ladder("contact_points")[0].error
+    top = study.with_(harmonics=4).track(*place).peak
+    assert (result.richest.values, result.richest.part, result.richest.error) == (("4", "9"), "richest", 0.0)
+    assert result.richest.amplitude == pytest.approx(top.amplitude, rel=1e-9)
+    poorer = {r.values: r for r in result.runs}
+    own = replace(study, harmonics=4, contact_points=6).track(*place).peak
+    change = max(abs(own.amplitude / top.amplitude - 1.0), abs(own.frequency / top.frequency - 1.0))
+    assert poorer["4", "6"].error == pytest.approx(change, rel=1e-6)
+    assert result.last_steps["harmonics"] == poorer["3", "9"].error
+    assert result.uncertainty == pytest.approx(poorer["3", "9"].error + change)
+    assert result.own == ("2", "9") and result.own in poorer
 
 
-def test_front_and_recommendation(result):
-    for ladder in result.ladders:
-        rungs = result.ladder(ladder)
-        assert min(r.ratio for r in rungs) == 1.0
-        for r in rungs:
-            beaten = any(o is not r and o.seconds <= r.seconds and o.error < r.error for o in rungs)
-            assert r.pareto != beaten
-        front = result.pareto(ladder)
-        assert all(a.error > b.error for a, b in zip(front, front[1:]))
-        best = result.recommended(0.5 * max(r.error for r in rungs), ladder)
-        assert best is None or best.pareto
-    assert result.recommended(1e-15, "harmonics") is None
+def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, result):
+    down = [r for r in result.runs if r.part == "harmonics"]
+    assert [r.values[0] for r in down] == ["3", "2", "1"][: len(down)]
+    assert all(r.error <= 0.06 for r in down[:-1])
+    strict = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9)
+    assert [r.values for r in strict.runs] == [("4",), ("3",), ("2",)]  # the last is the study itself
+    assert strict.recommended is strict.richest and "nothing but the richest that was run is within 1e-07 %" in str(strict)
+
+
+def scene(errors):
+    """Amplitudes that differ from one by given errors of each harmonics and contact points, and of their combination."""
+
+    def ask(problem, preload, interval):
+        return 1.0 + errors[problem.harmonic_numbers[-1], problem.contact_points or 9], 300.0
+
+    return ask
+
+
+def test_combination_that_misses_takes_the_next_richer_value_of_the_worst(study, place):
+    errors = {(3, 9): 0.0, (2, 9): 0.01, (1, 9): 0.04, (3, 6): 0.03, (1, 6): 0.07, (2, 6): 0.045}
+    found = bd.accuracy_cost(
+        study, *place, vary={"harmonics": [1, 2, 3], "contact_points": [6, 9]}, quantity=scene(errors), tolerance=0.05
+    )
+    assert [r.values for r in found.runs if r.part == "combination"] == [("1", "6"), ("2", "6")]
+    assert all(r.error == pytest.approx(errors[tuple(map(int, r.values))]) for r in found.runs)
+    within = [r for r in found.runs[1:] if r.error <= 0.05]
+    assert found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
+
+
+def test_unknown_answers_are_not_recommended(study, place):
+    errors = {(3, 9): 0.0, (2, 9): float("nan")}
+    found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
+    assert found.recommended is found.richest and "not known" in str(found)
+    assert np.isnan(found.uncertainty)
+    with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 
 
 def test_result_prints_plots_and_saves(result, tmp_path):
     text = str(result)
-    assert "Pareto" in text and "harmonics 3" in text and "itself good to" in text
-    assert result.markdown("harmonics").count("\n") == 6
+    assert "the richest itself is uncertain by its last steps: harmonics" in text and ", for 6 %" in text
+    assert result.markdown().count("\n") == 3 + len(result.runs)
     ax = result.plot()
     assert ax.get_xscale() == ax.get_yscale() == "log"
-    assert len(result.plot(ladders=["harmonics"]).texts) == 3
     result.save(tmp_path / "ladders.h5")
-    read = bd.load(tmp_path / "ladders.h5")
-    assert (str(read), read.rungs) == (text, result.rungs)  # references of no known error do not equal themselves
+    assert bd.load(tmp_path / "ladders.h5") == result
+
+
+def test_settings_that_change_together(study, place):
+    laws = {"coupled, 64 samples": {"friction_law": "coupled", "evaluation": bd.Sampled(64)}, "separable": {}}
+    found = bd.accuracy_cost(study, *place, vary={"law": laws}, tolerance=0.5)
+    assert found.varied == ("law",) and found.own == ()
+    assert [r.values for r in found.runs] == [("separable",), ("coupled, 64 samples",)]
 
 
 @pytest.mark.parametrize("name", models.ALL_MODELS)
 def test_default_ladders_suit_every_model(name):
     study = plain_study(models.ALL_MODELS[name](0), bd.Excitation("tip"), 1 if name == "acyclic" else 2)
     ladders = make_ladders(study, None)
-    names = dict.fromkeys(s.ladder for s in ladders)
-    assert list(names) == ["harmonics", "evaluation", "contact_points", "blade_modes"]
-    for ladder in names:
-        rungs = [s for s in ladders if s.ladder == ladder]
-        changes, text = richest(study, rungs)
-        best = varied(study, changes)
-        for rung in rungs:
-            own = varied(study, rung.changes)
-            assert own.system(0.0).n_unknowns <= best.system(0.0).n_unknowns, text
+    assert list(ladders) == ["harmonics", "contact_points", "blade_modes"]
+    for values in ladders.values():
+        sizes = [varied(study, value.changes).system(0.0).n_unknowns for value in values]
+        assert sizes == sorted(sizes)
 
 
 def test_preload_of_a_ladder_is_one_at_which_the_contact_slips(study, place):
-    result = bd.accuracy_cost(study, frequency=place[1], vary={"harmonics": [1]}, repeats=1)
+    result = bd.accuracy_cost(study, frequency=place[1], vary={"harmonics": [2]})
     assert result.preload == pytest.approx(slipping_preload(study, place[1]), rel=1e-12)
     shares = study.peak(result.preload, place[1]).shares
     assert 0.02 < shares[1] + shares[2] < 0.98
@@ -325,25 +346,6 @@ def test_preload_of_a_ladder_is_one_at_which_the_contact_slips(study, place):
     assert slipping_preload(ground, (200.0, 450.0)) == 0.0
     with pytest.raises(bd.BdamperError, match="nothing slips"):
         slipping_preload(replace(study, friction_coefficient=0.0), place[1])
-
-
-def test_combined_ladder_has_one_front(study, place):
-    vary = {"harmonics": [1, 2], "contact_points": [6, 9]}
-    result = bd.accuracy_cost(study, *place, vary=vary, combine=True, repeats=1)
-    assert result.ladders == ("harmonics x contact_points",) and len(result.rungs) == 4
-    assert {r.name for r in result.rungs} >= {"harmonics 1, contact points 6", "harmonics 2, contact points 9"}
-
-
-def test_ways_to_find_a_peak(study, place):
-    settings = [
-        bd.Setting("method", "tracking", solver=by_tracking),
-        bd.Setting("method", "sweep of 40", solver=by_sweep(40)),
-        bd.Setting("method", "sweep of 400", solver=by_sweep(400)),
-    ]
-    result = bd.accuracy_cost(study, *place, vary=settings, repeats=1)
-    tracking, coarse, fine = result.rungs
-    assert tracking.error < 1e-8 < fine.error < coarse.error
-    assert tracking.amplitude_error > fine.amplitude_error  # a grid misses the top
 
 
 # ---- effectivity ----

@@ -92,9 +92,7 @@ class Clock:
         lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0), check=False),
         lambda s: s.advise(200.0, (250.0, 450.0)),
         lambda s: s.compare_laws(200.0, (250.0, 450.0)),
-        lambda s: bd.accuracy_cost(
-            s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}, reference={"harmonics": 3}, repeats=1
-        ),
+        lambda s: bd.accuracy_cost(s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}),
     ],
     ids=["peak", "optimal curve", "advice", "laws", "accuracy"],
 )

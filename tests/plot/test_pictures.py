@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Reference, Rung
+from bdamper.accuracy.ladders import AccuracyCost, Run
 from bdamper.effects.advice import Advice, EffectAdvice
 from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
@@ -162,16 +162,27 @@ def test_sweeps_have_units(study):
     assert_nothing_overlaps(ax)
 
 
-@pytest.mark.parametrize("times", [(25.0, 60.0), (1.1, 9.0), (30.0, 3000.0)])
+@pytest.mark.parametrize("times", [(0.025, 0.06), (0.0011, 0.009), (0.03, 3.0)])
 def test_accuracy_explains_its_lines(times):
-    rungs = tuple(
-        Rung("harmonics", f"harmonics {i}", 1e-3, 300.0, error, 0.0, 1e-3 * t, 1.0, True)
-        for i, (t, error) in enumerate(zip(np.geomspace(*times, 3), (1e-1, 1e-2, 1e-3)), 1)
+    t = np.geomspace(*times, 4)
+    runs = (
+        Run("richest", ("5", "24"), 1e-3, 300.0, 0.0, t[3]),
+        Run("harmonics", ("3", "24"), 1e-3, 300.0, 2e-3, t[2]),
+        Run("harmonics", ("1", "24"), 1e-3, 300.0, 0.2, t[1]),
+        Run("contact_points", ("5", "9"), np.nan, np.nan, np.nan, t[1]),
+        Run("combination", ("3", "9"), 1e-3, 300.0, 0.0, t[0]),
     )
-    reference = Reference("harmonics", "harmonics 6", 1e-3, 300.0, 1e-4, "harmonics 12", 1.0)
-    ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, rungs, (reference,), 1))
-    assert legend_texts(ax) == ["harmonics", "tolerance, 0.01", "error of the reference itself"]
+    ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1))
+    assert legend_texts(ax) == [
+        "harmonics below 5", "contact points below 24", "combination", "for 1 %: harmonics 3, contact points 9", "richest",
+        "tolerance, 1 %",
+    ]  # fmt: skip
+    assert [text.get_text() for text in ax.texts] == ["3", "1", "9", ""]
     assert_nothing_overlaps(ax)
+    frame = ax.figure.bbox
+    for item in (ax.get_legend(), *ax.texts):
+        box = item.get_window_extent()
+        assert frame.x0 <= box.x0 and box.x1 <= frame.x1 and frame.y0 <= box.y0 and box.y1 <= frame.y1, item
     assert len(drawn_ticks(ax.xaxis)) >= 2
 
 
