@@ -31,6 +31,8 @@ NEAR = 0.95
 """Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found."""
 ROUNDS = 6
 """Times that a least value is compared with a whole curve at most."""
+CORNER_STEP = 1e-4
+"""Relative step in the preload with which a peak at a corner of its curve is followed to learn its slope."""
 NARROW = 0.02
 """Relative, on the preload, to which the place of a least value has to be known to be called verified."""
 BESIDE = 1e-3
@@ -89,8 +91,16 @@ class _Minimum:
                 raise _Unknown(p, f"no peak could be followed to {p:.8g} N")
             self.cache[x] = sorted(found, key=lambda item: -item[1].amplitude)
         number, peak = self.cache[x][0]
-        slope = amplitude_sensitivity(peak, self.known.family, p, self.options) * p / peak.amplitude
-        return _Place(x, number, peak, slope)
+        return _Place(x, number, peak, self.slope(peak, p))
+
+    def slope(self, peak: Peak, p: float) -> float:
+        """d ln(amplitude)/d ln(preload): of a peak at a corner of its curve, which has no adjoint, by differences."""
+        if not peak.corner:
+            return amplitude_sensitivity(peak, self.known.family, p, self.options) * p / peak.amplitude
+        beside = [self.followed([peak], p * float(np.exp(h))) for h in (-CORNER_STEP, CORNER_STEP)]
+        if beside[0] is None or beside[1] is None:
+            raise _Unknown(p, f"the peak at {p:.8g} N lies at a corner of the curve and could not be followed")
+        return float(np.log(beside[1].amplitude / beside[0].amplitude)) / (2.0 * CORNER_STEP)
 
     def is_high(self, branch: Branch, places: tuple[int, ...]) -> bool:
         """Whether a branch comes near the highest peak at one of two neighbouring preloads."""
@@ -153,7 +163,7 @@ def least_peak(known: PeakEnvelope) -> OptimumPoint:
     Raises
     ------
     BdamperError
-        If there is no value at any preload.
+        If no peak is known at any preload.
     """
     return _least(known)[0]
 
@@ -165,11 +175,12 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
     height = np.array([item[1].amplitude if item else np.inf for item in values])
     found = height[np.isfinite(height)]
     if not len(found):
+        if any(known.highest(k) for k in range(n)):
+            return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, f"{NOT_VERIFIED}no preload has a value"), np.nan
         low, high = known.frequency
         endings = ", ".join(dict.fromkeys(known.scanned.values())) or "not made"
-        what = "peaks found, but none certain to be the highest," if any(known.at(k) for k in range(n)) else "no peak found"
         raise BdamperError(
-            f"{what} at any of {n} preloads from {known.preload[0]:g} to {known.preload[-1]:g} N "
+            f"no peak found at any of {n} preloads from {known.preload[0]:g} to {known.preload[-1]:g} N "
             f"between {low:.6g} and {high:.6g} Hz; scans over frequency: {endings}"
         )
     k = int(np.argmin(height))
@@ -206,7 +217,7 @@ def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
     """
     found, place = _least(known)
     for _ in range(ROUNDS):
-        if found.kind == "flat":
+        if not np.isfinite(found.preload):
             return found
         before, k = found, known.insert(place)
         if k not in known.whole:

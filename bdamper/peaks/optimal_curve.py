@@ -43,13 +43,13 @@ class OptimumPoint:
     Parameters
     ----------
     preload : float, N
-        NaN if the curve is flat.
+        NaN if the curve is flat, or no preload has a value.
     amplitude : float, m
     frequency : float, Hz
-    kind : {"smooth", "crossing", "jump", "end", "flat"}
+    kind : {"smooth", "crossing", "jump", "end", "flat", "none"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads, or of those with a value; or none, since the preload
-        does not matter (nothing slips, or all of it is bonded).
+        the side on which it is gone; the end of the range of preloads, or of those with a value; none, since the preload
+        does not matter (nothing slips, or all of it is bonded), or since no preload has a value.
     uncertainty : float
         Relative, of the preload.
     status : str
@@ -72,6 +72,8 @@ class OptimumPoint:
     def __str__(self) -> str:
         if self.kind == "flat":
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
+        if self.kind == "none":
+            return f"no optimum, {self.status}"
         what = AT_END if self.kind == "end" else self.kind
         name = "optimum" if self.verified and self.kind != "end" else "least"
         known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
