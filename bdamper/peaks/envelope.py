@@ -38,6 +38,10 @@ HIGH = 0.8
 """Share of the highest peak from which on a peak that ends asks for a scan at the next preload: it may have been lost there
 and be the highest.  If only the highest peak did, and only where the one that is left is lower, 2 of 180 values of ten
 random studies would be too low by 8 and 12 %."""
+BUDGET = 8000
+"""Evaluations that a tracking curve may take in the search; curves of which some path ends by it are taken again with the
+default where an optimum rests on them.  Curves with many folds take some 4,000, one in tens is lost in a tangle of them and
+takes all it gets, to no avail: 17 of 39 s of one optimal curve."""
 KEPT = 64
 """Equations of different preloads that are kept."""
 
@@ -88,7 +92,8 @@ class PeakEnvelope:
     * ``preload``, to which those are added at which curves check an optimum, and ``asked``, which tells the others,
     * ``branches`` and ``events``,
     * ``scanned``: "complete" or why not, by the index of the preload,
-    * ``whole``: where the whole tracking curve was taken,
+    * ``quick``: where following the curve coarsely from a peak was enough,
+    * ``whole``: where the whole tracking curve was taken, and what it may take by default was enough for it,
     * ``bound``: the highest response (m) where a scan found no peak there.
 
     With these set, :meth:`find_all` goes on where it was.
@@ -107,6 +112,7 @@ class PeakEnvelope:
         self.branches: list[Branch] = []
         self.asked = np.ones(len(preload), bool)
         self.scanned: dict[int, str] = {}
+        self.quick: set[int] = set()
         self.whole: set[int] = set()
         self.bound: dict[int, float] = {}
         self.events: list[str] = []
@@ -147,7 +153,7 @@ class PeakEnvelope:
     def lower_bound(self, k: int) -> float:
         """Highest response found at a preload (m), NaN if none was."""
         top = self.highest(k)
-        return max(self.bound.get(k, np.nan), np.nan if top is None else top[1].amplitude)
+        return float(np.fmax(self.bound.get(k, np.nan), np.nan if top is None else top[1].amplitude))
 
     def within(self, peak: Peak) -> bool:
         """Whether a peak lies in the interval of frequency; a branch is followed beyond it, since it may come back."""
@@ -160,7 +166,7 @@ class PeakEnvelope:
         ----------
         k : int
         whole : bool
-            Take the whole tracking curve.
+            Take the whole tracking curve, with all that it may take by default.
         """
         p = float(self.preload[k])
         state = self.problem.static(p)
@@ -206,16 +212,20 @@ class PeakEnvelope:
     def look(self, k: int, preload: float, whole: bool) -> Scan:
         """The response over frequency: from the highest peak known at a preload, if that will do, else the whole curve."""
         item = self.highest(k)
-        if not whole and item is not None and not self.whole.intersection((k - 1, k + 1)):
+        slow = any(j in self.scanned and j not in self.quick for j in (k - 1, k + 1))
+        if not whole and item is not None and not slow:
             found = scan_from(
                 self.problem, self.family(preload), item[1].y, self.frequency, preload=preload, options=self.options,
                 meter=self.meter, share=0.5 * SIGNIFICANT,
             )  # fmt: skip
             if found.whole:
+                self.quick.add(k)
                 return found
-        self.whole.add(k)
-        curve = ContinuationOptions()
-        return scan(self.problem, preload, self.frequency, options=self.options, continuation=curve, meter=self.meter)
+        curve = ContinuationOptions(budget=None if whole else BUDGET)
+        found = scan(self.problem, preload, self.frequency, options=self.options, continuation=curve, meter=self.meter)
+        if whole or not found.limited:
+            self.whole.add(k)
+        return found
 
     def follow(self, branch: Branch, k: int, step: int, last: int | None = None) -> None:
         """Follow a branch from preload to preload until it ends or meets another one, or to the ``last`` alone."""
@@ -281,7 +291,7 @@ class PeakEnvelope:
         self.preload = np.insert(self.preload, k, preload)
         self.asked = np.insert(self.asked, k, False)
         self.scanned = {moved(j): ending for j, ending in self.scanned.items()}
-        self.whole = {moved(j) for j in self.whole}
+        self.quick, self.whole = {moved(j) for j in self.quick}, {moved(j) for j in self.whole}
         self.bound = {moved(j): amplitude for j, amplitude in self.bound.items()}
         for b in self.branches:
             b.peaks = {moved(j): q for j, q in b.peaks.items()}

@@ -29,7 +29,7 @@ FLAT = 1e-6
 """Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
 NEAR = 0.95
 """Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found."""
-ROUNDS = 6
+ROUNDS = 8
 """Times that a least value is compared with a whole curve at most."""
 CORNER_STEP = 1e-4
 """Relative step in the preload with which a peak at a corner of its curve is followed to learn its slope."""
@@ -221,26 +221,32 @@ def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
             return found
         before, k = found, known.insert(place)
         if k not in known.whole:
-            known.scan(k, whole=True)
+            known.scan(k, whole=found.uncertainty <= NARROW or k in known.scanned)
             known.find_all()
-        if known.value(k) is None:
-            return replace(found, status=f"{NOT_VERIFIED}tracking curve at {place:.6g} N: {known.scanned[k]}")
         found, place = _least(known)
         same = abs(np.log(found.preload / before.preload)) < SAME_PRELOAD
         if same and abs(found.amplitude / before.amplitude - 1.0) <= AGREES and known.insert(place) in known.whole:
-            return _judged(known, found)
+            again = next((k for k in _could_be_lower(known, found) if k not in known.whole), None)
+            if again is None:
+                return _judged(known, found)
+            known.scan(again, whole=True)
+            known.find_all()
+            found, place = _least(known)
     return replace(found, status=f"{NOT_VERIFIED}whole tracking curves still changed it {ROUNDS} times")
+
+
+def _could_be_lower(known: PeakEnvelope, found: OptimumPoint) -> list[int]:
+    """Preloads without a value of which nothing known says that they are higher than the optimum."""
+    least = (1.0 - AGREES) * found.amplitude
+    return [k for k in range(len(known.preload)) if known.value(k) is None and not known.lower_bound(k) >= least]
 
 
 def _judged(known: PeakEnvelope, found: OptimumPoint) -> OptimumPoint:
     """The status of an optimum with which the tracking curve there agrees."""
-    if found.status.startswith(NOT_VERIFIED + "the") or found.uncertainty > NARROW:
+    if found.uncertainty > NARROW:
         return found
-    lower = [
-        p for k, p in enumerate(known.preload)
-        if known.value(k) is None and not known.lower_bound(k) >= (1.0 - AGREES) * found.amplitude
-    ]  # fmt: skip
+    lower = _could_be_lower(known, found)
     if lower:
-        why = f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N"
+        why = f"{len(lower)} preloads without a value could be lower, first {known.preload[lower[0]]:.6g} N"
         return replace(found, status=f"{NOT_VERIFIED}{why}")
     return replace(found, status="verified")

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.coverage import Coverage, Piece
-from bdamper.continuation.curve import uninterrupted
+from bdamper.continuation.coverage import SHARE, Coverage, Piece
+from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.continuation.track import track
 from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
@@ -72,12 +72,15 @@ class Scan:
         Of the curve, in order.
     above : Above, optional
         The highest point within the interval, if it is higher than all peaks.
+    limited : bool
+        A path may have ended since the budget of evaluations that was asked for was used up.
     """
 
     peaks: tuple[Peak, ...]
     ending: str
     points: NDArray
     above: Above | None = None
+    limited: bool = False
 
     @property
     def whole(self) -> bool:
@@ -181,14 +184,22 @@ def scan(
     if meter is not None:
         meter.add(curve.cost)
     if not len(curve):
-        return Scan((), f"{curve.status} ({curve.reason})", np.zeros((0, curve.unknowns.shape[1] + 1)))
+        nothing = np.zeros((0, curve.unknowns.shape[1] + 1))
+        return Scan((), f"{curve.status} ({curve.reason})", nothing, limited=_limited(curve, continuation))
     system = problem.system(preload)
     if meter is not None:
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
     above = _above(peaks, curve.frequency, curve.amplitude, curve.point_kind)
-    return Scan(peaks, COMPLETE if curve.complete else f"{curve.status} ({curve.reason})", points, above)
+    ending = COMPLETE if curve.complete else f"{curve.status} ({curve.reason})"
+    return Scan(peaks, ending, points, above, _limited(curve, continuation))
+
+
+def _limited(curve: Curve, continuation: ContinuationOptions | None) -> bool:
+    """Whether a path of a curve may have used up its share of a budget that was asked for."""
+    budget = None if continuation is None else continuation.budget
+    return budget is not None and curve.cost.evaluations >= SHARE * budget
 
 
 def _above(peaks: Sequence[Peak], frequency: NDArray, amplitude: NDArray, kinds: Sequence[str]) -> Above | None:
