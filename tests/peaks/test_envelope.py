@@ -7,9 +7,10 @@ import pytest
 
 from bdamper.peaks import least as search
 from bdamper.peaks.envelope import Branch, PeakEnvelope
-from bdamper.peaks.least import least_peak
+from bdamper.peaks.least import least_peak, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions, drifted
-from bdamper.peaks.scan import Scan
+from bdamper.peaks.optimal import _status
+from bdamper.peaks.scan import Above, Scan
 from bdamper.util.cost import CostMeter
 
 
@@ -146,3 +147,131 @@ def test_guesses_of_a_mean_position_that_nothing_holds():
     assert found[0][:2] @ weak == pytest.approx(0.0, abs=1e-12)
     assert sorted(along[1:]) == pytest.approx([-0.5 * 1.001, 3.0 * 1.001])
     assert drifted(SimpleNamespace(n_mean=0), y, scale) == []
+
+
+class TestWhatIsNotKnown:
+    """Preloads whose scan over frequency is incomplete, and those at which something fails."""
+
+    @pytest.fixture
+    def peaks(self):
+        out = known([lambda x: 0.0 * x], np.array([1.0, 2.0, 3.0, 4.0, 5.0]))
+        out.scanned = {}
+        out.systems = {float(p): SimpleNamespace(n_mean=0) for p in out.preload}
+        out.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
+        return out
+
+    def look(self, peaks, ending):
+        """Scans that find the one branch, and end as ``ending`` says of each index."""
+
+        def found(k, preload, whole):
+            end = ending(k)
+            if isinstance(end, Exception):
+                raise end
+            there = (peaks.branches[0].peaks[k],)
+            return Scan(there, end, np.array([[0.5, 600.0], there[0].y, [0.5, 660.0]]))
+
+        return found
+
+    def test_an_incomplete_scan_gives_a_lower_bound(self, peaks):
+        peaks.look = self.look(peaks, lambda k: "incomplete (tangle)" if k == 0 else "complete")
+        peaks.find_all()
+        # the next one is scanned, so that every value lies between complete scans
+        assert sorted(peaks.scanned) == [0, 1, 4]
+        assert [peaks.trusted(k) for k in range(5)] == [False, True, True, True, True]
+        assert peaks.value(0) is None
+        assert peaks.lower_bound(0) == 1.0
+        assert _status(peaks, 0) == "lower bound, scan over frequency incomplete (tangle)"
+        assert [_status(peaks, k) for k in (1, 2, 4)] == ["scanned", "followed", "scanned"]
+
+    @pytest.mark.parametrize("error", [ZeroDivisionError("float division"), np.linalg.LinAlgError("singular")])
+    def test_one_bad_point_does_not_lose_the_others(self, peaks, error):
+        peaks.look = self.look(peaks, lambda k: error if k == 0 else "complete")
+        peaks.find_all()
+        assert _status(peaks, 0) == f"lower bound, scan over frequency failed: {type(error).__name__}: {error}"
+        assert all(peaks.value(k) is not None for k in range(1, 5))
+
+    def test_a_point_of_the_curve_above_its_peaks_leaves_no_value(self, peaks):
+        top = Above(100.0, 1.5, "where the mean position drifts")
+        there = peaks.branches[0].peaks[2]
+        peaks.look = lambda k, preload, whole: Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        peaks.scan(2)
+        assert peaks.value(2) is None
+        assert peaks.lower_bound(2) == 1.5
+        assert "higher where the mean position drifts" in _status(peaks, 2)
+
+    def test_a_high_peak_that_ends_asks_for_a_scan_where_it_is_gone(self, peaks):
+        """The one that is left is higher, but the one that is gone might be higher still."""
+        peaks.scanned = {0: "complete", 4: "complete"}
+        peaks.branches[0].peaks = {k: peak(p, 1.0, 110.0) for k, p in enumerate(peaks.preload[:2])}
+        peaks.branches.append(Branch(1, {k: peak(p, 0.5 + 0.3 * k) for k, p in enumerate(peaks.preload)}))
+        assert peaks.highest(2)[1].amplitude > peaks.highest(1)[1].amplitude
+        assert peaks.suspicious() == 2
+
+    def test_an_inserted_preload_keeps_what_is_known(self, peaks, monkeypatch):
+        monkeypatch.setattr(PeakEnvelope, "follow", lambda *args: None)
+        peaks.scanned, peaks.bound = {0: "complete", 3: "lost"}, {3: 2.0}
+        peaks.branches[0].isolated = {4}
+        assert peaks.insert(2.5) == 2
+        assert peaks.preload.tolist() == [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]
+        assert peaks.asked.tolist() == [True, True, False, True, True, True]
+        assert (peaks.scanned, peaks.bound) == ({0: "complete", 4: "lost"}, {4: 2.0})
+        assert peaks.branches[0].isolated == {5}
+        assert {k: q.parameter for k, q in peaks.branches[0].peaks.items()} == {0: 1.0, 1: 2.0, 3: 3.0, 4: 4.0, 5: 5.0}
+        assert peaks.insert(2.5) == 2
+
+
+class TestVerified:
+    """The optimum compared with curves that also hold a branch that was not known."""
+
+    def verified(self, monkeypatch, hidden, ending="complete"):
+        branches = [valley, hidden]
+        monkeypatch.setattr(search, "amplitude_sensitivity", lambda q, family, p, options: slope_of(branches, q, p))
+        monkeypatch.setattr(search._Minimum, "followed", lambda self, near, p: at(branches, near[0], p))
+
+        def follow(self, branch, k, step, last=None):
+            q = branch.peaks[k]
+            for j in [last] if last is not None else range(k, len(self.preload) if step > 0 else -1, step):
+                branch.peaks[j] = at(branches, q, self.preload[j])
+
+        def look(self, k, preload, whole):
+            self.whole.add(k)
+            heights = [(peak(preload, np.exp(h(np.log(preload))), 100.0 + i)) for i, h in enumerate(branches)]
+            points = np.array([q.y for q in heights])
+            return Scan(tuple(sorted(heights, key=lambda q: -q.amplitude)), ending, points)
+
+        monkeypatch.setattr(PeakEnvelope, "follow", follow)
+        monkeypatch.setattr(PeakEnvelope, "look", look)
+        out = known([valley], GRID)
+        out.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
+        out.family = lambda preload: SimpleNamespace(n_mean=0)
+        return verified_optimum(out), out
+
+    def test_where_the_curve_agrees(self, monkeypatch):
+        found, peaks = self.verified(monkeypatch, lambda x: valley(x) - 0.5)
+        assert found.status == "verified"
+        assert found.preload == pytest.approx(np.exp(0.4), rel=1e-6)
+        assert found.preload not in peaks.preload[peaks.asked]
+
+    def test_a_higher_peak_on_the_curve_moves_it(self, monkeypatch):
+        found, peaks = self.verified(monkeypatch, lambda x: 0.3 * (x + 1.0))
+        assert found.status == "verified"
+        assert found.kind == "crossing"
+        x = np.log(found.preload)
+        assert valley(x) == pytest.approx(0.3 * (x + 1.0), abs=1e-6)
+        assert len(peaks.branches) == 2
+
+    def test_an_incomplete_curve_verifies_nothing(self, monkeypatch):
+        found, _ = self.verified(monkeypatch, lambda x: valley(x) - 0.5, ending="incomplete (tangle)")
+        assert not found.verified
+        assert found.status.startswith("not verified: ")
+        assert str(found) == "no optimum, not verified: no preload has a value"
+
+
+def at(branches, q, p):
+    return peak(p, np.exp(branches[round(q.frequency - 100.0)](np.log(p))), q.frequency)
+
+
+def slope_of(branches, q, p):
+    h = 1e-6
+    up, down = (at(branches, q, p * np.exp(s)).amplitude for s in (h, -h))
+    return (up - down) / (2.0 * h) / p

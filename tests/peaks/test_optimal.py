@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
+from bdamper.peaks import sensitivity
 from bdamper.peaks.envelope import Branch, PeakEnvelope
 from bdamper.peaks.follower import PeakFollower, follow_peak
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
@@ -409,6 +410,18 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         assert amplitude_at(s.system(500.0), peak.y) == pytest.approx(peak.amplitude, rel=1e-12)
     with pytest.raises(SettingError, match="evaluation"):
         s.peak_sensitivities(peak)
+
+
+def test_a_peak_without_a_derivative_is_followed_from_where_it_is(study, peak, monkeypatch):
+    monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: 0.0)
+    with pytest.raises(sensitivity.NoDerivative, match="flat one at"):
+        sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
+    monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: np.nan)
+    with pytest.raises(sensitivity.NoDerivative, match="finite"):
+        sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
+    found = PeakFollower(study.system, peak).go(1010.0)
+    assert found.converged
+    assert found.amplitude == pytest.approx(study.peak(1010.0, INTERVAL).amplitude, rel=1e-6)
 
 
 @pytest.fixture(scope="module")
