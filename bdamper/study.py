@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from numpy.typing import NDArray
@@ -147,6 +148,8 @@ class Study(Problem):
         options: PeakOptions | None = None,
         tolerance: float = 0.05,
         check: bool = True,
+        progress: bool = False,
+        resume: str | Path | None = None,
     ) -> OptimalCurve:
         """Resonance over the preload, and what more harmonics would change of it.
 
@@ -160,17 +163,25 @@ class Study(Problem):
             Compare with whole tracking curves with two, four and six more harmonics at the optimum, two more elsewhere
             (:func:`bdamper.accuracy.tolerance.with_ladder`).  This takes several times as long as the curve itself; both
             times are shown.
+        progress : bool
+            Show what is being done, and the time left as far as it is known.
+        resume : path, optional
+            File that keeps every scan and every curve of the ladder; work that was interrupted goes on from there.
 
         Returns
         -------
         OptimalCurve
-            With the study's own harmonics; ``ladder`` says how far they are from convergence.
+            With the study's own harmonics; ``ladder`` says how far they are from convergence.  After Ctrl-C what was known
+            by then (:attr:`~bdamper.peaks.optimal_curve.OptimalCurve.interrupted`), or the curves of the ladder so far.
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         validate.flag("check", check)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
-        curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways)
-        return accuracy_tolerance.with_ladder(self, curve, tolerance) if check else curve
+        shown: dict[str, Any] = {"progress": progress, "resume": resume}
+        curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways, **shown)
+        if curve.interrupted or not check:
+            return curve
+        return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
     optimum = optimal.optimum

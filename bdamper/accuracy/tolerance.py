@@ -16,8 +16,10 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import replace
+from concurrent.futures import Future, ThreadPoolExecutor, as_completed
+from contextlib import ExitStack, closing
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
@@ -27,7 +29,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal import highest_peak
+from bdamper.peaks.optimal import highest_peak, search_file
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
 from bdamper.stability.floquet import with_stability
@@ -36,6 +38,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.ladder import COMPARED, Ladder, Rung
+from bdamper.util.progress import LongWork, counter, passes_interrupts_on
 
 MOST_MORE = 10
 """Harmonics beyond the study's own with which a curve or a peak is computed at most."""
@@ -152,6 +155,8 @@ def converged_answer(
                     break
                 take(work.ask(richer, preload, answer).result())
         except KeyboardInterrupt:
+            if passes_interrupts_on():
+                raise
             limit = "the ladder was interrupted by the user"
     made = ladder()
     best = next((a for a, r in zip(answers, rungs) if a is not None and r.harmonics == made.answer), None)
@@ -218,7 +223,15 @@ def peak_to_tolerance(
 
 
 @one_thread
-def with_ladder(problem: Problem, curve: OptimalCurve, tolerance: float, threads: int | None = None) -> OptimalCurve:
+def with_ladder(
+    problem: Problem,
+    curve: OptimalCurve,
+    tolerance: float,
+    threads: int | None = None,
+    *,
+    progress: bool = False,
+    resume: str | Path | None = None,
+) -> OptimalCurve:
     """The optimal curve of a problem with what more harmonics would change of it.
 
     Tracking curves over its interval of frequency with two, four and six more harmonics at the preload of the optimum, and
@@ -233,6 +246,10 @@ def with_ladder(problem: Problem, curve: OptimalCurve, tolerance: float, threads
         Relative, on the amplitude of the optimum.
     threads : int, optional
         That work side by side; as many as there are processors by default.  Results do not depend on it.
+    progress : bool
+        Show a bar of the tracking curves.
+    resume : path, optional
+        File of the search for the curve (:func:`bdamper.peaks.optimal.optimal_curve`), which keeps the rungs too.
     """
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     best = curve.optimum
@@ -250,17 +267,28 @@ def with_ladder(problem: Problem, curve: OptimalCurve, tolerance: float, threads
     jobs = [(p, preload) for p in problems[:0:-1]] + [(p, place) for p in problems[1:2] for place in places]
     own = problem.harmonic_numbers[-1]
     found: dict[tuple[int, float], Rung] = {}
-    with _Rungs(read, threads) as work:
-        asked = [work.ask(p, at, lambda p, at=at: track(p, at, (low, high))) for p, at in jobs]  # type: ignore[misc]
-        try:
-            for future in asked:
-                rung = future.result()[1]
-                found[rung.harmonics, rung.preload] = rung
-        except KeyboardInterrupt:
-            limit = "the ladder was interrupted by the user"
-            for (p, at), future in zip(jobs, asked):
-                if future.done() and not future.cancelled():
-                    found[p.harmonic_numbers[-1], at] = future.result()[1]
+    with ExitStack() as stack:
+        work = stack.enter_context(_Rungs(read, threads))
+        file = None if resume is None else stack.enter_context(closing(search_file(resume, problem)))
+        kept = {} if file is None else file.records
+        advance = stack.enter_context(counter(progress, len(jobs), 0, "ladder of harmonics", "curve"))
+        stop = stack.enter_context(LongWork())
+        asked: dict[Future[tuple[Any, Rung]], str] = {}
+        for p, at in jobs:
+            name = f"{p.harmonic_numbers[-1]} harmonics at {at!r} N"
+            if name in kept:
+                found[p.harmonic_numbers[-1], at] = Rung(**kept[name]["rung"])
+                advance()
+            else:
+                asked[work.ask(p, at, lambda p, at=at: track(p, at, (low, high)))] = name  # type: ignore[misc]
+        for future in as_completed(asked):
+            rung = future.result()[1]
+            found[rung.harmonics, rung.preload] = rung
+            if file is not None:
+                file.append({"index": asked[future], "rung": asdict(rung)})
+            advance()
+    if stop.interrupted:
+        limit = "the ladder was interrupted by the user"
     answer = Rung(own, preload, best.amplitude, best.frequency, seconds=curve.cost.processor)
     rungs = [answer, *(found[key] for key in sorted(found) if key[1] == preload)]
     others: list[Rung] = []

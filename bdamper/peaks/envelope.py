@@ -17,18 +17,24 @@ is concluded from it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.peaks.branch import Branch
 from bdamper.peaks.follower import LOST, PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import COMPLETE, Scan, scan, scan_from
 from bdamper.problem.problem import Problem
-from bdamper.util.cost import CostMeter
+from bdamper.util.cost import Cost, CostMeter
+from bdamper.util.errors import BdamperError
+from bdamper.util.results_file import ResultsFile
 
 SIGNIFICANT = 0.5
 """Peaks below this share of the highest one at the same preload are not followed; a branch ends below half of it."""
@@ -49,31 +55,6 @@ SAME_PRELOAD = 1e-4
 """Relative difference up to which a curve at one preload stands for the other."""
 
 
-@dataclass
-class Branch:
-    """Peaks of one branch, continuous in the preload.
-
-    Parameters
-    ----------
-    number : int
-    peaks : dict of int to Peak
-        By the index of the preload.
-    isolated : set of int
-        Indices at which the peak does not lie on the response curve that a sweep of frequency follows.
-    joined : dict of int to int
-        Number of the branch that this one joins, by the index where it does.
-    down, up : str
-        How the branch ended toward lower and higher preloads.
-    """
-
-    number: int
-    peaks: dict[int, Peak]
-    isolated: set[int] = field(default_factory=set)
-    joined: dict[int, int] = field(default_factory=dict)
-    down: str = ""
-    up: str = ""
-
-
 class PeakEnvelope:
     """All peaks known at each preload, by branches.
 
@@ -86,6 +67,8 @@ class PeakEnvelope:
         Where to look for peaks.
     options : PeakOptions
     meter : CostMeter
+    file : ResultsFile, optional
+        That keeps every scan with what was followed from it; those that it holds are repeated from it.
 
     What is known so far, between any two scans, is held by
 
@@ -96,11 +79,17 @@ class PeakEnvelope:
     * ``whole``: where the whole tracking curve was taken, and what it may take by default was enough for it,
     * ``bound``: the highest response (m) where a scan found no peak there.
 
-    With these set, :meth:`find_all` goes on where it was.
+    With these set, :meth:`find_all` goes on where it was.  ``finished`` tells whether it has ended since.
     """
 
     def __init__(
-        self, problem: Problem, preload: NDArray, frequency: tuple[float, float], options: PeakOptions, meter: CostMeter
+        self,
+        problem: Problem,
+        preload: NDArray,
+        frequency: tuple[float, float],
+        options: PeakOptions,
+        meter: CostMeter,
+        file: ResultsFile | None = None,
     ) -> None:
         self.problem = problem
         self.preload = preload
@@ -117,6 +106,10 @@ class PeakEnvelope:
         self.bound: dict[int, float] = {}
         self.events: list[str] = []
         self.systems: dict[float, HarmonicSystem] = {}
+        self.file = file
+        self.scans = 0
+        self.finished = True
+        self.report: Callable[[str, int, int], None] | None = None
 
     def family(self, preload: float) -> HarmonicSystem:
         """The equations at a preload."""
@@ -143,9 +136,9 @@ class PeakEnvelope:
         return self.highest(k) if self.trusted(k) else None
 
     def trusted(self, k: int) -> bool:
-        """Whether the scan at a preload was complete, or the nearest ones on both sides were."""
-        if k in self.scanned:
-            return self.scanned[k] == COMPLETE
+        """Whether the scan at a preload was complete, or the nearest ones on both sides were and no other is called for."""
+        if k in self.scanned or not self.finished:
+            return self.scanned.get(k) == COMPLETE
         below = max((j for j in self.scanned if j < k), default=-1)
         above = min((j for j in self.scanned if j > k), default=-1)
         return self.scanned.get(below) == COMPLETE and self.scanned.get(above) == COMPLETE
@@ -162,12 +155,78 @@ class PeakEnvelope:
     def scan(self, k: int, whole: bool = False) -> None:
         """Follow the response over frequency at a preload, and every new peak that is found to both sides.
 
+        An interruption undoes it.
+
         Parameters
         ----------
         k : int
         whole : bool
             Take the whole tracking curve, with all that it may take by default.
+
+        Raises
+        ------
+        BdamperError
+            If the file holds the scan of another preload at this place.
         """
+        self.tell(f"scan at {self.preload[k]:.4g} N")
+        if not self._repeat(k, whole):
+            n_branches, n_events, before = len(self.branches), len(self.events), self.scanned.get(k)
+            begin = self.meter.read(time.perf_counter())
+            try:
+                self._scan(k, whole)
+            except KeyboardInterrupt:
+                del self.branches[n_branches:], self.events[n_events:]
+                self.scanned.pop(k, None)
+                self.scanned |= {} if before is None else {k: before}
+                raise
+            if self.file is not None:
+                spent = asdict(self.meter.read(time.perf_counter()) - begin)
+                self.file.append(self._record(k, whole, n_branches, n_events) | {"cost": spent})
+        self.scans += 1
+
+    def _record(self, k: int, whole: bool, n_branches: int, n_events: int) -> dict[str, Any]:
+        """What a scan has changed, as :meth:`_repeat` takes it."""
+        return {
+            "index": self.scans, "preload": self.preload[k], "asked_whole": whole, "scanned": self.scanned[k],
+            "quick": k in self.quick, "whole": k in self.whole, "bound": self.bound.get(k),
+            "events": self.events[n_events:],
+            "isolated": [b.number for b in self.branches[:n_branches] if k in b.isolated],
+            "branches": [b.record() for b in self.branches[n_branches:]],
+        }  # fmt: skip
+
+    def _repeat(self, k: int, whole: bool) -> bool:
+        """Take a scan from the file; False if it does not hold it yet."""
+        record = None if self.file is None else self.file.records.get(self.scans)
+        if record is None:
+            return False
+        assert self.file is not None
+        if (record["preload"], record["asked_whole"]) != (self.preload[k], whole):
+            raise BdamperError(
+                f"{self.file.path}: expected a scan at {self.preload[k]:.6g} N next, found one at "
+                f"{record['preload']:.6g} N, as where numbers are rounded otherwise: start with a new file"
+            )
+        self.scanned[k] = record["scanned"]
+        for name in ("quick", "whole"):
+            (getattr(self, name).add if record[name] else getattr(self, name).discard)(k)
+        if record["bound"] is not None:
+            self.bound[k] = record["bound"]
+        self.events += record["events"]
+        for b in self.branches:
+            (b.isolated.add if b.number in record["isolated"] else b.isolated.discard)(k)
+        self.branches += [Branch.of(item) for item in record["branches"]]
+        self.meter.take_over(Cost(**record["cost"]))
+        return True
+
+    def tell(self, stage: str) -> None:
+        """Report what is being done, with the scans made and those that are known to be made yet."""
+        if self.report is None:
+            return
+        n = len(self.preload)
+        todo = {k for k in (0, n - 1) if k not in self.scanned}.union(() if self.finished else self.suspicious())
+        self.report(stage, self.scans, self.scans + max(1, len(todo)))
+
+    def _scan(self, k: int, whole: bool) -> None:
+        """The work of :meth:`scan`."""
         p = float(self.preload[k])
         state = self.problem.static(p)
         if not state.converged:
@@ -235,6 +294,7 @@ class PeakEnvelope:
             k += step
             if not 0 <= k < len(self.preload) or (last is not None and k == last + step):
                 break
+            self.tell(f"peak followed to {self.preload[k]:.4g} N")
             peak = follower.go(float(self.preload[k]))
             if peak is None:
                 at = follower.known[-1]
@@ -262,8 +322,10 @@ class PeakEnvelope:
 
     def find_all(self, checks: int = 0) -> None:
         """Find peaks at all preloads, by one scan after another until :meth:`next_scan` asks for none."""
+        self.finished = False
         while (k := self.next_scan(checks)) is not None:
             self.scan(k)
+        self.finished = True
 
     def next_scan(self, checks: int) -> int | None:
         """The preload that is to be scanned next: ends of the range, some between, and where what is known asks for it."""
@@ -275,7 +337,7 @@ class PeakEnvelope:
         if todo is None and 0 not in self.scanned:
             return 0
         if todo is None:
-            todo = self.suspicious()
+            todo = next(self.suspicious(), None)
         return self.beside_incomplete() if todo is None else todo
 
     def insert(self, preload: float) -> int:
@@ -339,19 +401,18 @@ class PeakEnvelope:
                     return beside[0]
         return None
 
-    def suspicious(self) -> int | None:
-        """A preload to which a high peak of its neighbour does not reach, or beside one where the highest is isolated."""
+    def suspicious(self) -> Iterator[int]:
+        """Preloads to which a high peak of a neighbour does not reach, or beside one where the highest is isolated."""
         n = len(self.preload)
         for i, j in [pair for k in range(n - 1) for pair in ((k, k + 1), (k + 1, k))]:
             top = self.highest(i)
             if top is None:
                 continue
             if j in top[0].isolated and i not in self.scanned:
-                return i
+                yield i
             if j not in self.scanned and any(self.ends_between(b, q, i, j) for b, q in self.at(i) if
                                              q.amplitude >= HIGH * top[1].amplitude and i not in b.isolated):  # fmt: skip
-                return j
-        return None
+                yield j
 
     def ends_between(self, branch: Branch, peak: Peak, i: int, j: int) -> bool:
         """Whether a peak within the interval at one preload is not known at the next one."""

@@ -15,10 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bdamper.peaks.envelope import SAME_PRELOAD, Branch, PeakEnvelope
+from bdamper.peaks.branch import Branch
+from bdamper.peaks.envelope import SAME_PRELOAD, PeakEnvelope
 from bdamper.peaks.follower import LOST, PeakFollower
 from bdamper.peaks.newton import Peak, same_peak
-from bdamper.peaks.optimal_curve import OptimumPoint
+from bdamper.peaks.optimal_curve import INTERRUPTED, NOT_VERIFIED, OptimumPoint
 from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.rootfind import find_root
@@ -39,7 +40,6 @@ BESIDE = 1e-3
 """Relative distance from a jump at which a curve is taken, on the side where the higher peak is gone."""
 AGREES = 2e-3
 """Relative difference of amplitudes up to which a curve agrees with the least value."""
-NOT_VERIFIED = "not verified: "
 
 
 class _Unknown(ArithmeticError):
@@ -207,6 +207,17 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
         return replace(at_grid, kind="smooth", uncertainty=width, status=f"{NOT_VERIFIED}{error}"), place
 
 
+def least_so_far(known: PeakEnvelope) -> OptimumPoint:
+    """The least value known at any preload when the search was interrupted."""
+    values = {k: item[1] for k in range(len(known.preload)) if (item := known.value(k)) is not None}
+    if not values:
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, INTERRUPTED)
+    k = min(values, key=lambda i: values[i].amplitude)
+    near = known.preload[max(k - 1, 0) : k + 2] if known.finished else known.preload
+    width = float(np.log(near[-1] / near[0]))
+    return OptimumPoint(values[k].parameter, values[k].amplitude, values[k].frequency, "smooth", width, INTERRUPTED)
+
+
 def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
     """The preload of the least value, compared with whole tracking curves.
 
@@ -219,6 +230,7 @@ def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
     for _ in range(ROUNDS):
         if not np.isfinite(found.preload):
             return found
+        known.tell(f"verification at {place:.4g} N")
         before, k = found, known.insert(place)
         if k not in known.whole:
             known.scan(k, whole=found.uncertainty <= NARROW or k in known.scanned)

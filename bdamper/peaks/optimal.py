@@ -9,23 +9,29 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack, closing
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.peaks.envelope import PeakEnvelope
-from bdamper.peaks.least import least_peak, verified_optimum
+from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
 from bdamper.problem.plausible import check_interval, check_load
 from bdamper.problem.problem import Problem
+from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.progress import LongWork, stages
+from bdamper.util.results_file import ResultsFile
+from bdamper.util.versions import HERE
 
 FOLLOWING = PeakOptions(max_halvings=3, position_tolerance=1e-6)
 """Settings with which peaks are followed by default: an error in the place of a peak changes its amplitude in second order
@@ -43,6 +49,8 @@ def optimal_curve(
     checks: int = 0,
     verify: bool = True,
     options: PeakOptions | None = None,
+    progress: bool = False,
+    resume: str | Path | None = None,
 ) -> OptimalCurve:
     """Resonance amplitude and frequency over the preload, and the preload of least amplitude.
 
@@ -63,20 +71,29 @@ def optimal_curve(
         Compare the optimum with whole tracking curves, and search on where they contradict it.
     options : PeakOptions
         ``FOLLOWING`` by default.
+    progress : bool
+        Show what is being done, and the time left for the scans over frequency that are known to be needed.
+    resume : path, optional
+        File that keeps every scan with the peaks that were followed from it; a search that was interrupted goes on from
+        there and ends with the same result.
 
     Returns
     -------
     OptimalCurve
+        After Ctrl-C with what was known by then: its optimum is "not verified: interrupted by the user".
 
     Raises
     ------
     BdamperError
-        If there is no peak in the interval at any of the preloads.
+        If there is no peak in the interval at any of the preloads, or the file is of another search.
+    KeyboardInterrupt
+        If the search was interrupted before it found a peak.
     """
     start = time.perf_counter()
     values = preload_values(preload, n)
     checks = validate.whole("checks", checks)
-    validate.flag("verify", verify)
+    for name, value in (("verify", verify), ("progress", progress)):
+        validate.flag(name, value)
     check_options(options)
     if not problem.carries_load:
         why = problem.why_no_load
@@ -87,9 +104,8 @@ def optimal_curve(
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
     known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
-    known.find_all(checks)
+    optimum = _search(known, checks, verify, progress, resume)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
-    optimum = verified_optimum(known) if verify else least_peak(known)
     for k in range(len(known.preload) - 1):
         known.note_change(k)
     columns = _columns(known, problem.n_unknowns)
@@ -97,6 +113,30 @@ def optimal_curve(
         **columns, free=free, stuck=stuck, optimum=optimum, events=tuple(known.events),
         cost=meter.read(time.perf_counter()), settings=settings, model_hash=problem.model.hash,
     )  # fmt: skip
+
+
+def _search(known: PeakEnvelope, checks: int, verify: bool, progress: bool, resume: str | Path | None) -> OptimumPoint:
+    """The optimum, after all peaks were found; what is known of both if that was interrupted."""
+    asked = {"preload": known.preload, "frequency": known.frequency, "checks": checks, "options": known.options}
+    with ExitStack() as stack:
+        if resume is not None:
+            known.file = stack.enter_context(closing(search_file(resume, known.problem, **asked)))
+        if progress:
+            known.report = stack.enter_context(stages("optimal curve", "scan"))
+        with LongWork() as work:
+            known.find_all(checks)
+            optimum = verified_optimum(known) if verify else least_peak(known)
+    if not work.interrupted:
+        return optimum
+    if not known.branches:
+        raise KeyboardInterrupt
+    return least_so_far(known)
+
+
+def search_file(path: str | Path, problem: Problem, **asked: Any) -> ResultsFile:
+    """The file of a search, guarded by the model, the settings and what was asked, as far as it is given."""
+    header = {"format": "bdamper-optimal-search", "version": 1, **HERE.attributes(), "study": study_fingerprint(problem)}
+    return ResultsFile(path, header | asked, "search for an optimal curve")
 
 
 def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:

@@ -20,6 +20,9 @@ from bdamper.util.repr import brief
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
+NOT_VERIFIED = "not verified: "
+INTERRUPTED = NOT_VERIFIED + "interrupted by the user"
+"""Status of an optimum whose search was interrupted."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class OptimumPoint:
         Relative, of the preload.
     status : str
         "verified" if the whole tracking curve there has no higher peak, and no preload without a value could take its
-        place; otherwise "not verified: " with the reason.
+        place; otherwise "not verified: " with the reason, such as :data:`INTERRUPTED`.
     """
 
     preload: float
@@ -74,7 +77,7 @@ class OptimumPoint:
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
         if self.kind == "none":
             return f"no optimum, {self.status}"
-        what = AT_END if self.kind == "end" else self.kind
+        what = AT_END if self.kind == "end" else "so far" if self.status == INTERRUPTED else self.kind
         name = "optimum" if self.verified and self.kind != "end" else "least"
         known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
         place = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
@@ -163,6 +166,11 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     def complete(self) -> bool:
         """Whether there is a value at every preload."""
         return bool(np.isfinite(self.amplitude).all())
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the search was interrupted: the curve holds what was known by then."""
+        return self.optimum.status == INTERRUPTED
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Protocol
 
 import numpy as np
@@ -70,6 +70,10 @@ class Cost:
         """Seconds outside the C core."""
         return max(0.0, self.seconds - self.core)
 
+    def __sub__(self, before: Cost) -> Cost:
+        """What was spent since an earlier reading."""
+        return Cost(**{f.name: getattr(self, f.name) - getattr(before, f.name) for f in fields(self)})
+
     def __str__(self) -> str:
         processor = f", {self.processor:.3f} s of the processor" if self.processor > 0.0 else ""
         return (
@@ -117,6 +121,12 @@ class CostMeter:
     def add(self, cost: Cost) -> None:
         """Count in what a part of the work, done while this meter ran, has metered by itself."""
         self.parts.append(cost)
+
+    def take_over(self, cost: Cost) -> None:
+        """Count in what an earlier run has spent on a part of the work, with its time."""
+        self.parts.append(cost)
+        self.start -= cost.seconds
+        self.processor_start -= cost.processor
 
     def count(self, iterations: int, failed_steps: int = 0) -> None:
         """Adds iterations and failed steps."""

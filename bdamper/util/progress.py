@@ -54,6 +54,22 @@ def counter(show: bool, total: int, done: int, what: str, unit: str) -> Iterator
         yield bar.update
 
 
+@contextmanager
+def stages(what: str, unit: str) -> Iterator[Callable[[str, int, int], None]]:
+    """A bar, as a function of the stage that the work has reached, the units done and those that there are so far."""
+    from tqdm.auto import tqdm
+
+    with tqdm(desc=what, unit=unit) as bar:
+
+        def report(stage: str, done: int, total: int) -> None:
+            bar.total = total
+            bar.set_description(f"{what}: {stage}", refresh=False)
+            bar.update(done - bar.n)
+            bar.refresh()
+
+        yield report
+
+
 def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
     """The items, with a bar that counts them if it is to be shown."""
     if not show:

@@ -27,7 +27,7 @@ class ResultsFile:
     header : mapping
         Compared with the first line of an existing file.
     work : str
-        What the file belongs to: "sweep", "optimal curve".
+        What the file belongs to: "sweep", "search for an optimal curve".
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class ResultsFile:
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
         self.path = Path(path)
         self.header = dict(header)
-        self.expected = f"a results file of {'an' if work[0] in 'aeiou' else 'a'} {work}"
+        self.expected = f"a results file of a {work}"
         self.work = work
         self.records: dict[int | str, dict[str, Any]] = {}
         self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)

@@ -192,6 +192,29 @@ class TestOptimalCurve:
         ax = again.ladder.plot()
         assert ax.get_xlabel() == "Processor time (s)" and len(ax.texts) == 4
 
+    def test_interrupted_and_resumed(self, study, monkeypatch, tmp_path):
+        """Curves that are finished are kept and not computed again."""
+        path, inner, tracked = tmp_path / "search.jsonl", tolerance.track, []
+        ask = {"preload": (3000.0, 5000.0), "n": 2, "frequency": INTERVAL, "resume": path}
+
+        def stopped(problem, preload, *args, **options):
+            if len(tracked) == 2:
+                raise KeyboardInterrupt
+            tracked.append((problem.harmonic_numbers[-1], preload))
+            return inner(problem, preload, *args, **options)
+
+        monkeypatch.setattr(tolerance, "MORE_AT_OPTIMUM", 4)
+        monkeypatch.setattr(tolerance.os, "cpu_count", lambda: 1)
+        monkeypatch.setattr(tolerance, "track", stopped)
+        part = study.optimal_curve(**ask)
+        assert tracked == [(5, 3000.0), (3, 3000.0)] and not part.interrupted
+        assert numbers(part) == [1, 3, 5] and not part.ladder.others and "interrupted by the user" in str(part)
+        del tracked[:]
+        whole = study.optimal_curve(**ask)
+        assert tracked == [(3, 5000.0)]
+        assert whole.ladder.rungs[1:] == part.ladder.rungs[1:] and len(whole.ladder.others) == 2
+        assert "interrupted" not in str(whole)
+
     def test_without_check(self, study):
         assert study.optimal_curve((3000.0, 5000.0), 2, frequency=INTERVAL, check=False).ladder is None
 
