@@ -26,7 +26,7 @@ from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
-from benchmarks import PLAIN, tolerance_scenes
+from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -357,7 +357,7 @@ LADDERS: dict[str, Callable[[], AccuracyCost]] = {
 IN_README = "harmonics"
 TABLES: dict[str, Callable[[], str]] = {
     "ways": ways, "jacobians": jacobians, "time_integration": time_integration, "work": work,
-    "tolerance": tolerance_scenes.table,
+    "tolerance": tolerance_scenes.table, "estimates": estimate_scenes.table,
 }  # fmt: skip
 
 

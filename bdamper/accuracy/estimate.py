@@ -153,7 +153,7 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> tuple[OptimumPoint, C
     curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
     if not curve.complete:
         return best, curve, f"no whole curve at the optimum: {curve.reason}"
-    if abs(curve.peak.amplitude / best.amplitude - 1.0) > 0.01:
+    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= 0.01:
         return best, curve, f"the curve at the optimum has its peak elsewhere, {curve.peak.amplitude:.6g} m"
     return best, curve, ""
 
@@ -247,24 +247,14 @@ def change_of_peak(problem: Problem, richer: Problem, preload: float, tops: Tops
         if found is not None:
             return found
     peak = tops.peaks[0]
-    curve = _richer_curve(richer, preload, tops)
+    interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
+    curve = uninterrupted(track(richer, preload, interval))
     if not curve.complete:
         return _unknown(f"no whole curve: {curve.reason}")
     top = curve.peak
     if curve.peak_at_end and tops.place != "end":
         return _unknown(f"the richer curve is highest at {top.frequency:.6g} Hz, an end of the interval")
     return top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0, 0.0, "found anew by a whole curve"
-
-
-def _richer_curve(richer: Problem, preload: float, tops: Tops) -> Curve:
-    """The curve of a richer problem over the interval of the peaks, and beyond that end of it at which it is highest."""
-    frequency = tops.peaks[0].frequency
-    low, high = tops.interval or (0.85 * frequency, 1.2 * frequency)
-    curve = uninterrupted(track(richer, preload, (low, high)))
-    if not curve.complete or not curve.peak_at_end or tops.place == "end":
-        return curve
-    below = curve.peak.frequency == curve.frequency.min()
-    return uninterrupted(track(richer, preload, (0.85 * low, high) if below else (low, 1.2 * high)))
 
 
 def _change_of_each(system: HarmonicSystem, embedded: list[NDArray], tops: Tops, search: bool) -> Change | None:

@@ -268,7 +268,7 @@ class _Reference:
         self.peaks += 1
         curve = whole_curve(leaner, self.preload, self.frequency)
         if not curve.complete:
-            raise BdamperError(f"the curve without it ended as: {curve.status} ({curve.reason})")
+            raise BdamperError(f"the curve without it ended as: {curve.status}")
         return relative_change(self.peak, curve.peak)
 
 

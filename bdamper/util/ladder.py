@@ -106,7 +106,7 @@ class Ladder(Plottable):
         """The error by harmonics as one of the estimates by source, of which the others were not asked."""
         own = next((r for r in self.rungs if self._is_answer(r)), Rung(self.answer, self.preload))
         place = [r.frequency for r in self.compared]
-        shift = (max(place) - min(place)) / place[-1] if self.by_frequency and place else 0.0
+        shift = (max(place) - min(place)) / place[-1] if place else 0.0
         found = SourceError("harmonics", self.error, shift, 0.0, self.note, self.seconds)
         missing = (SourceError(name, np.nan, np.nan, 0.0, "not asked") for name in ("contact points", "modes"))
         return ErrorEstimates(self.preload, own.frequency, own.amplitude, (found, *missing), self.seconds)
