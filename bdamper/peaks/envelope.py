@@ -239,11 +239,16 @@ class PeakEnvelope:
             self.scanned[k] = f"failed: {type(error).__name__}: {error}"
             self.events.append(f"{p:.6g} N: scan over frequency {self.scanned[k]}")
             return
-        peaks = found.peaks
-        self.scanned[k] = found.ending if found.above is None else f"{found.ending}, {found.above}"
-        if found.above is not None:
-            self.bound[k] = found.above.amplitude
-        known = self.at(k)
+        peaks, above = found.peaks, found.above
+        if above is not None and above.corner is not None and found.ending == COMPLETE:
+            # no maximum of a smooth curve that could be followed, but the highest response there is
+            self.branches.append(Branch(len(self.branches), {k: above.corner}, down=above.what, up=above.what))
+            self.events.append(f"{p:.6g} N: {above}")
+            above = None
+        self.scanned[k] = found.ending if above is None else f"{found.ending}, {above}"
+        if above is not None:
+            self.bound[k] = above.amplitude
+        known = [(b, q) for b, q in self.at(k) if not q.corner or q.curvature > -np.inf]
         for b, q in known:
             if any(same_peak(q, other) for other in peaks):
                 b.isolated.discard(k)

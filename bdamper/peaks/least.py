@@ -204,6 +204,11 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
     except (*LOST, SettingError) as error:
         width = float(np.max(np.abs(np.diff(x[max(k - 1, 0) : k + 2]))))
         place = error.preload if isinstance(error, _Unknown) else best.parameter
+        if abs(np.log(place / best.parameter)) < SAME_PRELOAD:  # a curve there is known, or will be: look beside it
+            if k in (0, n - 1) and n > 1 and np.isfinite(height[1 if k == 0 else n - 2]):
+                return at_grid, best.parameter
+            beside = max((j for j in (k - 1, k + 1) if 0 <= j < n), key=lambda j: abs(x[j] - x[k]))
+            place = float(np.exp(0.5 * (x[k] + x[beside])))
         return replace(at_grid, kind="smooth", uncertainty=width, status=f"{NOT_VERIFIED}{error}"), place
 
 

@@ -35,6 +35,7 @@ PASSED = 0.1
 """Distance, relative to its vibration, at which a curve passes a peak."""
 COMPLETE = "complete"
 """Ending of a curve that was followed from end to end of the interval."""
+DRIFTS = "where the mean position drifts"
 HIGHER = 3e-3
 """Relative, by which a point of a curve has to exceed the peaks found on it: a curve followed coarsely is off by less."""
 
@@ -47,11 +48,14 @@ class Above(NamedTuple):
     frequency : float, Hz
     amplitude : float, m
     what : str
+    corner : Peak, optional
+        The point where the mean position of the damper drifts: the curve has a corner there, and is highest at it.
     """
 
     frequency: float
     amplitude: float
     what: str
+    corner: Peak | None = None
 
     def __str__(self) -> str:
         return f"higher {self.what}, {self.amplitude:.6g} m at {self.frequency:.6g} Hz"
@@ -192,6 +196,8 @@ def scan(
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
     above = _above(peaks, curve.frequency, curve.amplitude, curve.point_kind)
+    if above is not None and above.what == DRIFTS:
+        above = above._replace(corner=_corner(curve, points, preload))
     ending = COMPLETE if curve.complete else f"{curve.status} ({curve.reason})"
     return Scan(peaks, ending, points, above, _limited(curve, continuation))
 
@@ -208,8 +214,17 @@ def _above(peaks: Sequence[Peak], frequency: NDArray, amplitude: NDArray, kinds:
     top = max((q.amplitude for q in peaks), default=0.0)
     if amplitude[i] <= (1.0 + HIGHER) * top or kinds[i] == "end":
         return None
-    what = "where the mean position drifts" if kinds[i] == "drift" else "where no maximum was located"
+    what = DRIFTS if kinds[i] == "drift" else "where no maximum was located"
     return Above(float(frequency[i]), float(amplitude[i]), what)
+
+
+def _corner(curve: Curve, points: NDArray, preload: float) -> Peak:
+    """The highest point of a curve, where the mean position drifts, as a peak at a corner, which has no slope."""
+    i, n = int(np.argmax(curve.amplitude)), points.shape[1]
+    return Peak(
+        preload, float(curve.frequency[i]), float(curve.amplitude[i]), points[i], np.zeros(n), np.ones(n), 0.0, -np.inf,
+        curve.shares[i], float(curve.residual[i]), 0, 0, int(curve.rank_deficiency[i]), True,
+    )  # fmt: skip
 
 
 def scan_from(

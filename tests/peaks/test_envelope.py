@@ -1,5 +1,6 @@
 """The preload of least resonance amplitude, and what is told of peaks, with peaks given in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -198,6 +199,16 @@ class TestWhatIsNotKnown:
         assert peaks.value(2) is None
         assert peaks.lower_bound(2) == 1.5
         assert "higher where the mean position drifts" in _status(peaks, 2)
+
+    def test_the_corner_at_which_the_mean_position_drifts_is_a_value(self, peaks):
+        there, corner = peaks.branches[0].peaks[2], replace(peak(3.0, 1.5, 120.0), corner=True, curvature=-np.inf)
+        top = Above(120.0, 1.5, "where the mean position drifts", corner)
+        peaks.look = lambda k, preload, whole: Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        peaks.scan(2)
+        assert peaks.value(2)[1] is corner
+        assert _status(peaks, 2) == "scanned"
+        # it is not followed, so that the neighbours have to be looked at
+        assert peaks.suspicious() == 1
 
     def test_a_high_peak_that_ends_asks_for_a_scan_where_it_is_gone(self, peaks):
         """The one that is left is higher, but the one that is gone might be higher still."""
