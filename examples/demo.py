@@ -1,76 +1,64 @@
-"""Tracking curves of the reference bladed disk: first two blade modes, several preloads, all branches.
+"""The damper that a bladed disk should have: the preload of least resonance, verified, and how far more harmonics move it.
 
-Mode 1 is excited at the blade tip in the tangential direction, mode 2 (bending out of the plane of rotation) in the axial
-direction.  A third figure leaves out the rotation of the damper.  Prints a table and writes figures.
+Optimal curve of the first mode of the reference bladed disk over the preload and the ladder of harmonics at its optimum,
+with tracking curves at a few preloads.  Prints the results and writes ``optimum.png`` and ``tracking_mode_1.png``.
 """
 
 from __future__ import annotations
 
 import argparse
 import time
-from dataclasses import replace
 from pathlib import Path
+
+import matplotlib.pyplot as plt
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
-from bdamper.plot import plot_curves, save_figure
+from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.plot import plot_curves, plot_ladder, plot_optimal, save_figure
 
-PRELOADS = (100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0)
-PRELOADS_MODE_2 = (200.0, 500.0, 1000.0, 2000.0, 5000.0)
-HEAD = f"{'':14}{'preload':>9}{'peak':>12}{'at':>10}{'folds':>7}{'points':>8}{'evaluations':>13}{'seconds':>9}  status"
-
-
-def run(study: bd.Study, name: str, frequency: tuple[float, float], preloads: tuple[float, ...]) -> list[Curve]:
-    """Curves at all preloads and the two limits, one line of the table each."""
-    curves = [study.free(frequency), study.stuck(frequency)]
-    curves += [study.track(preload=p, frequency=frequency) for p in preloads]
-    for curve in curves:
-        peak, cost = curve.peak, curve.cost
-        preload = f"{curve.preload:.0f} N" if curve.kind == "tracking" else curve.kind
-        print(
-            f"{name:14}{preload:>9}{peak.amplitude * 1e3:>9.4f} mm{peak.frequency:>7.2f} Hz{len(curve.folds):>7}"
-            f"{len(curve):>8}{cost.evaluations:>13}{cost.seconds:>9.3f}  {curve.status}"
-        )
-    return curves
+BAND = (270.0, 375.0)
+FACTORS = (2.0, 5.0, 20.0)
+"""Preloads of tracking curves beside that of the optimum, over it."""
 
 
-def main(figures: Path = Path("figures")) -> dict[str, list[Curve]]:
-    """Run the demonstration; returns the curves of each part."""
+def draw(optimal: OptimalCurve, curves: list[Curve], path: Path) -> None:
+    """The optimal curve and its ladder on the left, the tracking curves on the right."""
+    figure = plt.figure(figsize=(10.0, 6.2), layout="constrained")
+    grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0), height_ratios=(1.6, 1.0))
+    plot_optimal(optimal, figure.add_subplot(grid[0, 0]), title="Optimal curve", coexisting=False)
+    if optimal.ladder is not None:
+        plot_ladder(optimal.ladder, figure.add_subplot(grid[1, 0]))
+    plot_curves(curves, figure.add_subplot(grid[:, 1]), title="Tracking curves, 1 N tangential at the tip")
+    save_figure(figure, path)
+
+
+def main(
+    figures: Path = Path("figures"), preload: tuple[float, float] = (50.0, 5000.0), n: int = 30
+) -> tuple[OptimalCurve, list[Curve]]:
+    """Run the demonstration; returns the optimal curve and the tracking curves, the limits first."""
     figures.mkdir(parents=True, exist_ok=True)
     started = time.perf_counter()
-    model = bd.reference_model("bladed_disk", contact_points=24)
     study = bd.Study(
-        model,
+        bd.reference_model("bladed_disk"),
         engine_order=5,
         friction_coefficient=0.4,
         excitation=bd.Excitation("tip", direction="tangential", amplitude=1.0),
     )
-    for line in study.stiffness_report:
-        print(line)
-    print(HEAD)
-    axial = replace(study, excitation=bd.Excitation("tip", direction="axial", amplitude=1.0))
-    no_rotation = replace(study, rigid_modes=("TX", "TY", "TZ"))
-    out = {
-        "mode 1": run(study, "mode 1", (270.0, 370.0), PRELOADS),
-        "mode 2": run(axial, "mode 2", (670.0, 730.0), PRELOADS_MODE_2),
-        "no rotation": run(no_rotation, "no rotation", (270.0, 390.0), PRELOADS),
-    }
-    titles = {
-        "mode 1": "Mode 1, tangential force of 1 N at the tip",
-        "mode 2": "Mode 2, axial force of 1 N at the tip",
-        "no rotation": "Mode 1, damper that only translates",
-    }
-    for name, curves in out.items():
-        path = figures / f"tracking_{name.replace(' ', '_')}.png"
-        save_figure(plot_curves(curves, title=titles[name]), path)
-        print(f"wrote {path}")
-    folds = {name: sum(len(c.folds) for c in curves) for name, curves in out.items()}
-    print(f"folds: mode 1 {folds['mode 1']}, mode 2 {folds['mode 2']}, mode 1 without rotation {folds['no rotation']}")
-    print(f"{time.perf_counter() - started:.1f} s in all")
-    return out
+    print(study)
+    optimal = study.optimal_curve(preload, n)
+    print(optimal)
+    loads = [float(f"{factor * optimal.optimum.preload:.3g}") for factor in (1.0, *FACTORS)]
+    curves = [study.free(BAND), study.stuck(BAND), *(study.track(load, BAND) for load in loads)]
+    for curve in curves[2:]:
+        print(curve)
+    draw(optimal, curves, figures / "optimum.png")
+    save_figure(plot_curves(curves, title="Mode 1, tangential force of 1 N at the tip"), figures / "tracking_mode_1.png")
+    print(f"wrote optimum.png and tracking_mode_1.png in {figures}; {time.perf_counter() - started:.0f} s in all")
+    return optimal, curves
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
     main(parser.parse_args().figures)

@@ -7,7 +7,7 @@ import numpy as np
 
 import bdamper as bd
 
-PEAK = (4.7496e-4, 351.128)
+PEAK = (3.59157e-4, 360.512)
 """Amplitude (m) and frequency (Hz) of the first mode of the shipped disk under 2000 N, as the README's example gives it."""
 
 package = Path(bd.__file__).parent
@@ -18,7 +18,7 @@ files = metadata.files("bdamper") or []
 assert any(f.name == "LICENSE" for f in files), "the licence is missing"
 assert not any(f.parts[0] == "tests" or f.suffix == ".c" for f in files), "tests or sources were installed"
 
-model = bd.reference_model("bladed_disk", contact_points=24)
+model = bd.reference_model("bladed_disk")
 study = bd.Study(
     model,
     engine_order=5,
