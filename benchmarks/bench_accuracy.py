@@ -38,7 +38,9 @@ PRELOAD_9 = 5000.0
 INTERVAL = (300.0, 370.0)
 REPEATS = 3
 ALL = 0.99
-"""Tolerance that all values of a ladder are within."""
+"""Tolerance that all values of a ladder are within, so that none is left out."""
+SHOWN = 0.01
+"""Tolerance that their tables and figures show."""
 
 
 def reference_study(points: int = 24, **settings: object) -> bd.Study:
@@ -129,8 +131,9 @@ def bases() -> AccuracyCost:
 
 
 def combined() -> AccuracyCost:
-    """What a user gets without any choice but the tolerance."""
-    return bd.accuracy_cost(reference_study(contact_stiffness="residual_modes"), tolerance=0.05)
+    """What a user gets without any choice but the points and the tolerance."""
+    study = bd.Study(bd.reference_model("bladed_disk", 24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    return bd.accuracy_cost(study, tolerance=0.05)
 
 
 # ---- what is not a setting ----
@@ -379,6 +382,8 @@ def main() -> None:
         begin = time.perf_counter()
         if name in LADDERS:
             result = LADDERS[name]()
+            if result.tolerance == ALL:
+                result = replace(result, tolerance=SHOWN)
             print(result, flush=True)
             table = result.markdown()
         else:
@@ -391,7 +396,7 @@ def main() -> None:
             if name == IN_README:
                 readme = ROOT / "README.md"
                 readme.write_text(fill(readme.read_text(), name, table))
-            if name in LADDERS:
+            if f"accuracy_{name}.png" in page.read_text():
                 save_figure(plot_accuracy(result), DOCS / "images" / f"accuracy_{name}.png")
 
 

@@ -46,6 +46,8 @@ MORE_AT_OPTIMUM = 6
 """Harmonics beyond the study's own of the richest curve at an optimum."""
 SPREAD = (1.0 / 6.0, 0.5, 5.0 / 6.0)
 """Where over the preloads of an optimal curve, in their order, two more harmonics are tried besides its optimum."""
+STEPS = 3
+"""Times that the preloads beside a lower one than the optimum are tried with two more harmonics, too."""
 
 Answer = TypeVar("Answer", Curve, Peak)
 Read = Callable[[Any], tuple[float, float, str]]
@@ -235,8 +237,9 @@ def with_ladder(
     """The optimal curve of a problem with what more harmonics would change of it.
 
     Tracking curves over its interval of frequency with two, four and six more harmonics at the preload of the optimum, and
-    with two more at the preloads of the curve on both sides of it and at some others (:data:`SPREAD`).  Where the preload
-    does not matter its middle stands for the optimum.  A curve without a least value is returned as it is.
+    with two more at the preloads of the curve on both sides of it and at some others (:data:`SPREAD`).  Where one of these
+    gives less than the optimum, the next preloads beside it follow (:data:`STEPS` times at most).  Where the preload does
+    not matter the middle of the curve stands for the optimum.  A curve without a least value is returned as it is.
 
     Parameters
     ----------
@@ -257,48 +260,59 @@ def with_ladder(
         return curve
     preload = best.preload if np.isfinite(best.preload) else float(curve.preload[len(curve) // 2])
     problems, limit = _richer(problem, MORE_AT_OPTIMUM)
-    places = [float(curve.preload[k]) for k in _checked(curve.preload, preload)]
-    low, high = curve.settings["frequency"]
-
-    def read(found: Curve) -> tuple[float, float, str]:
-        amplitude, frequency, why = _of_curve(found)
-        return amplitude, frequency, why or ("highest at an end of the interval" if found.peak_at_end else "")
-
-    jobs = [(p, preload) for p in problems[:0:-1]] + [(p, place) for p in problems[1:2] for place in places]
     own = problem.harmonic_numbers[-1]
+    places = [float(at) for at in curve.preload[_checked(curve.preload, preload)]]
+    jobs = [(p, preload) for p in problems[:0:-1]] + [(p, at) for p in problems[1:2] for at in places]
     found: dict[tuple[int, float], Rung] = {}
     with ExitStack() as stack:
-        work = stack.enter_context(_Rungs(read, threads))
+        work = stack.enter_context(_Rungs(_of_whole_curve, threads))
         file = None if resume is None else stack.enter_context(closing(search_file(resume, problem)))
         kept = {} if file is None else file.records
         advance = stack.enter_context(counter(progress, len(jobs), 0, "ladder of harmonics", "curve"))
         stop = stack.enter_context(LongWork())
-        asked: dict[Future[tuple[Any, Rung]], str] = {}
-        for p, at in jobs:
-            name = f"{p.harmonic_numbers[-1]} harmonics at {at!r} N"
-            if name in kept:
-                found[p.harmonic_numbers[-1], at] = Rung(**kept[name]["rung"])
+        for _ in range(1 + STEPS):
+            asked: dict[Future[tuple[Any, Rung]], str] = {}
+            for p, at in jobs:
+                name = f"{p.harmonic_numbers[-1]} harmonics at {at!r} N"
+                if name in kept:
+                    found[p.harmonic_numbers[-1], at] = Rung(**kept[name]["rung"])
+                    advance()
+                else:
+                    asked[work.ask(p, at, _whole_curve(at, curve))] = name
+            for future in as_completed(asked):
+                rung = future.result()[1]
+                found[rung.harmonics, rung.preload] = rung
+                if file is not None:
+                    file.append({"index": asked[future], "rung": asdict(rung)})
                 advance()
-            else:
-                asked[work.ask(p, at, lambda p, at=at: track(p, at, (low, high)))] = name  # type: ignore[misc]
-        for future in as_completed(asked):
-            rung = future.result()[1]
-            found[rung.harmonics, rung.preload] = rung
-            if file is not None:
-                file.append({"index": asked[future], "rung": asdict(rung)})
-            advance()
+            beyond = _beyond(curve.preload, preload, [r for (n, _), r in found.items() if n == own + 2])
+            jobs = [(problems[1], at) for at in beyond]
     if stop.interrupted:
         limit = "the ladder was interrupted by the user"
     answer = Rung(own, preload, best.amplitude, best.frequency, seconds=curve.cost.processor)
     rungs = [answer, *(found[key] for key in sorted(found) if key[1] == preload)]
-    others: list[Rung] = []
-    for place in sorted(at for n, at in found if at != preload):
-        k = int(np.flatnonzero(curve.preload == place)[0])
-        status = "complete" if np.isfinite(curve.amplitude[k]) else curve.status[k]
-        mine = Rung(own, place, float(curve.amplitude[k]), float(curve.frequency[k]), status=status)
-        others += _with_changes([mine, found[own + 2, place]])
+    others = [r for at in sorted(at for _, at in found if at != preload) for r in _pair(curve, own, found[own + 2, at])]
     made = Ladder(tolerance, preload, own, _with_changes(rungs), tuple(others), limit=limit)
     return replace(curve, ladder=made, error_estimates=made.estimates)
+
+
+def _whole_curve(preload: float, curve: OptimalCurve) -> Callable[[Problem], Curve]:
+    """What follows the whole curve over the interval (Hz) of an optimal curve."""
+    low, high = curve.settings["frequency"]
+    return lambda problem: track(problem, preload, (low, high))
+
+
+def _of_whole_curve(curve: Curve) -> tuple[float, float, str]:
+    amplitude, frequency, why = _of_curve(curve)
+    return amplitude, frequency, why or ("highest at an end of the interval" if curve.peak_at_end else "")
+
+
+def _pair(curve: OptimalCurve, own: int, richer: Rung) -> tuple[Rung, ...]:
+    """The value of an optimal curve at one of its preloads, with the harmonics that it has, and a richer one."""
+    k = int(np.flatnonzero(curve.preload == richer.preload)[0])
+    amplitude, frequency = float(curve.amplitude[k]), float(curve.frequency[k])
+    status = "complete" if np.isfinite(amplitude) else curve.status[k]
+    return _with_changes([Rung(own, richer.preload, amplitude, frequency, status=status), richer])
 
 
 def _checked(grid: NDArray, preload: float) -> list[int]:
@@ -306,3 +320,16 @@ def _checked(grid: NDArray, preload: float) -> list[int]:
     below, above = np.flatnonzero(grid < preload)[-1:], np.flatnonzero(grid > preload)[:1]
     spread = [round(s * (len(grid) - 1)) for s in SPREAD]
     return sorted({int(k) for k in (*below, *above, *spread) if grid[k] != preload})
+
+
+def _beyond(grid: NDArray, preload: float, rungs: Sequence[Rung]) -> list[float]:
+    """Preloads of a curve beside the least of some rungs that are not among these; none where it is at the optimum's."""
+    known = [r for r in rungs if r.known]
+    least = min(known, key=lambda r: r.amplitude, default=None)
+    if least is None or least.preload == preload or preload not in [r.preload for r in known]:
+        return []
+    k = int(np.flatnonzero(grid == least.preload)[0])
+    asked = {r.preload for r in rungs}
+    beside = [float(at) for at in grid[max(k - 1, 0) : k + 2]]
+    between = sorted([preload, least.preload])
+    return [at for at in beside if at not in asked and not between[0] < at < between[1]]

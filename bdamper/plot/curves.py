@@ -174,7 +174,8 @@ def plot_optimal(
     Notes
     -----
     A filled star marks an optimum that whole tracking curves have verified, an open one the least value otherwise.  Where
-    there is no value the picture is hatched; an open triangle there is a lower bound.
+    there is no value the picture is hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude
+    that the ladder of harmonics has found.
     """
     dark, light = "0.1", plt.get_cmap("viridis")(0.45)
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -196,6 +197,10 @@ def plot_optimal(
         ax.plot([], [], "-", color=dark, label="amplitude")
         ax.plot([], [], "--", color=light, label="frequency shift")
         _mark_gaps(ax, result)
+        if result.ladder is not None and result.ladder.ranges:
+            preload, low, high = np.array(result.ladder.ranges).T
+            ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,
+                        label="range with more harmonics")
         o = result.optimum
         if np.isfinite(o.preload):
             what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")

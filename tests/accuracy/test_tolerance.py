@@ -219,6 +219,22 @@ class TestOptimalCurve:
         assert study.optimal_curve((3000.0, 5000.0), 2, frequency=INTERVAL, check=False).ladder is None
 
 
+@pytest.mark.parametrize(
+    ("lower", "expected"),
+    [
+        ({110.0: 1.0, 100.0: 2.0, 120.0: 2.0}, []),  # nothing is lower than the optimum
+        ({110.0: 1.0, 100.0: 0.9, 120.0: 2.0}, [90.0]),
+        ({110.0: 1.0, 100.0: 0.9, 90.0: 1.1, 120.0: 2.0}, []),  # it is between two that are known
+        ({110.0: 1.0, 100.0: 1.1, 120.0: 1.2, 200.0: 0.5}, [300.0]),  # 180 N is on the way from the optimum to it
+        ({110.0: 1.0, 100.0: np.nan, 120.0: 0.9}, [180.0]),
+        ({110.0: np.nan, 100.0: 0.9, 120.0: 1.0}, []),  # it is not known whether it is lower
+    ],
+)
+def test_preloads_beside_a_lower_one_follow(lower, expected):
+    grid = np.array([90.0, 100.0, 120.0, 180.0, 200.0, 300.0])
+    assert tolerance._beyond(grid, 110.0, [Rung(3, p, a, 300.0) for p, a in lower.items()]) == expected
+
+
 def ladder(*amplitudes, answer=1, others=(), **options):
     rungs = tuple(Rung(2 * i + 1, 100.0, a, 300.0) for i, a in enumerate(amplitudes))
     return Ladder(0.05, 100.0, answer, rungs, tuple(Rung(3, p, a, 300.0) for p, a in others), **options)
