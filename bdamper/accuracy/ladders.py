@@ -12,7 +12,8 @@ is the analysis; parts of a study that are made once (modes, contact stiffness, 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -30,7 +31,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import percent
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import each
+from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
@@ -87,6 +88,8 @@ class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy", version=3, olde
     repeats : int
     settings : mapping
         Of the study.
+    interrupted : bool
+        Whether the search was ended by Ctrl-C, before all combinations were run that it asks for.
     """
 
     quantity: str
@@ -98,6 +101,7 @@ class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy", version=3, olde
     own: tuple[str, ...]
     repeats: int
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
+    interrupted: bool = False
 
     @property
     def richest(self) -> Run:
@@ -136,7 +140,7 @@ class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy", version=3, olde
         head = "".join(f"{_spaced(n):>{w}}" for n, w in zip(self.varied, width))
         lines = [
             f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
-            f"  {self._conclusion()}",
+            f"  {self._conclusion()}{'; interrupted by the user, other runs may suffice' if self.interrupted else ''}",
             f"  the richest itself is uncertain by its last steps: {steps}",
             f"  {head}{'amplitude':>15}{'frequency':>13}{'error':>9}{'time':>11}",
         ]
@@ -297,6 +301,7 @@ class _Runs:
         self.problem, self.ladders = problem, ladders
         self.ask, self.preload, self.interval, self.repeats = ask, preload, interval, repeats
         self.done: list[Run] = []
+        self.report: Callable[[str, int, int], None] | None = None
 
     def at(self, part: str, place: Mapping[str, int]) -> Run:
         """The run of the values at these places of the ladders."""
@@ -309,6 +314,9 @@ class _Runs:
         same = next((r for r in self.done if r.values == names), None)
         if same is not None:
             return same
+        if self.report is not None:
+            most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
+            self.report(_text(tuple(self.ladders), names), len(self.done), max(most, len(self.done) + 1))
         study = varied(self.problem, changes)
         if study.static(self.preload).converged:
             study.system(self.preload)
@@ -361,11 +369,12 @@ def accuracy_cost(
     repeats : int
         Of each timing.
     progress : bool
-        Show a progress bar over the ladders.
+        Show which settings are run, and the time left.
 
     Returns
     -------
     AccuracyCost
+        After Ctrl-C with what was run by then.
 
     Raises
     ------
@@ -373,6 +382,8 @@ def accuracy_cost(
         If a setting or a quantity is not known.
     BdamperError
         If the richest combination has no whole answer.
+    KeyboardInterrupt
+        If that was interrupted.
     """
     if not callable(quantity):
         validate.choice("quantity", quantity, tuple(QUANTITIES))
@@ -384,18 +395,18 @@ def accuracy_cost(
     preload = slipping_preload(problem, (low, high)) if preload is None else problem.check_preload(preload)
     runs = _Runs(problem, ladders, ask, preload, (low, high), repeats)
     top = {name: len(values) - 1 for name, values in ladders.items()}
-    richest = runs.at(RICHEST, top)
-    if not np.isfinite(richest.error):
-        text = _text(tuple(ladders), richest.values)
-        raise BdamperError(f"no whole answer with the richest settings, {text}, at {preload:g} N: give poorer ones in vary")
-    _search(runs, top, tolerance, progress)
     own: tuple[str, ...] = ()
     if all(list(value.changes) == [name] for name, values in ladders.items() for value in values):
         own = tuple(_name(_own(problem, name)) for name in ladders)
-        runs.of(OWN, own, {})
+    with stages("settings", "run") if progress else nullcontext() as runs.report, LongWork() as work:
+        _search(runs, top, tolerance)
+        if own:
+            runs.of(OWN, own, {})
+    if not runs.done:
+        raise KeyboardInterrupt
     return AccuracyCost(
         quantity if isinstance(quantity, str) else getattr(quantity, "__name__", "peak"), preload, (low, high), tolerance,
-        tuple(ladders), tuple(runs.done), own, repeats, problem.record(None),
+        tuple(ladders), tuple(runs.done), own, repeats, problem.record(None), work.interrupted,
     )  # fmt: skip
 
 
@@ -406,10 +417,16 @@ def _own(problem: Problem, name: str) -> Any:
     return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem, name)
 
 
-def _search(runs: _Runs, top: Mapping[str, int], tolerance: float, progress: bool) -> None:
-    """Each setting down by itself, then the combination of the cheapest sufficient values, richer until it suffices."""
+def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
+    """The richest, each setting down by itself, then the cheapest sufficient values combined, richer until they suffice."""
+    richest = runs.at(RICHEST, top)
+    if not np.isfinite(richest.error):
+        text = _text(tuple(runs.ladders), richest.values)
+        raise BdamperError(
+            f"no whole answer with the richest settings, {text}, at {runs.preload:g} N: give poorer ones in vary"
+        )
     place, error = dict(top), {}
-    for name in each(list(top), progress, "settings", "setting"):
+    for name in top:
         error[name, top[name]] = 0.0
         for k in range(top[name] - 1, -1, -1):
             error[name, k] = runs.at(name, {**top, name: k}).error

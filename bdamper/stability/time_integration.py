@@ -37,7 +37,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import each
+from bdamper.util.progress import LongWork, each
 from bdamper.util.repr import brief
 
 TWO_PI = 2.0 * np.pi
@@ -64,6 +64,8 @@ class Verification(Plottable):
         Change of the response over the last period, relative to its size: zero once the motion has settled.
     cost : Cost
         Seconds for contact forces, and for the modal sums and products; an evaluation is one of all sectors.
+    interrupted : bool
+        Whether Ctrl-C has ended the march before all periods that were asked for.
     """
 
     frequency: float
@@ -76,6 +78,7 @@ class Verification(Plottable):
     sectors: int
     drift: float
     cost: Cost
+    interrupted: bool = False
 
     @property
     def seconds(self) -> float:
@@ -89,8 +92,9 @@ class Verification(Plottable):
         return float(np.linalg.norm((self.settled - self.expected)[1:])) / max(size, 1e-300)
 
     def __str__(self) -> str:
+        ended = ", interrupted by the user" if self.interrupted else ""
         return (
-            f"time integration at {self.frequency:.6g} Hz: distance {self.distance:.2e} from harmonic balance "
+            f"time integration at {self.frequency:.6g} Hz{ended}: distance {self.distance:.2e} from harmonic balance "
             f"(|X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m); {self.periods} periods of "
             f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period\n  {self.cost}"
         )
@@ -399,16 +403,25 @@ def verify_solution(
         By default such that the step resolves the stiffest contact.
     progress : bool
         Show a bar of the periods.
+
+    Returns
+    -------
+    Verification
+        After Ctrl-C that of the periods marched by then.
     """
     periods = validate.whole("periods", periods, least=1)
     watch = Stopwatch()
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1)
     motion = ring.start(u, omega, n)
     row = ring.response_row()
-    parts = np.array_split(np.arange(periods - 1), 20)
-    for part in each(parts, progress, "marching", "part"):
-        *state, _ = ring.march(*motion, omega, n, len(part))
-        motion = Motion(*state)
+    marched = 0
+    with LongWork() as work:
+        for marched, _ in enumerate(each(range(periods - 1), progress, "marching", "period")):
+            *state, _ = ring.march(*motion, omega, n, 1)
+            motion = Motion(*state)
+        marched = periods - 1
+    if work.interrupted and not marched:
+        raise KeyboardInterrupt
     *state, response = ring.march(*motion, omega, n, 1, row)
     expected = np.asarray(system.response(np.asarray(u)[None])[0])
     size = max(float(np.abs(response).max()), 1e-300)
@@ -418,11 +431,12 @@ def verify_solution(
         settled=amplitudes_of(response, system.n_harmonics),
         time=TWO_PI / omega * np.arange(n) / n,
         response=response,
-        periods=periods,
+        periods=marched + 1,
         steps_per_period=n,
         sectors=ring.n,
         drift=float(abs(row @ (state[0] - motion.q))) / size,
         cost=replace(ring.cost, **watch.read()),
+        interrupted=work.interrupted,
     )
 
 
@@ -454,7 +468,12 @@ def verify(
     steps_per_period : int, optional
         By default what the stiffest contact asks for.
     progress : bool
-        Show a progress bar.
+        Show a bar of the periods, with the time left.
+
+    Returns
+    -------
+    Verification
+        After Ctrl-C that of the periods marched by then.
     """
     problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)

@@ -299,6 +299,23 @@ def test_combination_that_misses_takes_the_next_richer_value_of_the_worst(study,
     assert found.recommended.seconds == min(r.seconds for r in within) and found.recommended in within
 
 
+def test_interrupted_runs_are_kept(study, place, tmp_path, capsys):
+    def ask(problem, preload, interval):
+        if problem.harmonic_numbers[-1] == 1:
+            raise KeyboardInterrupt
+        return 1.0, 300.0
+
+    vary = {"harmonics": [1, 2, 3]}
+    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, progress=True)
+    assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
+    assert str(found).count("interrupted by the user") == 1
+    assert "harmonics 3" in capsys.readouterr().err
+    found.save(tmp_path / "cost.h5")
+    assert bd.load(tmp_path / "cost.h5").interrupted
+    with pytest.raises(KeyboardInterrupt):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
+
+
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)

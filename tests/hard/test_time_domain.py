@@ -139,6 +139,26 @@ def test_verification_can_fail():
     assert verify_solution(system, wrong, p.y[-1], 1, 0, periods=60, steps_per_period=400).distance > 0.1
 
 
+def test_interrupted_verification_keeps_the_periods(monkeypatch):
+    system = two_oscillators(5)
+    p = followed(system, 1.5, 2.2, STUCK).points[3]
+    march, calls = Ring.march, []
+
+    def stopped(ring, *args):
+        calls.append(1)
+        if len(calls) == 5:
+            raise KeyboardInterrupt
+        return march(ring, *args)
+
+    monkeypatch.setattr(Ring, "march", stopped)
+    found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)
+    assert found.interrupted and found.periods == 5 and "interrupted by the user" in str(found)
+    monkeypatch.setattr(Ring, "march", march)
+    whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
+    assert not whole.interrupted
+    np.testing.assert_array_equal(found.response, whole.response)
+
+
 def test_what_cannot_be_integrated_is_refused():
     model = wedge_model(4, n_blades=8, engine_order=1, n_points=4, n_blade_modes=2, harmonics=3)
     study = plain_study(
