@@ -26,12 +26,8 @@ def draw(optimal: OptimalCurve, curves: list[Curve], path: Path) -> None:
     """The optimal curve and its ladder on the left, the tracking curves on the right."""
     figure = plt.figure(figsize=(10.0, 6.2), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0), height_ratios=(1.6, 1.0))
-    left, _ = plot_optimal(optimal, figure.add_subplot(grid[0, 0]), title="Optimal curve", coexisting=False)
+    plot_optimal(optimal, figure.add_subplot(grid[0, 0]), title="Optimal curve", coexisting=False)
     if optimal.ladder is not None:
-        for load, low, high in optimal.ladder.ranges:
-            left.plot([load, load], [low, high], "_-", color="tab:red", linewidth=1.5)
-        left.plot([], [], "_-", color="tab:red", label="range with more harmonics")
-        left.legend(fontsize=7.0)
         plot_ladder(optimal.ladder, figure.add_subplot(grid[1, 0]))
     plot_curves(curves, figure.add_subplot(grid[:, 1]), title="Tracking curves, 1 N tangential at the tip")
     save_figure(figure, path)
