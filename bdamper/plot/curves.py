@@ -173,9 +173,10 @@ def plot_optimal(
 
     Notes
     -----
-    A filled star marks an optimum that whole tracking curves have verified, an open one the least value otherwise.  Where
-    there is no value the picture is hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude
-    that the ladder of harmonics has found.
+    Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
+    whole tracking curves have verified, an open one the least value otherwise.  Where there is no value the picture is
+    hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude that the ladder of harmonics has
+    found.
     """
     dark, light = "0.1", plt.get_cmap("viridis")(0.45)
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -194,6 +195,10 @@ def plot_optimal(
             alone = "." if first == last else None
             ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
             right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
+        a = result.amplitude
+        for k in np.flatnonzero(np.diff(result.branch) != 0):  # where another peak becomes the highest, or one was lost
+            ax.plot(result.preload[k : k + 2], a[k : k + 2], ":", color=dark, linewidth=0.8)
+            right.plot(result.preload[k : k + 2], result.shift_percent[k : k + 2], ":", color=light, linewidth=0.8)
         ax.plot([], [], "-", color=dark, label="amplitude")
         ax.plot([], [], "--", color=light, label="frequency shift")
         _mark_gaps(ax, result)

@@ -503,3 +503,20 @@ def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
     curve = study.optimal_curve((100.0, 150.0), 2, frequency=(270.0, 380.0), check=False)
     assert curve.status[0] == "scanned"
     assert curve.amplitude[0] == pytest.approx(study.track(100.0, (270.0, 380.0)).peak.amplitude, rel=1e-4)
+
+
+def test_a_picture_marks_what_is_not_known(result):
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    gap = np.isin(np.arange(len(result)), [1, 5])
+    amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
+    curve = replace(result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch))
+    for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="not verified: lost")), "w")):
+        ax = shown.plot()[0]
+        labels = ax.get_legend_handles_labels()[1]
+        assert {"no value: no peak found", "no value: curve not followed to its ends", "lower bound"} <= set(labels)
+        assert sum(patch.get_hatch() is not None for patch in ax.patches) == 2
+        star = next(line for line in ax.lines if line.get_marker() == "*")
+        assert (star.get_markerfacecolor() == "w") == (mark == "w")
+        assert any("not verified" in label for label in labels) == (mark == "w")
