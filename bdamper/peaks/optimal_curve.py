@@ -21,6 +21,7 @@ AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
 NOT_VERIFIED = "not verified: "
+NOT_COMPARED = NOT_VERIFIED + "no tracking curve was compared"
 INTERRUPTED = NOT_VERIFIED + "interrupted by the user"
 """Status of an optimum whose search was interrupted."""
 
@@ -65,7 +66,11 @@ class OptimumPoint:
     frequency: float
     kind: str
     uncertainty: float
-    status: str = "not verified: no tracking curve was compared"
+    status: str = NOT_COMPARED
+
+    def __post_init__(self) -> None:
+        if self.status == "converged":  # in files of versions before 0.3, where it told of the search alone
+            object.__setattr__(self, "status", NOT_COMPARED)
 
     @property
     def verified(self) -> bool:
@@ -98,8 +103,6 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     amplitude : (n,) float, m
         Of the highest peak; NaN where none was found, and where the response over frequency was not followed to its ends,
         so that there may be a higher one.
-    lower_bound : (n,) float, m
-        Highest response found at a preload without a value, NaN where there is a value or nothing was found.
     frequency : (n,) float, Hz
     shares : (n, 3) float
         Stick, slip and open at the peak, mean over the friction points and the cycle.
@@ -131,11 +134,13 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
         Of the peak at the optimum, by source, where they were asked for.
     ladder : Ladder or None
         What more harmonics would change of the optimum, and of the amplitude at some other preloads.
+    lower_bound : (n,) float, m
+        Highest response found at a preload without a value, NaN where there is a value or nothing was found (everywhere in
+        files of versions before 0.3).
     """
 
     preload: NDArray
     amplitude: NDArray
-    lower_bound: NDArray
     frequency: NDArray
     shares: NDArray
     residual: NDArray
@@ -158,6 +163,11 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
     model_hash: str = ""
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
+    lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        if not self.lower_bound.size:
+            object.__setattr__(self, "lower_bound", np.full(len(self.preload), np.nan))
 
     def __len__(self) -> int:
         return len(self.preload)

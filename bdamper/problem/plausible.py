@@ -6,7 +6,6 @@ import numpy as np
 
 from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.linear import linear_resonances
-from bdamper.model.model import Model
 from bdamper.problem.problem import Problem
 from bdamper.util.errors import ModelError
 from bdamper.util.warn import implausible
@@ -31,18 +30,9 @@ def check_settings(problem: Problem) -> None:
     damping = max(of_modes, default=0.0) if problem.damping_ratio is None else problem.damping_ratio
     if damping > DAMPING:
         implausible("damping_ratio", f"at most {DAMPING:g} of critical damping", f"{damping:g}")
-    _check_engine_order(problem.model, problem.engine_order)
     given = problem.contact_stiffness
     if given == "model" or not (given is None or isinstance(given, str) or hasattr(given, "patterns")):
         _check_stiffness(problem, "of " + type(given).__name__ if isinstance(given, PerArea) else "")
-
-
-def _check_engine_order(model: Model, order: int) -> None:
-    if model.n_blades > 1 and 2 * order > model.n_blades:
-        d, backward = model.folded_nodal_diameter(order)
-        wave = f"the {'backward' if backward else 'forward'} wave of nodal diameter {d}"
-        most = f"at most {model.n_blades // 2}, half of the number of blades"
-        implausible("engine_order", most, f"{order}, which excites {wave}")
 
 
 def _check_stiffness(problem: Problem, kind: str) -> None:

@@ -562,7 +562,7 @@ def test_other_files_are_refused(tmp_path, content):
 
 
 def test_a_directory_is_refused(tmp_path):
-    with pytest.raises(ModelError, match="expected a readable HDF5 file"):
+    with pytest.raises(ModelError, match="expected a model file, found a folder"):
         load_model(tmp_path)
 
 

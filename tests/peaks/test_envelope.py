@@ -208,7 +208,7 @@ class TestWhatIsNotKnown:
         assert peaks.value(2)[1] is corner
         assert _status(peaks, 2) == "scanned"
         # it is not followed, so that the neighbours have to be looked at
-        assert peaks.suspicious() == 1
+        assert next(peaks.suspicious()) == 1
 
     def test_a_high_peak_that_ends_asks_for_a_scan_where_it_is_gone(self, peaks):
         """The one that is left is higher, but the one that is gone might be higher still."""

@@ -144,7 +144,7 @@ class TestVersions:
         for key, value in expected.items():
             assert values[key]() == value
 
-    @pytest.mark.parametrize("name", ["laws", "advice"])
+    @pytest.mark.parametrize("name", ["laws", "advice", "accuracy"])
     def test_files_of_version_0_1_that_hold_too_little_are_refused(self, name):
         with pytest.raises(bd.BdamperError, match=r"expected version \d of .* written by bdamper 0\.1, .*") as error:
             bd.load(OLD / f"{name}.h5")
