@@ -219,6 +219,7 @@ def test_tests_mirror_the_rooms():
     assert folders - across <= rooms
 
 
+@pytest.mark.slow
 def test_readme_code_runs(tmp_path, monkeypatch, capsys):
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.S)
     assert blocks, "the README shows no code"
