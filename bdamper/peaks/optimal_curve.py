@@ -229,6 +229,31 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
         ratio = [np.interp(np.log(preload), np.log(checked), edge / own[:-1]) for edge in (low, high)]
         return float(ratio[0] * own[-1]), float(ratio[1] * own[-1])
 
+    def preloads_within(self, amplitude: float) -> tuple[float, float]:
+        """The range of preloads (N) around the optimum in which the amplitude is at most the given one (m).
+
+        Raises
+        ------
+        SettingError
+            If the curve has no optimum, or that is higher.
+        """
+        best = self.optimum
+        if not np.isfinite(best.preload):
+            raise SettingError(f"preloads_within: expected a curve with an optimum, found {best}")
+        limit = validate.number("amplitude", amplitude, least=best.amplitude, unit="m")
+        ends = []
+        for step in (-1, 1):
+            beyond = np.flatnonzero(step * (self.preload - best.preload) > 0.0)[::step]
+            preload, before = best.preload, best.amplitude
+            for p, a in zip(self.preload[beyond], self.amplitude[beyond]):
+                if not a <= limit:  # above it, or not known
+                    share = np.log(limit / before) / np.log(a / before) if a > before else 0.0
+                    preload *= (p / preload) ** share
+                    break
+                preload, before = p, a
+            ends.append(float(preload))
+        return ends[0], ends[1]
+
     def _own_amplitude(self, preload: NDArray) -> NDArray:
         """Amplitudes (m) at any preloads, interpolated between those of the curve and its optimum."""
         points = {p: a for p, a in zip(self.preload, self.amplitude) if np.isfinite(a)}
@@ -251,7 +276,12 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
             f"{self.cost.iterations} iterations",
         ]
         if self.ladder is not None:
-            lines += [f"  {line}" for line in str(self.ladder).split("\n")]
+            note, *table = str(self.ladder).split("\n")
+            high = self.ladder.range[1]
+            if high > self.optimum.amplitude:
+                below, above = self.preloads_within(high)
+                note += f"\n  from {below:.4g} to {above:.4g} N the amplitude is at most {high:.4g} m"
+            lines += [f"  {line}" for line in (note, *table)]
         open_ = [w for w in self.warnings if not w.startswith("optimum")]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")

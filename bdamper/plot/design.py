@@ -172,7 +172,7 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
 
 @draws(Ladder)
 def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Amplitude with more and more harmonics over the processor time that each answer has taken.
+    """Amplitude over the number of harmonics, each point with the processor time that it has taken.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
     -------
     matplotlib axes
         The range of the rungs that are compared is a grey band, the answer a filled point, the tolerance around the richest
-        rung dotted; the time of a rung that is not known is a cross at the lower edge.
+        rung dotted; a rung that is not known is a cross at the lower edge.
     """
     known = [r for r in ladder.rungs if r.known]
     low, high = ladder.range
@@ -195,26 +195,23 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
             edges = [known[-1].amplitude * (1.0 + sign * ladder.tolerance) for sign in (-1.0, 1.0)]
             ax.axhline(edges[0], color="0.4", linewidth=0.8, linestyle=":", label="tolerance around the last")
             ax.axhline(edges[1], color="0.4", linewidth=0.8, linestyle=":")
-            ax.plot([r.seconds for r in known], [r.amplitude for r in known], "-", color="0.6", linewidth=0.8)
+            ax.plot([r.harmonics for r in known], [r.amplitude for r in known], "-", color="0.6", linewidth=0.8)
         for r in ladder.rungs:
             own = r.harmonics == ladder.answer
-            if r.known:
-                ax.plot(r.seconds, r.amplitude, "o", color="k", markersize=5.0, markerfacecolor="k" if own else "w",
-                        label="answer" if own else None)  # fmt: skip
-            else:
-                ax.plot(r.seconds, 0.03, "x", color="k", transform=ax.get_xaxis_transform(), markersize=5.0)
-            place = (r.seconds, r.amplitude) if r.known else (r.seconds, 0.03)
-            name = f"{r.harmonics} harmonic{'s' * (r.harmonics > 1)}" + ("" if r.known else ", not known")
+            across = "data" if r.known else ax.get_xaxis_transform()
+            place = (r.harmonics, r.amplitude if r.known else 0.03)
+            face = "k" if own else "w"
+            ax.plot(*place, "o" if r.known else "x", color="k", markersize=5.0, markerfacecolor=face,
+                    transform=ax.transData if r.known else across, label="answer" if own and r.known else None)  # fmt: skip
+            time = f"{r.seconds:.2g} s" if r.seconds else ""
             ax.annotate(
-                name, place, xycoords="data" if r.known else ax.get_xaxis_transform(), textcoords="offset points",
-                xytext=(0, 6), ha="center", fontsize=6.5,
+                time + ("" if r.known else " (not known)"), place, xycoords=across, textcoords="offset points",
+                xytext=(0, 6), ha="center", fontsize=7.0,
             )  # fmt: skip
-        if all(r.seconds > 0.0 for r in ladder.rungs):
-            ax.set_xscale("log")
-        ax.set(xlabel="Processor time (s)", ylabel="Resonance amplitude (m)")
-        ax.margins(x=0.2, y=0.25)  # for the names
+        ax.set_xticks([r.harmonics for r in ladder.rungs])
+        ax.set(xlabel="Harmonics (beside the points: processor time)", ylabel="Resonance amplitude (m)")
+        ax.margins(x=0.2, y=0.25)  # for the times
         ax.ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
-        few_ticks(ax)
     return ax
 
 

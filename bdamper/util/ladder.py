@@ -52,7 +52,8 @@ class Ladder(Plottable):
     """Whole answers with more and more harmonics, beside the answer that they check.
 
     Agreement is no proof of convergence, since harmonics come into resonance one by one; the ladder shows what those that
-    were computed say.  ``plot`` draws amplitudes and their range over processor time (:func:`bdamper.plot.plot_ladder`).
+    were computed say.  ``plot`` draws amplitudes, their range and what they cost over the number of harmonics
+    (:func:`bdamper.plot.plot_ladder`).
 
     Parameters
     ----------

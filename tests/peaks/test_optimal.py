@@ -520,3 +520,17 @@ def test_a_picture_marks_what_is_not_known(result):
         star = next(line for line in ax.lines if line.get_marker() == "*")
         assert (star.get_markerfacecolor() == "w") == (mark == "w")
         assert any("not verified" in label for label in labels) == (mark == "w")
+
+
+def test_preloads_within_an_amplitude(result):
+    """Of amplitudes that rise with the preload, and with its inverse, in proportion; the last one is not known."""
+    preload = np.geomspace(10.0, 1000.0, 9)
+    best = replace(result.optimum, preload=100.0, amplitude=1e-4)
+    amplitude = 1e-4 * np.maximum(preload / 100.0, 100.0 / preload)
+    amplitude[-1] = np.nan
+    curve = replace(result, preload=preload, amplitude=amplitude, optimum=best)
+    assert curve.preloads_within(2e-4) == pytest.approx((50.0, 200.0), rel=1e-12)
+    assert curve.preloads_within(2e-3) == pytest.approx((10.0, preload[-2]), rel=1e-12)
+    assert curve.preloads_within(1e-4) == (100.0, 100.0)
+    with pytest.raises(bd.BdamperError, match="amplitude: expected"):
+        curve.preloads_within(0.9e-4)
