@@ -5,7 +5,7 @@ Newton step there (:func:`bdamper.effects.indicator.estimate_change`).  Where th
 or a second residual that contradicts it), or the curve is highest at an end of its interval, the peak is compared with the
 highest point of a whole curve of the richer problem.  Curves with more harmonics take long: there Newton goes on to the
 peak first (at an end of the interval: to the response at this frequency), and the whole curve is followed only if it fails.
-Lower peaks of the curve that could become the highest (:data:`RIVAL`) are carried over with it.
+Lower peaks of the curve that could become the highest (:data:`NEARLY_HIGHEST`) are carried over with it.
 
 Nothing is concluded from poorer settings.  A source for which the model has nothing richer, whose richer curve cannot be
 followed, or whose estimate may miss more than it finds, is not estimated, and says why.
@@ -55,7 +55,7 @@ from bdamper.util.estimates import ErrorEstimates, SourceError
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
 TRUSTED = 0.01
 """Relative change up to which one Newton step is enough if nothing contradicts it."""
-RIVAL = 0.7
+NEARLY_HIGHEST = 0.7
 """Height over that of the highest peak, from which on a lower one may become the highest."""
 ANOTHER = 0.3
 """Relative change beyond which the highest point of a richer curve may be elsewhere."""
@@ -159,11 +159,11 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> tuple[OptimumPoint, C
 
 
 def _tops_of(problem: Problem, curve: Curve) -> Tops:
-    """The highest peak of a curve and its rivals, refined."""
+    """The highest peak of a curve and those nearly as high, refined."""
     top, amplitude = curve.peak, curve.amplitude
     others = [i for i, kind in enumerate(curve.point_kind) if kind == "maximum" and i != top.index]
     found = []
-    for i in [top.index, *(i for i in others if amplitude[i] > RIVAL * top.amplitude)]:
+    for i in [top.index, *(i for i in others if amplitude[i] > NEARLY_HIGHEST * top.amplitude)]:
         at, height = float(curve.frequency[i]), float(amplitude[i])
         y = np.append(curve.unknowns[i], 2.0 * np.pi * at)
         peak = find_peak(problem.system(curve.preload), y)
