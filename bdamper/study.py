@@ -21,6 +21,7 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws
+from bdamper.effects import hysteresis as cycles
 from bdamper.peaks import optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -192,6 +193,10 @@ class Study(Problem):
     check = advice.check
     compare_laws = laws.compare_laws
     compare_stiffness = methods.compare_stiffness
+
+    # what the contacts do in a cycle
+    hysteresis = cycles.hysteresis
+    dissipation = cycles.dissipation
 
     # accuracy
     estimate_errors = estimate.estimate_errors

@@ -28,6 +28,7 @@ from bdamper.plot.curves import (
     plot_verification,
 )
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
+from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 
 __all__ = [
@@ -41,6 +42,10 @@ __all__ = [
     "plot_contact_map",
     "plot_curve",
     "plot_curves",
+    "plot_dissipation",
+    "plot_energy",
+    "plot_history",
+    "plot_hysteresis",
     "plot_import_report",
     "plot_ladder",
     "plot_laws",

@@ -138,7 +138,7 @@ def plot_status_map(
     return ax
 
 
-def _plot_faces(
+def plot_faces(
     places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], titles: list[str], label: str, unit: float
 ) -> Figure:
     """Values over several faces as coloured patches, one row for each kind, one column for each face."""
@@ -189,7 +189,7 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
     values = [value[contact.owner == i] for i in faces]
     if not np.isfinite(np.concatenate(values)).any():
         values = [np.zeros(len(v)) for v in values]
-    return _plot_faces(places, values, [""], label, unit)
+    return plot_faces(places, values, [""], label, unit)
 
 
 @draws(StiffnessComparison)
@@ -206,7 +206,7 @@ def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> Figu
             if contact.fallback is not None and not contact.fallback[:, axis].all():
                 value = np.where(contact.fallback[:, axis], np.nan, value)
             values.append(value)
-    return _plot_faces(places, values, ["t1", "t2", "n"], "N/mm$^3$", 1e9)
+    return plot_faces(places, values, ["t1", "t2", "n"], "N/mm$^3$", 1e9)
 
 
 # ---- the damper between its platforms ----

@@ -1,0 +1,465 @@
+"""Hysteresis of the contacts: loops of force over displacement, and the energy that they take from the vibration.
+
+:mod:`bdamper.harmonic_balance.cycle` has the equations.  A face has the sum of the forces of its points over the mean of
+their displacements, weighted by area.  The contacts as a whole have one loop, that of the force at the response location
+which does the work of all of them: with the relative motion ``X_i`` of each point in the fundamental harmonic and the
+response ``x``, a point moves as the response times ``|X_i/x|`` with the phase of ``X_i/x``, and
+
+    f(theta) = sum_i |X_i/x| f_i(theta - phase of X_i/x)
+
+without the mean of the forces, which does no work.  The area of this loop is what the contacts take from the fundamental
+harmonic of the motion; its slope and width are the equivalent stiffness and damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
+from bdamper.harmonic_balance.cycle import Energies, energies, histories
+from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.peaks.newton import Peak
+from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Plottable, draw
+from bdamper.util.repr import brief
+
+AXES = ("t1", "t2", "n")
+WHOLE = "whole"
+"""Name of the loop of all contacts together."""
+LARGEST_RESIDUAL = 1e-6
+"""Relative residual above which unknowns are no solution of a study."""
+Solved = Curve | Peak | OptimalCurve
+
+
+@brief
+@dataclass(frozen=True)
+class Hysteresis(Plottable, Storable, kind="bdamper-hysteresis"):
+    """Motions and forces at all contact points over one cycle of a solution.
+
+    ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), ``plot_history`` forces and the
+    gap over time (:func:`bdamper.plot.plot_history`), ``plot_energy`` the energy lost over the faces
+    (:func:`bdamper.plot.plot_energy`).
+
+    Parameters
+    ----------
+    preload : float, N
+    frequency : float, Hz
+    amplitude : float, m
+        Of the fundamental harmonic of the response.
+    theta : (n_theta,) float, rad
+        Angle of the excitation, from 0 to 2 pi, both included.
+    interface : tuple of str
+        Of each point.
+    points : (n_points, 3) float, m
+    frame : (n_points, 3, 3) float
+        Rows t1, t2, n.
+    area : (n_points,) float, m2
+    displacement : (n_points, 3, n_theta) float, m
+        Along the axes in which friction acts, t1 and t2, or the major directions of the motion, and closing along n.  NaN
+        at points that the settings leave out.
+    force : (n_points, 3, n_theta) float, N
+    gap : (n_points, n_theta) float, m
+        Distance of the surfaces, 0 in contact; NaN at points without a normal spring.
+    energy : (n_points,) float, J
+        Lost at each point in a cycle.
+    damping, excitation : float, J
+        Lost to the damping of the modes; work of the excitation, of one sector.
+    kinetic : float, J
+        Largest kinetic energy of the motion, if all of it passed through rest together.
+    stiffness, width : float, N/m
+        Equivalent stiffness of the contacts seen from the response, and equivalent viscous damping times the angular
+        frequency; NaN where the response is at rest.
+    response : (n_theta,) float, m
+        Fundamental harmonic of the response.
+    whole : (n_theta,) float, N
+        Force at the response that does the work of all contacts on the fundamental harmonic of the motion.
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: float
+    frequency: float
+    amplitude: float
+    theta: NDArray
+    interface: tuple[str, ...]
+    points: NDArray
+    frame: NDArray
+    area: NDArray
+    displacement: NDArray
+    force: NDArray
+    gap: NDArray
+    energy: NDArray
+    damping: float
+    excitation: float
+    kinetic: float
+    stiffness: float
+    width: float
+    response: NDArray
+    whole: NDArray
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    @property
+    def interfaces(self) -> tuple[str, ...]:
+        """Names of the faces, each once."""
+        return tuple(dict.fromkeys(self.interface))
+
+    @property
+    def by_interface(self) -> dict[str, float]:
+        """Energy that each face takes in a cycle, J."""
+        return {name: float(self.energy[self.rows(name)].sum()) for name in self.interfaces}
+
+    @property
+    def lost(self) -> float:
+        """Energy that all contacts take in a cycle, J."""
+        return float(self.energy.sum())
+
+    @property
+    def damping_ratio(self) -> float:
+        """Equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
+        return self.lost / (4.0 * np.pi * self.kinetic) if self.kinetic > 0.0 else float("nan")
+
+    @property
+    def imbalance(self) -> float:
+        """What is left of the work of the excitation after both losses, relative to it."""
+        return (self.excitation - self.damping - self.lost) / self.excitation if self.excitation else float("nan")
+
+    def rows(self, interface: str) -> NDArray:
+        """Indices of the points of one face."""
+        return np.flatnonzero(np.array(self.interface) == validate.choice("interface", interface, self.interfaces))
+
+    def loop(self, where: int | str = WHOLE, direction: str = "t1") -> tuple[NDArray, NDArray]:
+        """Displacement (m), without its mean, and force (N), (n_theta,) each, over one cycle.
+
+        Parameters
+        ----------
+        where : int or str
+            A contact point by its index, a face by its name, or "whole": the contacts as a whole.
+        direction : {"t1", "t2", "n"}
+            Of a point or a face.
+
+        Raises
+        ------
+        SettingError
+            If there is no such point or face, or the settings leave all of it out.
+        """
+        k = AXES.index(validate.choice("direction", direction, AXES))
+        if isinstance(where, str):
+            validate.choice("where", where, (WHOLE, *self.interfaces))
+            if where == WHOLE:
+                return self.response, self.whole
+            rows = self.rows(where)
+        else:
+            rows = np.array([validate.whole("where, index of a contact point", where, 0, len(self.points) - 1)])
+        rows = rows[np.isfinite(self.displacement[rows, 0, 0])]
+        if not len(rows):
+            raise SettingError(f"where: expected contact that takes part, found {where!r}, which the settings leave out")
+        moved = np.average(self.displacement[rows, k], axis=0, weights=self.area[rows])
+        return moved - moved[:-1].mean(), self.force[rows, k].sum(axis=0)
+
+    def plot_history(self, where: int, **options: Any) -> Any:
+        """Forces and gap of one contact point over time: :func:`bdamper.plot.plot_history`."""
+        return draw(self, "history", where, **options)
+
+    def plot_energy(self, **options: Any) -> Any:
+        """Energy lost per cycle over the faces: :func:`bdamper.plot.plot_energy`."""
+        return draw(self, "energy", **options)
+
+    def __str__(self) -> str:
+        lines = [
+            f"hysteresis at {self.frequency:.6g} Hz, preload {self.preload:g} N, response {self.amplitude:.6g} m",
+            f"  a cycle of one sector: work of the excitation {self.excitation:.4g} J, modal damping {self.damping:.4g} J, "
+            f"contacts {self.lost:.4g} J (imbalance {abs(self.imbalance):.0e})",
+            f"  contacts: equivalent stiffness {self.stiffness:.4g} N/m, damping ratio {100 * self.damping_ratio:.3g} %",
+        ]
+        whole = max(self.lost, 1e-300)
+        lines += [f"  {name}: {100 * share / whole:.3g} % of it" for name, share in self.by_interface.items()]
+        return "\n".join(lines)
+
+
+@brief
+@dataclass(frozen=True)
+class Dissipation(Plottable, Storable, kind="bdamper-dissipation"):
+    """Energy lost per cycle, equivalent stiffness and damping of the contacts at every point of a curve.
+
+    ``plot`` draws equivalent stiffness and damping over the amplitude (:func:`bdamper.plot.plot_dissipation`).
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    frequency : (n,) float, Hz
+    amplitude : (n,) float, m
+    branch : (n,) int
+        Branch of the curve that each point lies on.
+    interface : tuple of str
+        Of each contact point.
+    energy : (n, n_points) float, J
+        Lost at each contact point in a cycle.
+    damping, excitation, kinetic : (n,) float, J
+        As in :class:`Hysteresis`.
+    stiffness, width : (n,) float, N/m
+        As in :class:`Hysteresis`.
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: NDArray
+    frequency: NDArray
+    amplitude: NDArray
+    branch: NDArray
+    interface: tuple[str, ...]
+    energy: NDArray
+    damping: NDArray
+    excitation: NDArray
+    kinetic: NDArray
+    stiffness: NDArray
+    width: NDArray
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def by_interface(self) -> dict[str, NDArray]:
+        """(n,) energy that each face takes in a cycle, J."""
+        faces = np.array(self.interface)
+        return {name: self.energy[:, faces == name].sum(axis=1) for name in dict.fromkeys(self.interface)}
+
+    @property
+    def lost(self) -> NDArray:
+        """(n,) energy that all contacts take in a cycle, J."""
+        return np.asarray(self.energy.sum(axis=1))
+
+    @property
+    def damping_ratio(self) -> NDArray:
+        """(n,) equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
+        return np.asarray(self.lost / (4.0 * np.pi * self.kinetic))
+
+    @property
+    def viscous(self) -> NDArray:
+        """(n,) equivalent viscous damping, N s/m."""
+        return np.asarray(self.width / (2.0 * np.pi * self.frequency))
+
+    @property
+    def imbalance(self) -> NDArray:
+        """(n,) what is left of the work of the excitation after both losses, relative to it."""
+        return np.asarray((self.excitation - self.damping - self.lost) / self.excitation)
+
+    def __str__(self) -> str:
+        if not len(self):
+            return "dissipation: no points"
+        k = int(np.argmax(self.damping_ratio))
+        return (
+            f"dissipation at {len(self)} points, amplitudes {self.amplitude.min():.4g} to {self.amplitude.max():.4g} m\n"
+            f"  largest damping ratio of the contacts {100 * self.damping_ratio[k]:.3g} % at {self.amplitude[k]:.4g} m, "
+            f"{self.frequency[k]:.6g} Hz, {self.preload[k]:.6g} N\n"
+            f"  equivalent stiffness {np.nanmin(self.stiffness):.4g} to {np.nanmax(self.stiffness):.4g} N/m; work of the "
+            f"excitation balanced to a relative {np.abs(self.imbalance).max():.0e}"
+        )
+
+
+@dataclass(frozen=True)
+class _Solution:
+    preload: float
+    frequency: float
+    branch: int
+    unknowns: NDArray
+
+
+def _solutions(problem: Problem, result: Solved, index: int | None, name: str) -> tuple[Problem, list[_Solution]]:
+    """The problem with the harmonics of a result, and its solutions: all of them, or one."""
+    kinds = Curve, Peak, OptimalCurve
+    validate.instance(name, result, kinds, "a tracking curve, a peak or an optimal curve of this study")
+    problem = problem.matching(result.settings)
+    if isinstance(result, Peak):
+        if not result.converged or not np.isfinite(result.parameter):
+            raise SettingError(f"{name}: expected a peak that was found at a preload, found {result}")
+        found = [_Solution(result.parameter, result.frequency, 0, result.y[:-1])]
+    elif isinstance(result, Curve):
+        check_curve(problem, result)
+        rows = zip(result.frequency, result.branch, result.unknowns)
+        found = [_Solution(result.preload, float(f), int(b), u) for f, b, u in rows]
+    else:
+        if result.model_hash != problem.model.hash:
+            raise SettingError(f"{name}: expected an optimal curve of this model, found one of another")
+        every = zip(result.preload, result.frequency, result.branch, result.unknowns)
+        found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in every if np.isfinite(f)]
+    if not found:
+        raise SettingError(f"{name}: expected solutions, found none ({type(result).__name__})")
+    if index is not None:
+        found = [found[validate.whole("index of a point", index, -len(found), len(found) - 1)]]
+    return problem, found
+
+
+def _systems(problem: Problem, solutions: list[_Solution], name: str) -> Iterator[tuple[_Solution, HarmonicSystem]]:
+    """Each solution with its equations, refused where it does not satisfy them."""
+    system, preload = None, None
+    for s in solutions:
+        if system is None or s.preload != preload:
+            system, preload = problem.system(s.preload), s.preload
+            error = np.inf
+            if len(s.unknowns) == system.n_unknowns:
+                r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
+                error = float(np.abs(r * system.row_scale).max())
+            if not error < LARGEST_RESIDUAL:
+                raise SettingError(
+                    f"{name}: expected solutions of this study, found those of other settings (residual {error:.2g})"
+                )
+        yield s, system
+
+
+def _on_points(problem: Problem, system: HarmonicSystem, values: NDArray) -> NDArray:
+    """Sums over the elements of the equations that belong to each contact point of the structure."""
+    if system.points.index is None:
+        return values
+    out = np.zeros((problem.coupling.n_points, *values.shape[1:]))
+    np.add.at(out, system.points.index, values)
+    return out
+
+
+@one_thread
+def dissipation(problem: Problem, result: Solved) -> Dissipation:
+    """Energy lost per cycle, equivalent stiffness and damping along a result.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Curve, Peak or OptimalCurve
+        Of this problem.  An optimal curve shows them over amplitude at resonance: a response depends on preload and
+        excitation through their ratio alone where there are no gaps.
+
+    Returns
+    -------
+    Dissipation
+
+    Raises
+    ------
+    SettingError
+        If the result is of another problem, or holds no solution.
+    """
+    problem, solutions = _solutions(problem, result, None, "result")
+    found: list[Energies] = []
+    rows, amplitude = [], []
+    for s, system in _systems(problem, solutions, "result"):
+        e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency)
+        found.append(e)
+        rows.append(_on_points(problem, system, e.contact))
+        amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
+    complex_stiffness = np.array([e.stiffness for e in found])
+    return Dissipation(
+        preload=np.array([s.preload for s in solutions]),
+        frequency=np.array([s.frequency for s in solutions]),
+        amplitude=np.array(amplitude),
+        branch=np.array([s.branch for s in solutions]),
+        interface=_names(problem),
+        energy=np.array(rows),
+        damping=np.array([e.damping for e in found]),
+        excitation=np.array([e.excitation for e in found]),
+        kinetic=np.array([e.kinetic for e in found]),
+        stiffness=complex_stiffness.real,
+        width=complex_stiffness.imag,
+        settings=problem.record(),
+        model_hash=problem.model.hash,
+    )
+
+
+def _names(problem: Problem) -> tuple[str, ...]:
+    faces = problem.coupling.model.interfaces
+    return tuple(name for name in problem.coupling.interfaces for _ in range(faces[name].n_points))
+
+
+@one_thread
+def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_theta: int = 720) -> Hysteresis:
+    """Loops of force over displacement at all contact points, at the highest point of a result or at another one.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Curve, Peak or OptimalCurve
+        Of this problem.
+    index : int, optional
+        Of the point of a curve, among those with a value; the highest point of a tracking curve and the least of an optimal
+        curve by default.
+    n_theta : int
+        Steps of the cycle.
+
+    Returns
+    -------
+    Hysteresis
+
+    Raises
+    ------
+    SettingError
+        If the result is of another problem, or holds no solution.
+    """
+    n_theta = validate.whole("n_theta", n_theta, least=16)
+    if index is None and isinstance(result, Curve) and len(result):
+        index = result.peak.index
+    elif index is None and isinstance(result, OptimalCurve):
+        known = result.amplitude[np.isfinite(result.amplitude)]
+        index = int(np.argmin(known)) if len(known) else None
+    problem, solutions = _solutions(problem, result, index, "result")
+    ((s, system),) = _systems(problem, solutions[:1], "result")
+    u, omega = s.unknowns, 2.0 * np.pi * s.frequency
+    theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
+    X, F = histories(system, u, theta)
+    e, response = energies(system, u, omega), complex(system.response(u)[1])
+    places = np.arange(system.n_points) if system.points.index is None else system.points.index
+    first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
+    sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
+    force = _on_points(problem, system, np.stack([F[:, 0], F[:, 1], sense[:, None] * F[:, 2]], axis=1))
+    displacement = np.full(force.shape, np.nan)
+    displacement[places[first]] = X[first]
+    kn, n0 = system.points.kn[first], system.points.n0[first]
+    distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
+    gap = np.full(force[:, 2].shape, np.nan)
+    gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
+    faces = [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+    return Hysteresis(
+        preload=s.preload,
+        frequency=s.frequency,
+        amplitude=abs(response),
+        theta=theta,
+        interface=_names(problem),
+        points=np.concatenate([face.points for face in faces]),
+        frame=np.concatenate([face.frame for face in faces]),
+        area=np.concatenate([face.area for face in faces]),
+        displacement=displacement,
+        force=force,
+        gap=gap,
+        energy=_on_points(problem, system, e.contact),
+        damping=e.damping,
+        excitation=e.excitation,
+        kinetic=e.kinetic,
+        stiffness=e.stiffness.real,
+        width=e.stiffness.imag,
+        response=(response * np.exp(1j * theta)).real,
+        whole=_whole(system, u, response, F, theta),
+        settings=problem.record(),
+        model_hash=problem.model.hash,
+    )
+
+
+def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray) -> NDArray:
+    """(n_theta,) force at the response that does the work of all contacts on the fundamental harmonic."""
+    X, mean, _ = system.contact(u)
+    if response == 0.0:
+        return np.full(len(theta), np.nan)
+    ratio = (X[..., 1] - 1j * X[..., 2]) / response
+    vibration = F - mean[..., :1]
+    out = np.zeros(len(theta))
+    for r, f in zip(ratio.ravel(), vibration.reshape(-1, len(theta))):
+        out += abs(r) * np.interp((theta - np.angle(r)) % (2.0 * np.pi), theta, f)
+    return out

@@ -1,0 +1,187 @@
+r"""What happens at the contacts in one cycle of a solution: motions and forces over time, and the energy that is lost.
+
+With the motion ``x`` of a contact point and its force ``f`` as complex amplitudes of each harmonic, the work of a cycle is
+
+.. math:: \oint f\,dx = \pi \sum_l l\,\mathrm{Im}(f_l \bar x_l),
+
+without any error of truncation, since the motion has no other harmonics than those that are solved for.  It is the energy
+that friction takes from the cycle; normal springs give back what they take.  Multiplying the harmonic-balance equations by
+the velocities gives the balance that a solution satisfies as well as it satisfies the equations,
+
+.. math::
+    \pi \sum_l l\,\mathrm{Im}(e_l^T \bar q_l)
+    = \pi \sum_l l^2 \omega\, \bar q_l^T C q_l + \sum_\text{points} \oint f\,dx,
+
+work of the excitation, loss to the damping of the modes, loss to the contacts; all of it for one sector.
+
+The histories of the friction force come from the law itself, event by event, and not from its harmonics, which ring at the
+transitions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.util.repr import brief
+
+STICK, PLUS, MINUS, OPEN = range(4)
+MOST_PERIODS = 100
+"""Periods within which the sliders of a coupled law settle in a given motion."""
+
+
+@brief
+@dataclass(frozen=True)
+class Energies:
+    """Energies of one cycle of a solution, J, of one sector.
+
+    Parameters
+    ----------
+    contact : (n_points,) float
+        Lost at each contact point of the equations.
+    damping : float
+        Lost to the damping of the modes.
+    excitation : float
+        Work of the excitation.
+    kinetic : float
+        Kinetic energy if all modes and harmonics passed through rest together.
+    stiffness : complex, N/m
+        Of the contacts, seen from the response: the force there that does the work of the fundamental harmonic of all
+        contact forces, over the fundamental harmonic of the response.  Its real part is an equivalent spring, its imaginary
+        part the angular frequency times an equivalent viscous damper.  NaN where the response is at rest.
+    """
+
+    contact: NDArray
+    damping: float
+    excitation: float
+    kinetic: float
+    stiffness: complex
+
+
+def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
+    """Where the work of the excitation goes in one cycle.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    u : (n_unknowns,) float
+        A solution.
+    omega : float, rad/s
+    """
+    X, F, _ = system.contact(u)
+    l = np.arange(1, system.n_harmonics + 1)
+    x, f = (a[..., 1::2] - 1j * a[..., 2::2] for a in (X, F))
+    damping = excitation = kinetic = 0.0
+    for n in range(1, system.n_harmonics + 1):
+        q, e, basis = system.amplitudes(u, n), system.amplitudes(system.force, n), system.bases[n]
+        excitation += np.pi * n * float((e * q.conj()).imag.sum())
+        damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
+        kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
+    first = float(np.abs(system.amplitudes(u, 1) @ system.response_rows[1]))
+    work = complex((x[..., 0].conj() * f[..., 0]).sum())
+    return Energies(
+        contact=np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
+        damping=damping,
+        excitation=excitation,
+        kinetic=kinetic,
+        stiffness=work / first**2 if first > 0.0 else complex(np.nan, np.nan),
+    )
+
+
+def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:
+    """(..., n_theta) values of trigonometric polynomials (..., n_coef): mean, then cosine and sine of each harmonic."""
+    l = np.arange(1, coefficients.shape[-1] // 2 + 1)
+    wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(2 * len(l), len(theta))
+    return np.asarray(coefficients[..., :1] + coefficients[..., 1:] @ wave)
+
+
+def histories(system: HarmonicSystem, u: NDArray, theta: NDArray) -> tuple[NDArray, NDArray]:
+    """Relative motion (m) and force (N) at all contact points of the equations over a cycle.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+    u : (n_unknowns,) float
+        A solution.
+    theta : (n_theta,) float, rad
+        Angles of the excitation from 0 to 2 pi, ascending; coupled laws are marched from one to the next.
+
+    Returns
+    -------
+    two (n_points, 3, n_theta) float
+        Along the axes in which friction acts and along the normal, closing and pressure positive.
+    """
+    coefficients, forces, share = system.contact(u)
+    p = system.arrays
+    X, F = at_angles(coefficients, theta), np.zeros((system.n_points, 3, len(theta)))
+    two_sided = np.isin(p["law"], (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED))
+    normal = p["n0"][:, None] + p["kn"][:, None] * X[:, 2]
+    F[:, 2] = np.where(two_sided[:, None], normal, np.maximum(normal, 0.0))
+    coupled = np.isin(p["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT))
+    for i in np.flatnonzero(~coupled).tolist():
+        F[i, :2] = _separable(p, i, coefficients[i], forces[i], theta)
+    rests = coupled & (share[:, 0] > 1.0 - 1e-9)  # one of many sliders, that of the equations
+    F[rests, :2] = at_angles(forces[rests, :2], theta)
+    if (moves := coupled & ~rests).any():
+        F[moves, :2] = _coupled({k: p[k][moves] for k in ("kt", "mu", "w", "law", "load")}, X[moves], F[moves, 2])
+    return X, F
+
+
+def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray) -> NDArray:
+    """(2, n_theta) friction forces of one point with independent sliders: exact at every angle."""
+    law, kt, load = int(p["law"][i]), p["kt"][i], float(p["load"][i])
+    if law == LAW_BONDED:
+        return at_angles(f[:2], theta)
+    kn, mu, n0 = (float(p[name][i]) for name in ("kn", "mu", "n0"))
+
+    def limit(angles: NDArray) -> NDArray:
+        if law == LAW_CONSTANT:
+            return np.full(len(angles), mu * max(load, 0.0))
+        return mu * np.maximum(n0 + kn * at_angles(x[2], angles), 0.0)
+
+    out = np.zeros((2, len(theta)))
+    # the events are those of the law, also where the equations were solved with samples
+    for d, parts in enumerate(segments(x, kt, kn, mu, n0, p["w"][i], law, "exact", load)):
+        if kt[d] == 0.0 or not parts:  # without friction
+            continue
+        moving = next((k for k, part in enumerate(parts) if part[2] != STICK), None)
+        if moving is None:
+            out[d] = at_angles(f[d], theta)
+            continue
+        w = np.nan  # where the slider is when a part begins
+        for start, end, state in parts[moving:] + parts[:moving]:
+            within = (theta - start) % (2.0 * np.pi) <= end - start
+            if state == STICK:
+                out[d, within] = kt[d] * (at_angles(x[d], theta[within]) - w)
+            elif state != OPEN:
+                out[d, within] = (1.0 if state == PLUS else -1.0) * limit(theta[within])
+            if state != STICK:
+                sense = {PLUS: 1.0, MINUS: -1.0, OPEN: 0.0}[state]
+                last = np.array([end])
+                w = float((at_angles(x[d], last) - sense * limit(last) / kt[d])[0])
+    return out
+
+
+def _coupled(p: dict[str, Any], X: NDArray, normal: NDArray) -> NDArray:
+    """(n, 2, n_theta) friction forces within disks: sliders marched over the cycle until they settle."""
+    load = np.where((p["law"] == LAW_COUPLED_CONSTANT)[:, None], np.maximum(p["load"], 0.0)[:, None], normal)
+    reach, w, kt = p["mu"][:, None] * load, p["w"].copy(), p["kt"]
+    out = np.zeros((len(w), 2, X.shape[2]))
+    size = max(float(np.ptp(X[:, :2], axis=2).max(initial=0.0)), 1e-300)
+    for _ in range(MOST_PERIODS):
+        before = w
+        for k in range(X.shape[2]):
+            u = X[:, :2, k]
+            pull = kt * (u - w)
+            length = np.linalg.norm(pull, axis=1)
+            share = np.where(length > reach[:, k], reach[:, k] / np.where(length > 0.0, length, 1.0), 1.0)
+            w = u - share[:, None] * (u - w)
+            out[..., k] = kt * (u - w)
+        if np.abs(w - before).max() <= 1e-9 * size:
+            break
+    return out

@@ -1,0 +1,176 @@
+"""Cycles of the contacts: loops of force over displacement, histories, and the energy that is lost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
+from bdamper.plot.axes import PAPER, colours, drawing, newtons, runs
+from bdamper.plot.contact import plot_faces
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.plotting import draws
+
+STYLES = ("-", "--", "-.", ":")
+SMALLEST = 1e-4
+"""Energy that is shown, relative to the largest."""
+NAMES = {"t1": "along t1", "t2": "along t2", "n": "normal"}
+
+
+def _name(result: Hysteresis, where: int | str) -> str:
+    """A contact point as a face and the number within it, a face by its name."""
+    if isinstance(where, str):
+        return where if where != WHOLE else "all contacts"
+    face = result.interface[where]
+    return f"{face} {where - int(result.rows(face)[0]) + 1}"
+
+
+@draws(Hysteresis)
+def plot_hysteresis(
+    result: Hysteresis,
+    where: int | str | Sequence[int | str] = WHOLE,
+    ax: Axes | None = None,
+    *,
+    direction: str = "t1",
+    title: str = "",
+) -> Axes:
+    """Loops of force over displacement.
+
+    Parameters
+    ----------
+    result : Hysteresis
+    where : int, str or sequence of these
+        Contact points by index, faces by name, or "whole": the force at the response location that does the work of all
+        contacts, over the response.
+    ax : matplotlib axes, optional
+    direction : {"t1", "t2", "n"}
+        Of points and faces.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    places = [where] if isinstance(where, (int, np.integer, str)) else list(where)
+    if not places or (WHOLE in places and len(places) > 1):
+        raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
+    loops = [result.loop(place, direction) for place in places]
+    whole = places == [WHOLE]
+    title = title or f"{result.frequency:.5g} Hz, preload {newtons(result.preload)}"
+    with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
+        for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
+            ax.plot(1e6 * x, f, STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
+        of = "" if len(places) > 1 else f" of {_name(result, places[0])}"
+        axis = "" if whole else f" {NAMES[direction]}"
+        ax.set(xlabel="Response (µm)" if whole else f"Displacement{axis}{of} (µm)")
+        ax.set(ylabel="Contact force at the response (N)" if whole else f"Contact force{axis}{of} (N)")
+    return ax
+
+
+@draws(Hysteresis, "history")
+def plot_history(result: Hysteresis, where: int, *, title: str = "") -> Figure:
+    """Forces, vibration and gap of one contact point over a cycle.
+
+    Parameters
+    ----------
+    result : Hysteresis
+    where : int
+        Index of the point.
+    title : str
+
+    Returns
+    -------
+    matplotlib figure
+    """
+    i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
+    time = result.theta / (2.0 * np.pi)
+    with plt.rc_context(PAPER):
+        figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.2, 4.4), sharex=True)
+        shades = colours(3)
+        for k, (name, style) in enumerate(zip(AXES, STYLES)):
+            top.plot(time, result.force[i, k], style, color=shades[k], label=NAMES[name])
+            if name != "n":
+                bottom.plot(time, 1e6 * result.loop(i, name)[0], style, color=shades[k], label=NAMES[name])
+        if result.gap[i].max() > 0.0:
+            bottom.plot(time, 1e6 * result.gap[i], STYLES[2], color=shades[2], label="gap")
+        top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
+        bottom.set(ylabel="Vibration, gap (µm)", xlabel="Time (periods)")
+        for ax in (top, bottom):
+            ax.legend(fontsize=7.0, ncols=3)
+        title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {newtons(result.preload)}"
+        top.set_title(title, fontsize=9.0)
+    return figure
+
+
+@draws(Hysteresis, "energy")
+def plot_energy(result: Hysteresis) -> Figure:
+    """Energy that is lost in a cycle for each area, over the faces that lose any."""
+    density = np.maximum(result.energy, 0.0) / result.area
+    least = 1e-9 * float(density.max(initial=0.0))
+    names = [name for name in result.interfaces if (density[result.rows(name)] > least).any()]
+    if not names:
+        raise SettingError("energy: expected contact points that lose some, found none: nothing slips")
+    rows = [result.rows(name) for name in names]
+    places = [(name, result.points[r], result.frame[r]) for name, r in zip(names, rows)]
+    return plot_faces(places, [density[r] for r in rows], [""], "Energy lost (J/m$^2$)", 1.0)
+
+
+@draws(Dissipation)
+def plot_dissipation(
+    result: Dissipation, quantity: str = "equivalent", ax: Axes | None = None, *, over: str = "amplitude", title: str = ""
+) -> Axes | tuple[Axes, Axes]:
+    """What the contacts do to the vibration, over its amplitude.
+
+    Parameters
+    ----------
+    result : Dissipation
+    quantity : {"equivalent", "energy"}
+        Equivalent stiffness and damping ratio, or where the work of the excitation goes in a cycle.
+    ax : matplotlib axes, optional
+        Of the stiffness; the damping ratio gets a second axis on its right.
+    over : {"amplitude", "frequency", "preload"}
+    title : str
+
+    Returns
+    -------
+    matplotlib axes, two of them for "equivalent"
+    """
+    validate.choice("quantity", quantity, ("equivalent", "energy"))
+    labels = {"amplitude": "Response amplitude (m)", "frequency": "Frequency (Hz)", "preload": "Preload (N)"}
+    x = getattr(result, validate.choice("over", over, labels))
+    parts = [slice(first, last + 1) for first, last in runs(result.branch)]
+    wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
+
+    def line(axes: Axes, values: Any, style: str, colour: Any, label: str) -> None:
+        for n, part in enumerate(parts):
+            alone = "." if part.stop == part.start + 1 else None
+            axes.plot(x[part], values[part], style, color=colour, marker=alone, label=label if n == 0 else None)
+
+    with drawing(ax, title=title) as ax:
+        ax.set(xlabel=labels[over], xscale="log" if wide else "linear")
+        if quantity == "energy":
+            faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
+            line(ax, result.excitation, "-", "0.7", "work of the excitation")
+            for (name, e), colour, style in zip(faces.items(), colours(len(faces)), STYLES * len(faces)):
+                line(ax, e, style, colour, name)
+            line(ax, result.damping, ":", "0.35", "damping of the modes")
+            ax.set(ylabel="Energy in a cycle (J)", yscale="log", ylim=(SMALLEST * result.excitation.max(), None))
+            ax.legend(fontsize=7.0)
+            return ax
+        dark, light = "0.1", plt.get_cmap("viridis")(0.45)
+        right = ax.twinx()
+        right.grid(False)
+        line(ax, result.stiffness, "-", dark, "stiffness")
+        line(right, 100.0 * result.damping_ratio, "--", light, "damping ratio")
+        ax.plot([], [], "--", color=light, label="damping ratio (right)")
+        ax.legend(fontsize=7.0)
+        ax.set_ylabel("Equivalent contact stiffness (N/m)")
+        ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
+        right.set_ylabel("Equivalent damping ratio (%)")
+    return ax, right

@@ -1,0 +1,137 @@
+"""Loops, energies and equivalent stiffness of the contacts of a bladed disk."""
+
+from dataclasses import replace
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+from tests.plain import plain_study
+
+INTERVAL = (335.0, 350.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model("bladed_disk", 9)
+    return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(500.0, INTERVAL)
+
+
+@pytest.fixture(scope="module")
+def cycle(study, curve):
+    return study.hysteresis(curve)
+
+
+def area(x, f):
+    return float(np.sum(0.5 * (f[1:] + f[:-1]) * np.diff(x)))
+
+
+def test_energies_balance_along_a_curve(study, curve):
+    found = study.dissipation(curve)
+    assert np.abs(found.imbalance).max() < 2e-9  # the residual of a point of a curve is 1e-9
+    assert found.amplitude == pytest.approx(curve.amplitude, rel=1e-12)
+    assert (found.energy >= -1e-12 * found.excitation.max()).all()
+    assert found.lost.max() > 0.5 * found.excitation.max()
+    stuck = curve.shares[:, 0] > 1.0 - 1e-12
+    assert not stuck.any() or np.abs(found.lost[stuck]).max() < 1e-12 * found.excitation.max()
+
+
+def test_energies_balance_to_rounding_at_a_peak(study):
+    found = study.dissipation(study.peak(500.0, INTERVAL))
+    assert np.abs(found.imbalance) < 1e-10
+
+
+def test_points_that_never_slip_or_are_left_out(study):
+    bonded = replace(study, friction_law="bonded")
+    found = bonded.hysteresis(bonded.track(500.0, (352.0, 354.0)))
+    assert abs(found.lost) < 1e-9 * found.excitation and abs(found.imbalance) < 2e-9
+    part = replace(study, separation=False, constraints=False, gap={"left": np.r_[1e-3, np.zeros(8)], "right": np.zeros(9)})
+    found = part.hysteresis(part.track(500.0, (352.0, 354.0)))
+    assert abs(found.imbalance) < 2e-9 and found.lost > 0.1 * found.excitation
+    assert np.flatnonzero(np.isnan(found.displacement[:, 0, 0])).tolist() == [0]
+    assert found.energy[0] == 0.0 and not found.force[0].any()
+    with pytest.raises(bd.SettingError, match="which the settings leave out"):
+        found.loop(0)
+    assert np.isfinite(found.loop("left")[0]).all()
+
+
+def test_areas_of_loops_are_the_energies(cycle):
+    rows = np.flatnonzero(cycle.energy > 0.01 * cycle.energy.max())
+    assert len(rows) > 9
+    for i in rows:
+        loops = [area(*cycle.loop(int(i), direction)) for direction in ("t1", "t2", "n")]
+        assert sum(loops) == pytest.approx(cycle.energy[i], rel=2e-3)
+    assert area(*cycle.loop()) == pytest.approx(cycle.lost, rel=2e-4), "one harmonic: the whole"
+    assert np.pi * cycle.width * cycle.amplitude**2 == pytest.approx(cycle.lost, rel=1e-12)
+    assert sum(cycle.by_interface.values()) == pytest.approx(cycle.lost, rel=1e-12)
+
+
+def test_forces_lie_in_the_cone_and_the_gap_is_open_without_pressure(study, cycle):
+    t, n = cycle.force[:, :2], cycle.force[:, 2]
+    assert (np.abs(t) <= study.friction[:, None, None] * n[:, None] * (1.0 + 1e-9) + 1e-9).all()
+    assert (cycle.gap[n > 0.0] == 0.0).all() and (n[cycle.gap > 0.0] == 0.0).all()
+    assert (cycle.gap > 0.0).any() and (n > 0.0).any()
+
+
+def test_a_face_has_the_sum_of_its_forces(cycle):
+    x, f = cycle.loop("right")
+    rows = cycle.rows("right")
+    assert f == pytest.approx(cycle.force[rows, 0].sum(axis=0))
+    assert x.mean() == pytest.approx(0.0, abs=np.ptp(x) / 100.0)
+
+
+def test_of_an_optimal_curve(study):
+    curve = study.optimal_curve((4e3, 8e3), 2, frequency=(270.0, 380.0), check=False, verify=False)
+    found = study.dissipation(curve)
+    assert found.preload == pytest.approx(curve.preload)
+    assert np.abs(found.imbalance).max() < 1e-9
+    least = study.hysteresis(curve)
+    assert least.amplitude == pytest.approx(np.nanmin(curve.amplitude), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (lambda s, c: s.hysteresis(s.model), "result: expected a tracking curve, a peak or an optimal curve of this study"),
+        (lambda s, c: s.dissipation(s.free(INTERVAL)), "expected a tracking curve of this model"),
+        (lambda s, c: replace(s, friction_coefficient=0.3).dissipation(c), "other settings"),
+        (lambda s, c: s.hysteresis(c, 10**6), "index of a point: expected"),
+        (lambda s, c: s.hysteresis(c).loop("top"), "where: expected one of"),
+        (lambda s, c: s.hysteresis(c).plot(["whole", "left"]), 'where: expected contact points and faces, or "whole"'),
+    ],
+)
+def test_what_does_not_fit_is_refused(study, curve, wrong, message):
+    with pytest.raises(bd.SettingError, match=message):
+        wrong(study, curve)
+
+
+def test_files(study, curve, cycle, tmp_path):
+    for result in (cycle, study.dissipation(curve)):
+        result.save(tmp_path / "result.h5")
+        again = bd.load(tmp_path / "result.h5")
+        assert str(again) == str(result) and again.interface == result.interface
+        assert np.array_equal(again.energy, result.energy)
+
+
+def test_pictures(study, curve, cycle):
+    found = study.dissipation(curve)
+    axes = [
+        cycle.plot(), cycle.plot(["left", "right"], direction="n"), cycle.plot(12), *cycle.plot_history(12).axes,
+        *cycle.plot_energy().axes[:1], *found.plot(), found.plot("energy", over="frequency"),
+    ]  # fmt: skip
+    for ax in axes:
+        units = "(N)", "(µm)", "(m)", "(mm)", "(N/m)", "(%)", "(J)", "(Hz)", "(periods)"
+        assert ax.get_ylabel().endswith(units), ax.get_ylabel()
+        assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
+    assert [t.get_text() for t in axes[1].get_legend().get_texts()] == ["left", "right"]
+    plt.close("all")
