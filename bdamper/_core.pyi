@@ -82,6 +82,7 @@ class System:
         ramp: NDArray[np.float64] | None = None,
         omega: float | None = None,
         support: NDArray[np.float64] | None = None,
+        reach: float = 0.0,
     ) -> Corrected: ...
     def peak(
         self,

@@ -249,7 +249,8 @@ static int check_iterations(const bd_newton_options *options) {
         return 0;
     }
     return core_check_number(options->tolerance, "tolerance", BD_POSITIVE) &&
-           core_check_number(options->rank_tolerance, "rank_tolerance", BD_NON_NEGATIVE);
+           core_check_number(options->rank_tolerance, "rank_tolerance", BD_NON_NEGATIVE) &&
+           core_check_number(options->reach, "reach", BD_NON_NEGATIVE);
 }
 
 /* The excitation as parameter: ramp and omega together, and a support only beside them. */
@@ -276,13 +277,13 @@ static int read_ramp(core_arguments *arguments, PyObject *ramp, PyObject *omega,
 static PyObject *System_correct(SystemObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y",         "normal",         "scale",       "row_scale",  "tangent",
                             "tolerance", "max_iterations", "line_search", "least_norm", "rank_tolerance",
-                            "ramp",      "omega",          "support",     NULL};
+                            "ramp",      "omega",          "support",     "reach",      NULL};
     PyObject *object[5], *ramp = Py_None, *omega = Py_None, *support = Py_None;
     bd_newton_options options = {.least_norm = 1, .rank_tolerance = 1e-14};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOOO:correct", names, &object[0], &object[1], &object[2],
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOdi|ppdOOOd:correct", names, &object[0], &object[1], &object[2],
                                      &object[3], &object[4], &options.tolerance, &options.max_iterations,
                                      &options.line_search, &options.least_norm, &options.rank_tolerance, &ramp, &omega,
-                                     &support))
+                                     &support, &options.reach))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n = self->hbm.n_unknown, n1 = n + 1;
@@ -409,10 +410,10 @@ static PyMethodDef System_methods[] = {
      "return the status."},
     {"correct", (PyCFunction)(void (*)(void))System_correct, METH_VARARGS | METH_KEYWORDS,
      "correct(y, normal, scale, row_scale, tangent, tolerance, max_iterations, line_search=False, least_norm=True, "
-     "rank_tolerance=1e-14, ramp=None, omega=None, support=None) -> Corrected\n\n"
+     "rank_tolerance=1e-14, ramp=None, omega=None, support=None, reach=0.0) -> Corrected\n\n"
      "Newton corrector of one continuation step; y and tangent are changed in place.  The last entry of y is omega, or, "
      "with ramp (n_unknown), a factor on that part of the excitation at the given omega, which also fades out the linear "
-     "force support (n_unknown, n_unknown)."},
+     "force support (n_unknown, n_unknown).  A Newton step longer than reach ends the correction, if that is not 0."},
     {"peak", (PyCFunction)(void (*)(void))System_peak, METH_VARARGS | METH_KEYWORDS,
      "peak(y, tangent, scale, row_scale, re, im, tolerance, max_iterations, curvature, place_tolerance, max_step) -> "
      "Peak\n\n"

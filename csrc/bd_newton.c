@@ -344,6 +344,7 @@ static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
     report->last_step = length(w->step, n + 1);
     if (!isfinite(report->last_step)) return BD_SINGULAR;
     if (report->iterations == 0) report->first_step = report->last_step;
+    if (run->options->reach > 0.0 && report->last_step > run->options->reach) return BD_NOT_CONVERGED;
     return BD_OK;
 }
 

@@ -15,6 +15,7 @@ typedef struct {
     const double *ramp;    /* NULL: the last unknown is omega.  Else (n): it is a factor on this part of the excitation, */
     double omega;          /* at this fixed omega, */
     const double *support; /* and with (n, n) row-major, not NULL: it fades out this linear force beside the excitation */
+    double reach;          /* a Newton step longer than this in scaled unknowns is not taken: BD_NOT_CONVERGED; 0: any is */
 } bd_newton_options;
 
 typedef struct {

@@ -15,7 +15,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgetrf, dgetrs
 
 from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
 from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem, norm2
@@ -25,6 +24,8 @@ Event = Callable[[NDArray, NDArray], float]
 """A function of point and tangent that changes sign at an event."""
 Place = tuple[float, NDArray, NDArray]
 """Of a step: distance along the tangent where it sets off, point and tangent there."""
+ANY_RESIDUAL = 1e300
+"""Tolerance that every point meets."""
 BISECTIONS = 7
 """Of a step that is searched for a corner."""
 
@@ -184,28 +185,10 @@ class Events:
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
         """Direction of travel that the Jacobian at y gives, on the curve or off it."""
-        n = len(y) - 1
-        try:
-            J, r_omega = self.system.derivatives(y)
-        except FloatingPointError:
+        c = self.system.correct(y, border, scale, ANY_RESIDUAL, 1)
+        if c.status != OK or not c.orientation:
             return None
-        A = np.empty((n + 1, n + 1))
-        A[:n, :n] = J * scale[:n]
-        A[:n, n] = r_omega * scale[n]
-        A[:n] /= np.maximum(np.abs(A[:n]).max(axis=1, keepdims=True), 1e-300)
-        A[n] = border
-        factors, pivots, _ = dgetrf(A)
-        diagonal = np.diag(factors)
-        if not (np.abs(diagonal) > 1e-15).all():
-            return None
-        right = np.zeros(n + 1)
-        right[n] = 1.0
-        x, _ = dgetrs(factors, pivots, right)
-        if not np.isfinite(x).all():
-            return None
-        here = int(np.prod(np.sign(diagonal)) * (-1.0) ** np.count_nonzero(pivots != np.arange(n + 1)))
-        x *= (here * sign if sign else 1.0) / norm2(x)
-        return np.asarray(x)
+        return c.orientation * sign * c.tangent if sign else c.tangent
 
     def around_corner(
         self, y: NDArray, tangent: NDArray, scale: NDArray, step: float, sign: int
@@ -213,7 +196,9 @@ class Events:
         """The first point beyond a corner within a step, and the length of the part beyond the corner.
 
         Bisection between where the null vector of the Jacobian is the tangent and where it is another.  A curve without a
-        corner shows no such jump, and is left alone.  Without this search 8 of 240 ordinary curves are incomplete, 8 more
+        corner shows no such jump, and is left alone as soon as the vectors on both sides are nearer to each other than 0.4
+        of their first distance: on an optimal curve that is half of the trials in smooth bends, and one of 109 corners is
+        found in the next step only.  Without this search 8 of 240 ordinary curves are incomplete, 8 more
         are found in pieces or without some of their folds, and all 240 together take 3.2 times the evaluations.
 
         Parameters
@@ -240,8 +225,8 @@ class Events:
                 near, first = middle, t
             else:
                 far, beyond = middle, t
-        if norm2(beyond - first) < 0.4 * total:
-            return None  # curvature
+            if norm2(beyond - first) < 0.4 * total:
+                return None  # curvature
         for sense in (1.0,) if sign else (1.0, -1.0):
             direction = sense * beyond
             for part in (0.5, 0.1, 0.01):
@@ -256,7 +241,9 @@ class Events:
     ) -> Correction | None:
         if not guess[-1] > 0.0:
             return None
-        c = self.system.correct(guess, direction, scale, self.options.tolerance, self.options.max_iterations)
+        c = self.system.correct(
+            guess, direction, scale, self.options.tolerance, self.options.max_iterations, reach=2.0 * reach
+        )
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) > reach:
             return None

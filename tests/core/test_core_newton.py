@@ -289,3 +289,17 @@ def test_condition_does_not_depend_on_units():
     assert out.status == out_s.status == CONVERGED
     np.testing.assert_allclose(y_s, y, rtol=0, atol=1e-9)
     assert out_s.condition == pytest.approx(out.condition, rel=1e-6)
+
+
+def test_a_newton_step_beyond_the_reach_ends_a_correction():
+    system, _, y, tangent = next(solved_systems(1))
+    away = y + 0.05 * tangent
+    whole, at, _ = solve(system, away, tangent, line_search=False)
+    assert whole.status == CONVERGED
+    out, near, _ = solve(system, away, tangent, line_search=False, reach=1.01 * whole.first_step)
+    assert out.status == CONVERGED
+    np.testing.assert_array_equal(near, at)
+    before = system.cost.evaluations
+    out, near, _ = solve(system, away, tangent, line_search=False, reach=0.99 * whole.first_step)
+    assert (out.status, out.iterations, system.cost.evaluations - before) == (NOT_CONVERGED, 0, 1)
+    np.testing.assert_array_equal(near, away)

@@ -257,6 +257,7 @@ def test_inputs_may_share_memory_and_outputs_may_touch():
         ("correct", "tolerance", np.nan, "a finite positive number, found nan"),
         ("correct", "tolerance", 0.0, "a finite positive number, found 0.0"),
         ("correct", "rank_tolerance", np.nan, "a finite non-negative number, found nan"),
+        ("correct", "reach", -1.0, "a finite non-negative number, found -1.0"),
         ("correct", "max_iterations", -1, "at least 0, found -1"),
         ("correct", "omega", None, "a number beside ramp, found None"),
         ("peak", "tolerance", np.inf, "a finite positive number, found inf"),

@@ -197,11 +197,7 @@ class Ellipse:
     def amplitudes(self, u, harmonic):
         return np.asarray(u, complex)
 
-    def derivatives(self, y):
-        g = self.gradient(y)
-        return np.array([[g[0]]]), np.array([g[1]])
-
-    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False):
+    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False, reach=0.0):
         y = np.array(y, float)
         for iterations in range(max_iterations):
             A = np.array([self.gradient(y) * scale, normal])
@@ -210,7 +206,10 @@ class Ellipse:
                 orientation = int(np.sign(np.linalg.det(np.array([A[0], t]))))
                 t /= np.linalg.norm(t)
                 return Correction(OK, y, t, iterations, abs(self.residual(y)), 1.0, 0, orientation=orientation)
-            y = y - scale * np.linalg.solve(A, [self.residual(y), 0.0])
+            step = np.linalg.solve(A, [self.residual(y), 0.0])
+            if reach and np.linalg.norm(step) > reach:
+                break
+            y = y - scale * step
         return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
