@@ -6,7 +6,7 @@ The analyses are functions of their rooms that take a problem first; here they b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -31,8 +31,10 @@ from bdamper.problem.problem import Problem
 from bdamper.stability import floquet, steady_state, time_integration
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.differences import Comparable
 from bdamper.util.errors import removed
-from bdamper.util.repr import brief
+from bdamper.util.plotting import Fact
+from bdamper.util.repr import brief, short
 
 
 @removed(
@@ -42,7 +44,7 @@ from bdamper.util.repr import brief
 )
 @brief
 @dataclass(frozen=True, eq=False)
-class Study(Problem):
+class Study(Problem, Comparable):
     """One model under one set of settings, asked for responses.
 
     Parameters are those of :class:`bdamper.problem.settings.Settings`; methods that make nothing but the equations and the
@@ -53,6 +55,40 @@ class Study(Problem):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_settings(self)
+
+    # what is shown of it
+    def facts(self) -> tuple[Fact, ...]:
+        """Excitation, contact and size of the reduced model, and the settings that are no defaults."""
+        own = {f.name: f.default for f in fields(self) if f.init}
+        named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes")
+        other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(self, name) != own[name]]
+        at, seen = self.excitation, self.response_location
+        friction = sorted({mu for mu in self.friction_by_interface().values() if mu > 0.0})
+        return (
+            Fact("model", f"{self.model.n_blades} sectors, {', '.join(self.model.bodies)} ({self.model.hash})"),
+            Fact("excitation", float(at.amplitude), f"N at {at.location} {short(at.direction)}"),
+            Fact("engine order", int(self.engine_order)),
+            Fact("response", f"{seen.location} {short(seen.direction)}"),
+            Fact("harmonics", " ".join(map(str, self.harmonic_numbers))),
+            Fact("friction coefficient", ", ".join(f"{mu:g}" for mu in friction) or "none"),
+            Fact("contact stiffness", short(self.stiffness_method)),
+            Fact("contact points", self.coupling.n_points),
+            Fact("modes", sum(len(modes) for modes in self.coupling.modes.values())),
+            Fact("unknowns", self.n_unknowns),
+            *(Fact(name.replace("_", " "), short(getattr(self, name))) for name in other),
+        )
+
+    def _shown(self) -> Any:
+        return self.model
+
+    def _outcomes(self) -> tuple[Fact, ...]:
+        return ()  # what the settings come to is seen in results
+
+    def _settings(self) -> dict[str, Any]:
+        return self.record()
+
+    def _model(self) -> str:
+        return self.model.hash
 
     # linear limits
     free = linear_curve.free

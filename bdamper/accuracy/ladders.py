@@ -33,6 +33,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular, from_rows
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
@@ -68,7 +69,7 @@ class Run:
 
 @brief
 @dataclass(frozen=True)
-class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy", version=3, oldest=3):
+class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", version=3, oldest=3):
     """Errors and times of settings, one at a time and combined, against the richest that was run.
 
     ``plot`` draws error over time (:func:`bdamper.plot.plot_accuracy`).
@@ -102,6 +103,11 @@ class AccuracyCost(Plottable, Storable, kind="bdamper-accuracy", version=3, olde
     repeats: int
     settings: dict[str, Any] = field(default_factory=dict, compare=False)
     interrupted: bool = False
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each run: its settings, its highest peak and its error against the richest run."""
+        varied = {n: Column(np.array([r.values[i] for r in self.runs])) for i, n in enumerate(self.varied)}
+        return varied | from_rows(self.runs, {"amplitude": "m", "frequency": "Hz", "seconds": "s"})
 
     @property
     def richest(self) -> Run:

@@ -25,6 +25,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 
 @brief
@@ -136,7 +137,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
 
 @brief
 @dataclass(frozen=True)
-class ContactMap(Plottable, Storable, kind="bdamper-contact-map"):
+class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map"):
     """The static state of the contact points, in terms of the surfaces.
 
     ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_contact_map`).
@@ -214,6 +215,22 @@ class ContactMap(Plottable, Storable, kind="bdamper-contact-map"):
         """(n_points, 2) share of the friction limit in use, 0 where there is none."""
         limit = (self.friction * self.force[:, 2])[:, None]
         return np.divide(np.abs(self.force[:, :2]), limit, out=np.zeros_like(self.force[:, :2]), where=limit > 0.0)
+
+    def _dimension(self) -> str:
+        return "contact_point"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each contact point."""
+        states = np.array(["stick", "slip +", "slip -", "open"])[self.status]
+        return {
+            "interface": Column(np.array(self.interfaces)[self.owner]),
+            **{name: Column(self.points[:, k], "m") for k, name in enumerate(("X", "Y", "Z"))},
+            "area": Column(self.area, "m2"),
+            **{name: Column(self.force[:, k], "N") for k, name in enumerate(("T1", "T2", "N"))},
+            "pressure": Column(self.pressure, "Pa"),
+            "gap": Column(self.distance, "m"),
+            **{f"state_{name}": Column(states[:, k]) for k, name in enumerate(("t1", "t2"))},
+        }
 
     def __str__(self) -> str:
         lines = [f"static contact under {self.load:g} N, load factors {self.history}:"]

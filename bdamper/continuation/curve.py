@@ -17,17 +17,20 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.util.cost import Cost
+from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError, removed
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
-from bdamper.util.plotting import Plottable
+from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 
+@brief
 @dataclass(frozen=True)
 class Fold:
-    """A turning point of a curve in frequency.
+    """A point of a curve where it turns: in frequency, or at its largest response.
 
     Parameters
     ----------
@@ -35,17 +38,23 @@ class Fold:
     amplitude : float, m
     index : int
         Of the point in the curve.
+    kind : {"fold", "peak", "highest, no peak"}
+        The latter is the largest response at an end of the curve, where it is no maximum.
     """
 
     frequency: float
     amplitude: float
     index: int
+    kind: str = "fold"
+
+    def __str__(self) -> str:
+        return f"{self.kind}: {self.amplitude:.6g} m at {self.frequency:.6g} Hz (point {self.index})"
 
 
 @removed(errors="Study.estimate_errors(curve)")
 @brief
 @dataclass(frozen=True)
-class Curve(Plottable, Storable, kind="bdamper-curve"):
+class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -153,21 +162,63 @@ class Curve(Plottable, Storable, kind="bdamper-curve"):
         gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
 
+    def _highest(self) -> int:
+        if not len(self):
+            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
+        return int(np.argmax(self.amplitude))
+
     @property
     def peak(self) -> Fold:
         """The largest response, also where it is no maximum (``peak_at_end``): frequency (Hz), amplitude (m) and index."""
-        if not len(self):
-            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
-        i = int(np.argmax(self.amplitude))
-        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i)
+        i = self._highest()
+        kind = "highest, no peak" if self.peak_at_end else "peak"
+        return Fold(float(self.frequency[i]), float(self.amplitude[i]), i, kind)
 
     @property
     def peak_at_end(self) -> bool:
         """Whether the largest response is that at the lowest or highest frequency of the curve, where it is no maximum."""
-        top = self.peak
-        if self.kind == "tracking" and self.point_kind[top.index] in ("maximum", "fold", "drift"):
+        i = self._highest()
+        if self.kind == "tracking" and self.point_kind[i] in ("maximum", "fold", "drift"):
             return False
-        return top.frequency in (self.frequency.min(), self.frequency.max())
+        return bool(self.frequency[i] in (self.frequency.min(), self.frequency.max()))
+
+    def facts(self) -> tuple[Fact, ...]:
+        """What the curve is of, where it is highest, and how it was found."""
+        head = (Fact("preload", self.preload, "N"), Fact(f"{self.kind} curve", f"{self.status}, {len(self)} points"))
+        if not len(self):
+            return (*head, Fact("reason", self.reason))
+        top, ladder = self.peak, self.ladder
+        unstable = np.nan if self.stable is None else float(np.mean(~self.stable))
+        share = [(name, 100.0 * float(x)) for name, x in zip(("stick", "slip", "open"), self.shares[top.index])]
+        return (
+            *head,
+            Fact("highest amplitude, no peak" if self.peak_at_end else "peak amplitude", top.amplitude, "m"),
+            Fact("at the frequency", top.frequency, "Hz"),
+            *(Fact(f"{name} there", round(x, 1), "%") for name, x in share if np.isfinite(x)),
+            Fact("folds", len(self.folds)),
+            *([] if np.isnan(unstable) else [Fact("unstable points", round(100.0 * unstable, 1), "%")]),
+            *(Fact("not followed", str(part)) for part in self.left_out),
+            *([Fact("error", error_line(self.error_estimates))] if self.error_estimates is not None else []),
+            *([] if ladder is None else [Fact("harmonics", ladder.note)]),
+        )
+
+    def columns(self) -> dict[str, Column]:
+        """Points of the curve in the order of its path; the harmonics of the response for xarray."""
+        judged = {} if self.stable is None else {"stable": Column(np.asarray(self.stable, bool))}
+        shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
+        return {
+            "frequency": Column(self.frequency, "Hz"),
+            "amplitude": Column(self.amplitude, "m"),
+            "phase": Column(np.angle(self.harmonics[:, 1]), "rad"),
+            "peak_to_peak": Column(self.peak_to_peak, "m"),
+            **shares,
+            "branch": Column(self.branch),
+            "kind": Column(np.array(self.point_kind)),
+            "backward": Column(self.backward),
+            **judged,
+            "residual": Column(self.residual),
+            "harmonics": Column(self.harmonics, "m", ("point", "harmonic")),
+        }
 
     def __str__(self) -> str:
         head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"

@@ -31,8 +31,15 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.results_file import ResultsFile, as_line
+from bdamper.util.tables import Column, Tabular
 from bdamper.util.versions import HERE
 
+UNITS = {
+    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
+    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
+    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
+}  # fmt: skip
+"""Units of settings and answers; what is not listed is a plain number or a name."""
 NOT_RUN = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
 """Record of a point that an interrupted sweep has left out."""
 Values = Mapping[str, Any]
@@ -125,7 +132,7 @@ class OptimalTask:
 
 @brief
 @dataclass(frozen=True)
-class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
+class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     """Answers at all points of a sweep.
 
     ``plot`` draws one answer over the last setting (:func:`bdamper.plot.plot_sweep`).
@@ -195,6 +202,23 @@ class SweepResult(Plottable, Storable, kind="bdamper-sweep"):
             return np.array(flat, object).reshape(self.shape)
         rows = [np.asarray(value.get(quantity, np.full(known.shape, np.nan)), float) for value in self.values]
         return np.array(rows).reshape(*self.shape, *known.shape)
+
+    def _grid(self) -> dict[str, Any]:
+        if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for p in self.points for v in p.values()):
+            return {}
+        return {name: list(dict.fromkeys(point[name] for point in self.points)) for name in self.names}
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each point: its settings, its answers, status and time; answers that are lists for xarray."""
+        settings = {name: np.array([str(p[name]) if isinstance(p[name], dict) else p[name] for p in self.points])
+                    for name in self.names}  # fmt: skip
+        out = {name: Column(values, UNITS.get(name, "")) for name, values in settings.items()}
+        for name in self.quantities:
+            values = self.array(name).reshape(len(self), -1)
+            key, unit = name if name not in out else f"answer_{name}", UNITS.get(name.removeprefix("curve_"), "")
+            single = values.shape[1] == 1
+            out[key] = Column(values[:, 0], unit) if single else Column(values, unit, ("point", f"{key}_index"))
+        return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
 
     def __str__(self) -> str:
         failed = [s for s in self.status if s.startswith("failed")]

@@ -25,6 +25,7 @@ from bdamper.util.errors import BdamperError, SettingError, renamed
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 METHODS = ("sobol", "latin", "random")
 
@@ -103,7 +104,7 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
+class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
     """Optimal curves of a sample.
 
     ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
@@ -134,6 +135,21 @@ class UncertainCurve(Plottable, Storable, kind="bdamper-uncertain"):
 
     def __len__(self) -> int:
         return len(self.amplitude)
+
+    def _dimension(self) -> str:
+        return "preload"
+
+    def columns(self) -> dict[str, Column]:
+        """Percentiles at each preload; the curves of all draws for xarray."""
+        names = {"amplitude": "m", "frequency": "Hz"}
+        bands = {
+            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
+            for name, unit in names.items()
+            for q in (5, 25, 50, 75, 95)
+        }
+        whole = {name: Column(getattr(self, name), unit, ("draw", "preload")) for name, unit in names.items()}
+        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
+        return {"preload": Column(self.preload, "N"), **bands, **whole, **samples}
 
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Percentiles over the sample at every preload: (m,) or (len(q), m).

@@ -32,6 +32,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular, from_rows
 
 MOST_HARMONICS = 3
 """Of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as long with
@@ -90,7 +91,7 @@ class EffectAdvice:
 
 @brief
 @dataclass(frozen=True)
-class Advice(Plottable, Storable, kind="bdamper-advice", version=4, oldest=4):
+class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, oldest=4):
     """What each effect changes in one scene, and which of them the scene calls for.
 
     ``plot`` draws bars of the changes (:func:`bdamper.plot.plot_advice`).
@@ -131,6 +132,10 @@ class Advice(Plottable, Storable, kind="bdamper-advice", version=4, oldest=4):
     work: float
     peaks: int
     notes: tuple[str, ...] = ()
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each effect; changes are relative."""
+        return from_rows(self.effects, {})
 
     def __getitem__(self, name: str) -> EffectAdvice:
         for item in self.effects:

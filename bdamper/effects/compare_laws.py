@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
@@ -15,6 +17,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular, joined
 
 LAWS = ("separable", "major", "coupled", "constant_normal_load", "bonded")
 """Names of laws; "major" is the separable law along the major directions of the motion."""
@@ -22,7 +25,7 @@ LAWS = ("separable", "major", "coupled", "constant_normal_load", "bonded")
 
 @brief
 @dataclass(frozen=True)
-class LawComparison(Plottable, Storable, kind="bdamper-law-comparison", oldest=2):
+class LawComparison(Plottable, Tabular, Storable, kind="bdamper-law-comparison", oldest=2):
     """Curves of one study under several friction laws.
 
     ``plot`` draws all curves in one picture (:func:`bdamper.plot.plot_laws`).
@@ -40,6 +43,10 @@ class LawComparison(Plottable, Storable, kind="bdamper-law-comparison", oldest=2
     def difference(self, law: str) -> float:
         """Peak amplitude under a law relative to the reference, minus one."""
         return self.curves[self.laws.index(law)].peak.amplitude / self.curves[-1].peak.amplitude - 1.0
+
+    def columns(self) -> dict[str, Column]:
+        """The points of all curves one below the other, each with its law."""
+        return {"law": Column(np.repeat(self.laws, [len(c) for c in self.curves])), **joined(self.curves)}
 
     def __str__(self) -> str:
         lines = [f"preload {self.curves[0].preload:g} N, peaks relative to '{self.laws[-1]}'"]

@@ -29,10 +29,12 @@ from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable, draw
+from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 AXES = ("t1", "t2", "n")
 WHOLE = "whole"
@@ -44,7 +46,7 @@ Solved = Curve | Peak | OptimalCurve
 
 @brief
 @dataclass(frozen=True)
-class Hysteresis(Plottable, Storable, kind="bdamper-hysteresis"):
+class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hysteresis"):
     """Motions and forces at all contact points over one cycle of a solution.
 
     ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), ``plot_history`` forces and the
@@ -176,6 +178,41 @@ class Hysteresis(Plottable, Storable, kind="bdamper-hysteresis"):
         """Energy lost per cycle over the faces: :func:`bdamper.plot.plot_energy`."""
         return draw(self, "energy", **options)
 
+    def facts(self) -> tuple[Fact, ...]:
+        """Where the energy of a cycle goes, and what the contacts are equivalent to."""
+        return (
+            Fact("preload", self.preload, "N"),
+            Fact("frequency", self.frequency, "Hz"),
+            Fact("response amplitude", self.amplitude, "m"),
+            Fact("work of the excitation", self.excitation, "J per cycle"),
+            Fact("lost to modal damping", self.damping, "J per cycle"),
+            *(Fact(f"lost at {name}", energy, "J per cycle") for name, energy in self.by_interface.items()),
+            Fact("equivalent stiffness", self.stiffness, "N/m"),
+            Fact("equivalent damping ratio", 100.0 * self.damping_ratio, "%"),
+        )
+
+    def _dimension(self) -> str:
+        return "contact_point"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each contact point; motions, forces and gaps over the cycle for xarray."""
+        over = "contact_point", "theta"
+        return {
+            "interface": Column(np.array(self.interface)),
+            **{name: Column(self.points[:, k], "m") for k, name in enumerate(("X", "Y", "Z"))},
+            "area": Column(self.area, "m2"),
+            "energy": Column(self.energy, "J"),
+            "largest_pressure_force": Column(self.force[:, 2].max(axis=1), "N"),
+            "largest_gap": Column(self.gap.max(axis=1), "m"),
+            "theta": Column(self.theta, "rad", ("theta",)),
+            "axis": Column(np.array(AXES), "", ("axis",)),
+            "displacement": Column(self.displacement, "m", (over[0], "axis", over[1])),
+            "force": Column(self.force, "N", (over[0], "axis", over[1])),
+            "gap": Column(self.gap, "m", over),
+            "response": Column(self.response, "m", over[1:]),
+            "whole": Column(self.whole, "N", over[1:]),
+        }
+
     def __str__(self) -> str:
         lines = [
             f"hysteresis at {self.frequency:.6g} Hz, preload {self.preload:g} N, response {self.amplitude:.6g} m",
@@ -190,7 +227,7 @@ class Hysteresis(Plottable, Storable, kind="bdamper-hysteresis"):
 
 @brief
 @dataclass(frozen=True)
-class Dissipation(Plottable, Storable, kind="bdamper-dissipation"):
+class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissipation"):
     """Energy lost per cycle, equivalent stiffness and damping of the contacts at every point of a curve.
 
     ``plot`` draws equivalent stiffness and damping over the amplitude (:func:`bdamper.plot.plot_dissipation`).
@@ -256,6 +293,23 @@ class Dissipation(Plottable, Storable, kind="bdamper-dissipation"):
     def imbalance(self) -> NDArray:
         """(n,) what is left of the work of the excitation after both losses, relative to it."""
         return np.asarray((self.excitation - self.damping - self.lost) / self.excitation)
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each point of the result; the energy that each contact point takes for xarray."""
+        joule = {"work": self.excitation, "modal_damping": self.damping, "lost": self.lost, "kinetic": self.kinetic}
+        return {
+            "preload": Column(self.preload, "N"),
+            "frequency": Column(self.frequency, "Hz"),
+            "amplitude": Column(self.amplitude, "m"),
+            **{name: Column(energy, "J") for name, energy in joule.items()},
+            **{f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()},
+            "stiffness": Column(self.stiffness, "N/m"),
+            "viscous_damping": Column(self.viscous, "N s/m"),
+            "damping_ratio": Column(self.damping_ratio),
+            "branch": Column(self.branch),
+            "energy": Column(self.energy, "J", ("point", "contact_point")),
+            "interface": Column(np.array(self.interface), "", ("contact_point",)),
+        }
 
     def __str__(self) -> str:
         if not len(self):

@@ -26,11 +26,12 @@ from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 
 @brief
 @dataclass(frozen=True)
-class Microslip(Plottable, Storable, kind="bdamper-microslip"):
+class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
     """A curve of first loading.
 
     ``plot`` draws force over displacement (:func:`bdamper.plot.plot_microslip`).
@@ -62,6 +63,12 @@ class Microslip(Plottable, Storable, kind="bdamper-microslip"):
     def stiffness(self) -> NDArray:
         """(n - 1,) slope of the chords between neighbouring forces, N/m."""
         return np.diff(self.force) / np.diff(self.displacement)
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each force."""
+        force, moved = Column(self.force, "N"), Column(self.displacement, "m")
+        shares = {"slipping": Column(self.slipping), "open": Column(self.open)}
+        return {"force": force, "displacement": moved, **shares, "residual": Column(self.residual)}
 
     def __str__(self) -> str:
         lines = [f"first loading at {self.preload:g} N{'' if self.complete else ', sliding beyond the last force'}:"]

@@ -20,6 +20,7 @@ from bdamper.util.errors import BdamperError, SettingError, mismatch
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 LENGTHS = {
     "": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
@@ -31,7 +32,7 @@ LENGTHS = {
 
 @brief
 @dataclass(frozen=True)
-class Measurement(Plottable, Storable, kind="bdamper-measurement"):
+class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     """Measured response over frequency.
 
     ``plot`` draws the amplitude in metres as small open circles (:func:`bdamper.plot.plot_measurement`).
@@ -85,6 +86,11 @@ class Measurement(Plottable, Storable, kind="bdamper-measurement"):
                 f"to metres (scale=...), found the unit '{self.unit}'"
             )
         return LENGTHS[unit]
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each frequency."""
+        amplitude, phase = Column(self.amplitude, self.unit or "m"), Column(np.angle(self.response), "rad")
+        return {"frequency": Column(self.frequency, "Hz"), "amplitude": amplitude, "phase": phase}
 
     def __str__(self) -> str:
         k = int(np.argmax(self.amplitude))

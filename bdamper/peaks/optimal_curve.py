@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.cost import Cost
+from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
-from bdamper.util.plotting import Plottable
+from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
@@ -91,7 +93,7 @@ class OptimumPoint:
 
 @brief
 @dataclass(frozen=True)
-class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
+class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optimal"):
     """Resonance over preload.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
@@ -261,6 +263,44 @@ class OptimalCurve(Plottable, Storable, kind="bdamper-optimal"):
             points[self.optimum.preload] = self.optimum.amplitude
         at = np.array(sorted(points))
         return np.exp(np.interp(np.log(preload), np.log(at), np.log([points[p] for p in at])))
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The optimum and how far it is verified, and the limits without contact and with all closed points stuck."""
+        o, bad = self.optimum, int(np.count_nonzero(~np.isfinite(self.amplitude)))
+        gone = f", {bad} without a value" if bad else ""
+        best = [
+            Fact("optimum preload" if o.verified else "preload of the least value", o.preload, "N"),
+            Fact("amplitude there", o.amplitude, "m"),
+            Fact("frequency there", o.frequency, "Hz"),
+        ]  # fmt: skip
+        return (
+            Fact("optimal curve", f"{self.preload[0]:g} to {self.preload[-1]:g} N, {len(self)} points{gone}"),
+            *(best if np.isfinite(o.preload) else []),
+            Fact("optimum is", f"{o.kind}, {o.status}"),
+            *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
+            *([] if self.error_estimates is None else [Fact("error", error_line(self.error_estimates))]),
+            Fact("free amplitude", self.free.amplitude, "m"),
+            Fact("free frequency", self.free.frequency, "Hz"),
+            Fact("stuck amplitude", self.stuck.amplitude, "m"),
+            Fact("stuck frequency", self.stuck.frequency, "Hz"),
+        )
+
+    def _dimension(self) -> str:
+        return "preload"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each preload."""
+        shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
+        return {
+            "preload": Column(self.preload, "N"),
+            "amplitude": Column(self.amplitude, "m"),
+            "frequency": Column(self.frequency, "Hz"),
+            "frequency_shift": Column(self.shift_percent, "%"),
+            **shares,
+            "branch": Column(self.branch),
+            "lower_bound": Column(self.lower_bound, "m"),
+            "status": Column(np.array(self.status)),
+        }
 
     def __str__(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))

@@ -6,6 +6,7 @@ grey.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -17,6 +18,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
+
+from bdamper.model.model import Model
+from bdamper.util.plotting import Plottable, draw, draws
 
 MARKERS = "osD^v<>pP*hX"
 PAPER: dict[Any, Any] = {
@@ -66,13 +70,22 @@ def drawing(
             axes.legend(fontsize=legend)
 
 
-def save_figure(target: Axes | Figure | tuple[Axes, ...], path: Any) -> None:
-    """Write a figure, or that of some axes, to a file, and close it."""
+def save_figure(target: Axes | Figure | tuple[Axes, ...], path: Any, **options: Any) -> None:
+    """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
     first = target[0] if isinstance(target, tuple) else target
     figure = first if isinstance(first, Figure) else first.figure
     with plt.rc_context(PAPER):
-        figure.savefig(path)  # type: ignore[union-attr]
+        figure.savefig(path, **options)  # type: ignore[union-attr]
     plt.close(figure)  # type: ignore[arg-type]
+
+
+@draws(Plottable, "image")
+def image_of(shown: Plottable) -> bytes:
+    """The picture of an object as a PNG file, for a notebook."""
+    options = {"backend": "matplotlib"} if isinstance(shown, Model) else {}  # whatever else is installed
+    file = io.BytesIO()
+    save_figure(draw(shown, "plot", **options), file, format="png", dpi=100)
+    return file.getvalue()
 
 
 def colours(n: int) -> NDArray:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
-from bdamper.design.sweep import SweepResult
+from bdamper.design.sweep import UNITS, SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
 from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks
@@ -20,12 +20,6 @@ from bdamper.util.estimates import percent
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
 
-_UNITS = {
-    "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
-    "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
-}  # fmt: skip
-"""Units of settings and answers of a sweep; what is not listed is a plain number or a name."""
 EQUAL = 1e-12
 """Relative difference below which two answers are the same."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
@@ -39,13 +33,13 @@ def _spaced(name: str) -> str:
 def _with_unit(name: str) -> str:
     """Label of an axis for a setting or an answer of a sweep."""
     words = _WORDS.get(name, _spaced(name))
-    return words[:1].upper() + words[1:] + (f" ({_UNITS[name]})" if name in _UNITS else "")
+    return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
 
 
 def _named_value(name: str, value: Any) -> str:
     """A setting with its value and unit, for a legend."""
     number = f"{value:.4g}" if isinstance(value, float) else f"{value}"
-    return f"{_spaced(name)} {number}" + (f" {_UNITS[name]}" if name in _UNITS else "")
+    return f"{_spaced(name)} {number}" + (f" {UNITS[name]}" if name in UNITS else "")
 
 
 @draws(SweepResult)

@@ -33,6 +33,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.progress import each, passes_interrupts_on
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 ACCURACY = 0.5
 """Step times the highest frequency of the closed contacts, five times that of :func:`verify_solution`."""
@@ -48,7 +49,7 @@ FEWEST = 16
 
 @brief
 @dataclass(frozen=True)
-class SettledResponse(Plottable):
+class SettledResponse(Plottable, Tabular):
     """The response of the marched structure, period by period.
 
     ``plot`` draws the amplitude of each period, with mean and range of those that count
@@ -81,6 +82,18 @@ class SettledResponse(Plottable):
     motion: Motion
     cost: Cost
     model_hash: str = ""
+
+    def _dimension(self) -> str:
+        return "period"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each period; the harmonics of the response for xarray."""
+        return {
+            "period": Column(np.arange(len(self.harmonics))),
+            "amplitude": Column(self.amplitude, "m"),
+            "mean": Column(self.harmonics[:, 0].real, "m"),
+            "harmonics": Column(self.harmonics, "m", ("period", "harmonic")),
+        }
 
     @property
     def amplitude(self) -> NDArray:

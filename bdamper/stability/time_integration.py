@@ -39,6 +39,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, each
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
 
 TWO_PI = 2.0 * np.pi
 MOST_PERIODS = 100
@@ -47,7 +48,7 @@ MOST_PERIODS = 100
 
 @brief
 @dataclass(frozen=True)
-class Verification(Plottable):
+class Verification(Plottable, Tabular):
     """Settled time response beside a harmonic-balance solution.
 
     ``plot`` draws the last period in time and the harmonic-balance solution (:func:`bdamper.plot.plot_verification`).
@@ -79,6 +80,12 @@ class Verification(Plottable):
     drift: float
     cost: Cost
     interrupted: bool = False
+
+    def columns(self) -> dict[str, Column]:
+        """The last period in time, and the harmonic-balance solution at the same instants."""
+        turns = np.exp(2j * np.pi * self.frequency * np.outer(self.time, np.arange(len(self.expected))))
+        response, expected = Column(self.response, "m"), Column((turns @ self.expected).real, "m")
+        return {"time": Column(self.time, "s"), "response": response, "expected": expected}
 
     @property
     def seconds(self) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from bdamper.util.estimates import ErrorEstimates, SourceError, percent
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular, from_rows
 
 COMPARED = 3
 """Rungs, the last that are known, that have to agree."""
@@ -48,7 +49,7 @@ class Rung:
 
 @brief
 @dataclass(frozen=True)
-class Ladder(Plottable):
+class Ladder(Plottable, Tabular):
     """Whole answers with more and more harmonics, beside the answer that they check.
 
     Agreement is no proof of convergence, since harmonics come into resonance one by one; the ladder shows what those that
@@ -80,6 +81,10 @@ class Ladder(Plottable):
     others: tuple[Rung, ...] = ()
     by_frequency: bool = False
     limit: str = ""
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each rung."""
+        return from_rows((*self.rungs, *self.others), {"preload": "N", "amplitude": "m", "frequency": "Hz", "seconds": "s"})
 
     @property
     def compared(self) -> tuple[Rung, ...]:

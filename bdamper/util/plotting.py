@@ -1,4 +1,6 @@
-"""How an object finds the function that draws it: a registry by type, filled by :mod:`bdamper.plot`.
+"""What an object shows of itself: a picture, and in a notebook a small table beside it.
+
+How an object finds the function that draws it: a registry by type, filled by :mod:`bdamper.plot`.
 
 Results know nothing of pictures.  The drawing functions enter themselves here when :mod:`bdamper.plot` is loaded, which
 happens at the first picture, so that matplotlib is loaded no earlier.  This is the only import that goes upward.
@@ -6,12 +8,15 @@ happens at the first picture, so that matplotlib is loaded no earlier.  This is 
 
 from __future__ import annotations
 
+import base64
+import html
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 from bdamper.util import validate
+from bdamper.util.errors import BdamperError
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
@@ -55,7 +60,55 @@ def draw(shown: Any, picture: str, *arguments: Any, **options: Any) -> Any:
     raise TypeError(f"there is no picture '{picture}' of {type(shown).__name__}")
 
 
-class Plottable:
+class Fact(NamedTuple):
+    """One line of a table: a name, a number or a text, and its unit."""
+
+    name: str
+    value: float | int | str
+    unit: str = ""
+
+    @property
+    def text(self) -> str:
+        """Value with its unit."""
+        value = f"{self.value:.6g}" if isinstance(self.value, float) else str(self.value)
+        return f"{value} {self.unit}".rstrip()
+
+
+class Summarised:
+    """What a notebook shows as a small table and a picture; a mixin."""
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The few things to know, in order; where there are none, a notebook shows what is printed."""
+        return ()
+
+    def _table(self) -> list[tuple[str, ...]]:
+        """Head, which may be empty, and rows of the table."""
+        return [(), *((fact.name, fact.text) for fact in self.facts())]
+
+    def _shown(self) -> Any:
+        """What the picture is of; None for no picture."""
+        return None
+
+    def _repr_html_(self) -> str:
+        head, *rows = self._table()
+        text = _html_table(head, rows) if rows else f"<pre>{html.escape(str(self))}</pre>"
+        shown = self._shown()
+        try:
+            image = b"" if shown is None else draw(shown, "image")
+        except BdamperError:  # there is nothing to draw, as the text says
+            image = b""
+        source = base64.b64encode(image).decode()
+        return f"<div>{text}" + (f'<img src="data:image/png;base64,{source}">' if image else "") + "</div>"
+
+
+def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    def line(cells: Sequence[str], kind: str) -> str:
+        return "<tr>" + "".join(f'<{kind} style="text-align:left">{html.escape(c)}</{kind}>' for c in cells) + "</tr>"
+
+    return "<table>" + (line(head, "th") if head else "") + "".join(line(row, "td") for row in rows) + "</table>"
+
+
+class Plottable(Summarised):
     """An object with a picture of itself."""
 
     def plot(self, *arguments: Any, **options: Any) -> Any:
@@ -72,3 +125,6 @@ class Plottable:
             What that function returns.
         """
         return draw(self, "plot", *arguments, **options)
+
+    def _shown(self) -> Any:
+        return self

@@ -1,0 +1,124 @@
+"""What differs between two studies or results: settings, model, and what they come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from bdamper.util.errors import SettingError
+from bdamper.util.estimates import percent
+from bdamper.util.plotting import Fact, Summarised
+from bdamper.util.repr import brief, short
+
+MISSING = "not there"
+
+
+@brief
+@dataclass(frozen=True)
+class Differences(Summarised):
+    """What differs between two studies or results.
+
+    Parameters
+    ----------
+    settings : tuple of (name, first, second)
+        Settings that differ, those within others by their whole name ("excitation.amplitude").
+    outcomes : tuple of (first, second)
+        What both results say of the same quantity, as :class:`~bdamper.util.plotting.Fact`, where it differs in the six
+        digits that are printed.
+    kinds : tuple of two str
+        What was compared.
+    """
+
+    settings: tuple[tuple[str, Any, Any], ...]
+    outcomes: tuple[tuple[Fact, Fact], ...]
+    kinds: tuple[str, str]
+
+    def __bool__(self) -> bool:
+        return bool(self.settings or self.outcomes)
+
+    def rows(self) -> list[tuple[str, str, str, str]]:
+        """Name, first, second, and relative change of numbers, as texts."""
+        out = [(name, _text(a), _text(b), _change(a, b)) for name, a, b in self.settings]
+        return out + [(a.name, a.text, b.text, _change(a.value, b.value)) for a, b in self.outcomes]
+
+    def __str__(self) -> str:
+        if not self:
+            return f"{self.kinds[0]} and {self.kinds[1]}: no difference"
+        rows = self.rows()
+        width = [max(len(row[i]) for row in rows) + 2 for i in range(3)]
+        lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[3] for row in rows]
+        return "\n".join([f"{self.kinds[0]} and {self.kinds[1]} differ:", *(f"  {line.rstrip()}" for line in lines)])
+
+    def _table(self) -> list[tuple[str, ...]]:
+        return [("", "first", "second", "change"), *self.rows()]
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else short(value)
+
+
+def _change(a: Any, b: Any) -> str:
+    numbers = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in (a, b))
+    return percent(b / a - 1.0, True) if numbers and a and np.isfinite([a, b]).all() else ""
+
+
+class Comparable(Summarised):
+    """A study or a result that can be compared with another one; a mixin."""
+
+    def compare(self, other: Any) -> Differences:
+        """What differs between this and another study or result: settings, model, and what they come to.
+
+        Parameters
+        ----------
+        other : Study, Curve, OptimalCurve, ...
+            What two of different kinds come to is not compared, but their settings are.
+
+        Returns
+        -------
+        Differences
+            Prints a line for each; the change is from this to the other.  False if there is none.
+
+        Raises
+        ------
+        SettingError
+            If the other is neither.
+        """
+        if not isinstance(other, Comparable):
+            raise SettingError(f"other: expected a study or a result to compare with, found a {type(other).__name__}")
+        same = type(self) is type(other)
+        own, others = ({"model": one._model(), **one._settings()} for one in (self, other))
+        # results of different kinds have settings of their own beside those of the study
+        names = own.keys() | others.keys() if same else own.keys() & others.keys()
+        first, second = (_flat({k: v for k, v in one.items() if k in names}) for one in (own, others))
+        settings = tuple(
+            (name, first.get(name, MISSING), second.get(name, MISSING))
+            for name in dict.fromkeys([*first, *second])
+            if first.get(name, MISSING) != second.get(name, MISSING)
+        )
+        outcomes: tuple[tuple[Fact, Fact], ...] = ()
+        if same:
+            there = {fact.name: fact for fact in other._outcomes()}
+            both = [(fact, there[fact.name]) for fact in self._outcomes() if fact.name in there]
+            outcomes = tuple((a, b) for a, b in both if a.text != b.text)
+        return Differences(settings, outcomes, (type(self).__name__, type(other).__name__))
+
+    def _outcomes(self) -> tuple[Fact, ...]:
+        return self.facts()
+
+    def _settings(self) -> Mapping[str, Any]:
+        found: Mapping[str, Any] = getattr(self, "settings", {})
+        return found
+
+    def _model(self) -> str:
+        return str(getattr(self, "model_hash", ""))
+
+
+def _flat(settings: Mapping[str, Any], before: str = "") -> dict[str, Any]:
+    """Settings within settings by names with dots."""
+    out: dict[str, Any] = {}
+    for name, value in settings.items():
+        out |= _flat(value, f"{before}{name}.") if isinstance(value, Mapping) else {f"{before}{name}": value}
+    return out

@@ -1,0 +1,138 @@
+"""Results as tables, what a notebook shows of them, and what differs between two."""
+
+import csv
+import sys
+from dataclasses import replace
+
+import matplotlib
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.design.sweep import SweepResult
+from bdamper.util.ladder import Ladder, Rung
+from bdamper.util.plotting import Plottable, draws
+from bdamper.util.tables import Tabular
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = bd.reference_model("bladed_disk", 9)
+    return plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(4000.0, (350.0, 358.0))
+
+
+@pytest.fixture(scope="module")
+def swept():
+    points = tuple({"mu": mu, "preload": p} for mu in (0.2, 0.4) for p in (1.0, 2.0, 3.0))
+    values = tuple({"amplitude": p["mu"] * p["preload"], "curve_amplitude": [p["mu"], 0.0]} for p in points)
+    return SweepResult(("mu", "preload"), points, values, ("done",) * 6, np.zeros(6), (2, 3))
+
+
+class TestTables:
+    def test_csv_has_names_units_and_every_digit(self, curve, tmp_path):
+        curve.to_csv(tmp_path / "curve.csv")
+        lines = (tmp_path / "curve.csv").read_text().splitlines()
+        head, *rows = csv.reader(line for line in lines if not line.startswith("#"))
+        assert head[:4] == ["frequency (Hz)", "amplitude (m)", "phase (rad)", "peak_to_peak (m)"]
+        assert len(rows) == len(curve)
+        assert np.array_equal([float(row[1]) for row in rows], curve.amplitude)
+        assert f"# model_hash: {curve.model_hash}" in lines and "# preload: 4000.0" in lines
+
+    def test_csv_without_a_folder_is_refused(self, curve, tmp_path):
+        with pytest.raises(bd.BdamperError, match="expected a folder that exists"):
+            curve.to_csv(tmp_path / "none" / "curve.csv")
+
+    def test_pandas(self, curve):
+        pytest.importorskip("pandas")
+        frame = curve.to_pandas()
+        assert np.array_equal(frame["amplitude"], curve.amplitude)
+        assert frame.attrs["units"]["frequency"] == "Hz" and frame.attrs["preload"] == 4000.0
+
+    def test_xarray(self, curve, swept):
+        pytest.importorskip("xarray")
+        data = curve.to_xarray()
+        assert data["harmonics"].dims == ("point", "harmonic") and data["amplitude"].attrs["units"] == "m"
+        grid = swept.to_xarray()
+        assert float(grid["amplitude"].sel(mu=0.4, preload=3.0)) == pytest.approx(1.2)
+        assert grid["curve_amplitude"].shape == (2, 3, 2)
+
+    @pytest.mark.parametrize("module", ["pandas", "xarray"])
+    def test_what_is_not_installed_is_named(self, curve, module, monkeypatch):
+        monkeypatch.setitem(sys.modules, module, None)
+        with pytest.raises(bd.BdamperError, match=rf"to_{module} needs {module}: install the extra bdamper\[table\]"):
+            getattr(curve, f"to_{module}")()
+
+    def test_of_other_results(self, study, curve, swept):
+        ladder = Ladder(0.05, 1.0, 3, (Rung(3, 1.0, 2.0, 100.0), Rung(5, 1.0, 2.1, 101.0)))
+        limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False, verify=False)
+        cycle, losses = study.hysteresis(curve), study.dissipation(curve)
+        for result in (ladder, swept, limits, cycle, losses, study.contact_map(500.0)):
+            flat = [column for column in result.columns().values() if not column.dims]
+            assert len({len(column.values) for column in flat}) == 1, type(result)
+        assert ladder.columns()["amplitude"].values.tolist() == [2.0, 2.1]
+        assert limits.columns()["preload"].values.tolist() == limits.preload.tolist()
+
+    def test_every_table_has_columns(self):
+        assert all(cls.columns is not Tabular.columns for cls in Tabular.__subclasses__())
+
+
+class TestNotebook:
+    def test_a_table_with_units_and_a_picture(self, study, curve):
+        for shown, line in ((curve, f"{curve.peak.amplitude:.6g} m"), (study, "1 N at tip")):
+            page = shown._repr_html_()
+            assert page.startswith("<div><table>") and line in page and page.count("data:image/png;base64,iVBOR") == 1
+        assert not plt.get_fignums(), "a notebook would show open figures once more"
+
+    def test_what_is_printed_where_there_are_no_facts(self, swept):
+        assert f"<pre>{str(swept).splitlines()[0][:10]}" in swept._repr_html_()
+
+    def test_without_anything_to_draw(self):
+        class Empty(Plottable):
+            def __str__(self):
+                return "a < b"
+
+            def plot(self):
+                raise AssertionError
+
+        draws(Empty)(lambda shown: (_ for _ in ()).throw(bd.SettingError("nothing")))
+        assert Empty()._repr_html_() == "<div><pre>a &lt; b</pre></div>"
+
+    def test_the_peak_of_a_curve_is_called_a_peak(self, study, curve):
+        assert str(curve.peak).startswith(f"peak: {curve.peak.amplitude:.6g} m at {curve.peak.frequency:.6g} Hz (point")
+        assert repr(study.track(2000.0, (360.0, 362.0)).peak).startswith("highest, no peak: 0.00")
+
+
+class TestDifferences:
+    def test_of_studies(self, study):
+        twice = bd.Excitation("tip", amplitude=2.0)
+        other = replace(study, friction_coefficient={"left": 0.4, "right": 0.2}, excitation=twice)
+        found = study.compare(other)
+        assert found.settings == (("friction_coefficient.right", 0.4, 0.2), ("excitation.amplitude", 1.0, 2.0))
+        assert "friction_coefficient.right  0.4  0.2  -50 %" in str(found) and "+100 %" in found._repr_html_()
+        assert not study.compare(replace(study)) and "no difference" in str(study.compare(replace(study)))
+
+    def test_of_curves(self, study, curve):
+        other = study.track(8000.0, (350.0, 358.0))
+        found = curve.compare(other)
+        assert found.settings == ()
+        names = {a.name: (a.value, b.value) for a, b in found.outcomes}
+        assert names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude) and "preload" in names
+        assert not curve.compare(curve)
+
+    def test_settings_of_a_study_and_a_result(self, study, curve):
+        assert not study.compare(curve)
+        assert [name for name, *_ in replace(study, bias=False).compare(curve).settings] == ["bias"]
+
+    def test_with_something_else_is_refused(self, curve):
+        with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
+            curve.compare(1.0)
