@@ -439,7 +439,7 @@ def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] =
     """
     validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
     sources = validate.names("sources", sources, SOURCES)
-    ladder = result.ladder.estimates if result.ladder is not None and "harmonics" in sources else None
+    ladder = result.ladder.estimates(()) if result.ladder is not None and "harmonics" in sources else None
     if ladder is None or not ladder["harmonics"].known:
         return replace(result, error_estimates=estimate_errors(problem, result, sources=sources))
     rest = tuple(source for source in sources if source != "harmonics")

@@ -21,6 +21,7 @@ from bdamper.contact.laws import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
 from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util.errors import SettingError
+from bdamper.util.progress import end_if_asked
 from bdamper.util.repr import brief
 
 OK, NOT_CONVERGED, DIVERGED, SINGULAR, NOT_FINITE = range(5)
@@ -292,6 +293,7 @@ class HarmonicSystem:
 
         It ends without having converged where a Newton step is longer than ``reach`` in scaled unknowns, if that is not 0.
         """
+        end_if_asked()
         y = np.array(y, float)
         tangent = np.zeros_like(y)
         if self.spent:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.envelope import PeakEnvelope
 from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
@@ -249,6 +250,8 @@ def highest_peak(
     check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(problem, preload, frequency, options=options, meter=meter)
+    if not found.whole:  # a coarse curve may step over what a fine one locates
+        found = scan(problem, preload, frequency, options=options, continuation=ContinuationOptions(), meter=meter)
     peaks, ending = found.peaks, found.ending
     if found.above is not None:
         ending += f"; {found.above}"

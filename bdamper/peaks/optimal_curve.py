@@ -226,7 +226,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         checked, low, high = np.array(ranges).reshape(-1, 3).T
         if not len(checked):
             raise SettingError("range_at: expected a curve with a ladder that knows some ranges, found none")
-        preload = validate.number("preload", preload, least=checked[0], most=checked[-1], unit="N")
+        name = "preload, within those that the ladder checks"
+        preload = validate.number(name, preload, least=checked[0], most=checked[-1], unit="N")
         own = self._own_amplitude(np.append(checked, preload))
         ratio = [np.interp(np.log(preload), np.log(checked), edge / own[:-1]) for edge in (low, high)]
         return float(ratio[0] * own[-1]), float(ratio[1] * own[-1])

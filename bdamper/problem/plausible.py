@@ -59,9 +59,9 @@ def check_load(problem: Problem, low: float, high: float | None = None) -> None:
     """Warn of an excitation that is extreme for preloads from ``low`` to ``high`` (N)."""
     amplitude, high = problem.excitation.amplitude, low if high is None else high
     if amplitude > 0.0 and high > 0.0 and (amplitude > EXCITATION[1] * high or amplitude < EXCITATION[0] * low):
-        span = f"{low:g} N" if low == high else f"{low:g} to {high:g} N"
-        found = f"{amplitude:g} N with a preload of {span}"
-        implausible("excitation amplitude", f"{EXCITATION[0]:g} to {EXCITATION[1]:g} times the preload", found)
+        found = f"{low:g} N" if low == high else f"{low:g} to {high:g} N"
+        least, most = 1.0 / EXCITATION[1], 1.0 / EXCITATION[0]
+        implausible("preload", f"{least:g} to {most:g} times the excitation amplitude of {amplitude:g} N", found)
 
 
 def check_interval(problem: Problem, frequency: tuple[float, float], preload: float) -> None:

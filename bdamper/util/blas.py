@@ -8,15 +8,17 @@ work, and is taken back then.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, wraps
-from typing import Any, ParamSpec, TypeVar
+from threading import Lock
+from typing import ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")
 T = TypeVar("T")
+_held = Lock()
 
 
 @cache
@@ -25,10 +27,17 @@ def _controller() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def single_thread() -> AbstractContextManager[Any]:
-    """A context with one thread for linear algebra."""
-    limit: AbstractContextManager[Any] = _controller().limit(limits=1, user_api="blas")
-    return limit
+@contextmanager
+def single_thread() -> Iterator[None]:
+    """A context with one thread for linear algebra, unless another one holds it already."""
+    if not _held.acquire(blocking=False):
+        yield
+        return
+    try:
+        with _controller().limit(limits=1, user_api="blas"):
+            yield
+    finally:
+        _held.release()
 
 
 def one_thread(function: Callable[P, T]) -> Callable[P, T]:

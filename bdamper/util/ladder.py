@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,6 +46,11 @@ class Rung:
     def known(self) -> bool:
         """Whether there is a whole answer."""
         return bool(np.isfinite(self.amplitude))
+
+
+def _spread(values: list[float]) -> float:
+    """Range of values relative to the last one, with the sign of the change from the first to the last."""
+    return float(np.copysign((max(values) - min(values)) / values[-1], values[-1] - values[0]))
 
 
 @brief
@@ -104,18 +110,23 @@ class Ladder(Plottable, Tabular):
         rungs = self.compared
         if len(rungs) < 2:
             return float("nan")
-        values = [[r.amplitude for r in rungs], *([[r.frequency for r in rungs]] if self.by_frequency else [])]
-        return float(max((max(v) - min(v)) / v[-1] for v in values))
+        amplitude, frequency = abs(_spread([r.amplitude for r in rungs])), abs(_spread([r.frequency for r in rungs]))
+        return max(amplitude, frequency) if self.by_frequency else amplitude
 
-    @property
-    def estimates(self) -> ErrorEstimates:
-        """The error by harmonics as one of the estimates by source, of which the others were not asked."""
+    def estimates(self, missing: Sequence[str]) -> ErrorEstimates:
+        """The error by harmonics as one of the estimates by source, beside those that were not asked.
+
+        Changes are as large as the range of the rungs that are compared, with the sign of the change from the first to the
+        last of them; fewer than three give no estimate.
+        """
         own = next((r for r in self.rungs if self._is_answer(r)), Rung(self.answer, self.preload))
-        place = [r.frequency for r in self.compared]
-        shift = (max(place) - min(place)) / place[-1] if place else 0.0
-        found = SourceError("harmonics", self.error, shift, 0.0, self.note, self.seconds)
-        missing = (SourceError(name, np.nan, np.nan, 0.0, "not asked") for name in ("contact points", "modes"))
-        return ErrorEstimates(self.preload, own.frequency, own.amplitude, (found, *missing), self.seconds)
+        rungs = self.compared
+        amplitude = frequency = np.nan
+        if len(rungs) >= COMPARED:
+            amplitude, frequency = _spread([r.amplitude for r in rungs]), _spread([r.frequency for r in rungs])
+        found = SourceError("harmonics", amplitude, frequency, 0.0, self.note, self.seconds)
+        others = (SourceError(name, np.nan, np.nan, 0.0, "not asked") for name in missing)
+        return ErrorEstimates(self.preload, own.frequency, own.amplitude, (found, *others), self.seconds)
 
     @property
     def converged(self) -> bool:
@@ -189,6 +200,8 @@ class Ladder(Plottable, Tabular):
         head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>10}{'time':>10}"
         lines = [self.note, times, head]
         for r in (*self.rungs, *self.others):
+            if r is next(iter(self.others), None):
+                lines.append("  at other preloads")
             place = f"{r.harmonics:>9}{r.preload:>11.5g} N"
             time = f"{r.seconds:>8.2f} s" if r.seconds else f"{'':>10}"
             if r.known:

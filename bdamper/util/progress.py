@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from threading import Event
 from typing import Any, Literal, TypeVar
 
 T = TypeVar("T")
 
+_stop: ContextVar[Event | None] = ContextVar("_stop", default=None)
 _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
@@ -40,6 +42,23 @@ class LongWork:
 def passes_interrupts_on() -> bool:
     """Whether the caller is a part of longer work, which an interruption ends (:class:`LongWork`)."""
     return _passed_on.get()
+
+
+@contextmanager
+def ended_by(stop: Event) -> Iterator[None]:
+    """A context of a thread whose work another one ends by setting ``stop``, an interruption at the next correction."""
+    before = _stop.set(stop)
+    try:
+        yield
+    finally:
+        _stop.reset(before)
+
+
+def end_if_asked() -> None:
+    """Raises KeyboardInterrupt where another thread has asked for it (:func:`ended_by`)."""
+    stop = _stop.get()
+    if stop is not None and stop.is_set():
+        raise KeyboardInterrupt
 
 
 @contextmanager

@@ -154,7 +154,7 @@ def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path)
 def test_the_ladder_of_a_curve_is_its_error_by_harmonics(study, place):
     curve = study.track(*place, tolerance=0.5)
     errors = study.with_errors(curve, sources=["harmonics", "solver"]).error_estimates
-    assert errors["harmonics"].amplitude == curve.ladder.error > 0.0 and errors["solver"].known
+    assert errors["harmonics"].size == curve.ladder.error > 0.0 and errors["solver"].known
     assert study.with_errors(curve, sources=["harmonics"]).error_estimates.line.startswith("estimated error ")
 
 

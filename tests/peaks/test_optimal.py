@@ -534,3 +534,10 @@ def test_preloads_within_an_amplitude(result):
     assert curve.preloads_within(1e-4) == (100.0, 100.0)
     with pytest.raises(bd.BdamperError, match="amplitude: expected"):
         curve.preloads_within(0.9e-4)
+
+
+def test_a_peak_that_a_coarse_curve_steps_over():
+    study = bd.Study(bd.reference_model(), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    peak = study.peak(600.0)
+    assert peak.scan == "complete"
+    assert peak.amplitude == pytest.approx(study.track(600.0, (340.0, 370.0)).peak.amplitude, rel=1e-6)

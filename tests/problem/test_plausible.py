@@ -42,9 +42,9 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
     with pytest.warns(PlausibilityWarning, match=r"frequency: plausible"):
         s.track(2000.0, (1700.0, 1850.0), options=bd.ContinuationOptions(budget=20))
     strong = study(excitation=bd.Excitation("tip", amplitude=1e4))
-    with pytest.warns(PlausibilityWarning, match=r"excitation amplitude: .* to 1 times .*, found 10000 N with .* 2000 N"):
+    with pytest.warns(PlausibilityWarning, match=r"preload: plausible 1 to .* times .* of 10000 N, found 2000 N"):
         strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
-    with pytest.warns(PlausibilityWarning, match=r"excitation amplitude: .* 20 to 200 N"):
+    with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
         check_load(strong, 20.0, 200.0)
 
 

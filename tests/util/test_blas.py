@@ -6,7 +6,7 @@ from threading import Barrier
 import pytest
 from threadpoolctl import ThreadpoolController, threadpool_info, threadpool_limits
 
-from bdamper.util.blas import one_thread
+from bdamper.util.blas import one_thread, single_thread
 from tests.plain import plain_study
 
 
@@ -74,6 +74,23 @@ def test_threads_that_overlap_leave_it_as_it_was():
         still = pool.submit(long)
         pool.submit(short).result()
         last.wait()
+        still.result()
+    assert blas() == {2}
+
+
+def test_a_thread_that_ends_after_the_one_that_limits_leaves_it_as_it_was():
+    inside, left = Barrier(2), Barrier(2)
+
+    @one_thread
+    def worker():
+        inside.wait()
+        left.wait()
+
+    with ThreadPoolExecutor(1) as pool:
+        with single_thread():
+            still = pool.submit(worker)
+            inside.wait()
+        left.wait()
         still.result()
     assert blas() == {2}
 
