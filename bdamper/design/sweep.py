@@ -9,7 +9,8 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
+from concurrent.futures import BrokenExecutor, Executor
+from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import outcomes
+from bdamper.design.workers import run_points
 from bdamper.model.model import Model
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.problem import Problem
@@ -146,7 +147,8 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     values : tuple of mapping
         Answers at each point, empty where there is none.
     status : tuple of str
-        "done", "failed: " with the reason, or "not run" where the sweep was interrupted before.
+        "done", "failed: " with the reason, or "not run" where the sweep was interrupted before, with the reason where that
+        was the end of its executor.
     seconds : (n,) float
         Spent on each point.
     shape : tuple of int
@@ -222,15 +224,13 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
 
     def __str__(self) -> str:
         failed = [s for s in self.status if s.startswith("failed")]
-        left = sum(s == "not run" for s in self.status)
         warned = [w for w in self.warnings if w]
         lines = [
             f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
             f"{len(warned)} with a warning, "
             f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
         ]
-        if left:
-            lines.append(f"  interrupted: {left} of {len(self)} points were not run")
+        lines += interruption(self.status, "points")
         for name in self.quantities:
             array = self.array(name)
             if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
@@ -239,6 +239,12 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         if warned:
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
+
+
+def interruption(status: Sequence[str], what: str) -> list[str]:
+    """One line on how many points were not run and why; none where all were."""
+    left = [s for s in status if s.startswith("not run")]
+    return [f"  interrupted: {len(left)} of {len(status)} {what} were {left[0]}"] if left else []
 
 
 def _named(task: Any) -> str:
@@ -270,7 +276,10 @@ class _Job:
             if rest:
                 problem = vary(problem, rest)
             preload = settings.get("preload")
-            values = dict(self.evaluate(problem, None if preload is None else float(preload)))
+            with LongWork() as work:  # a worker does not know that the point is part of a sweep
+                values = dict(self.evaluate(problem, None if preload is None else float(preload)))
+            if work.interrupted:
+                raise KeyboardInterrupt
             if isinstance(values.get("cost"), Cost):
                 cost = values.pop("cost")
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -339,6 +348,28 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _records(
+    job: _Job, points: Sequence[Mapping[str, Any]], executor: Executor | None, store: ResultsFile | None, progress: bool
+) -> list[dict[str, Any]]:
+    """Records of all points, in the same form whether a point was just computed or read from the file."""
+    records: dict[int | str, dict[str, Any]] = {} if store is None else dict(store.records)
+    todo = [i for i in range(len(points)) if i not in records]
+    not_run = NOT_RUN
+    try:
+        with LongWork(), counter(progress, len(points), len(points) - len(todo), "sweep", "point") as advance:
+
+            def keep(i: int, record: dict[str, Any]) -> None:
+                records[i] = {"index": i, **record}
+                if store is not None and i not in store.records:
+                    store.append(records[i])
+                advance()
+
+            run_points(job, points, todo, executor, keep)
+    except BrokenExecutor as error:
+        not_run = NOT_RUN | {"status": f"not run: {error}"}
+    return [json.loads(as_line(records.get(i, not_run))) for i in range(len(points))]
+
+
 @renamed(results="resume")
 @one_thread
 def sweep(
@@ -383,7 +414,7 @@ def sweep(
     Returns
     -------
     SweepResult
-        After Ctrl-C with the points that were finished by then; the others are "not run".
+        After Ctrl-C, or the death of a worker, with the points that were finished by then; the others are "not run".
 
     Raises
     ------
@@ -401,22 +432,9 @@ def sweep(
     job = _Job(problem, evaluate, model)
     if executor is not None:
         _ = problem.stiffness  # which variants share is made before the job is sent out
-    store = None if resume is None else ResultsFile(resume, _header(job, over, combine))
-    records = {} if store is None else store.records
-    todo = [i for i in range(len(points)) if i not in records]
-    try:
-        with LongWork(), counter(progress, len(points), len(points) - len(todo), "sweep", "point") as advance:
-            for i, record in outcomes(job, points, todo, executor):
-                record = {"index": i, **record}
-                if store is not None:
-                    store.append(record)
-                records[i] = record
-                advance()
-    finally:
-        if store is not None:
-            store.close()
-    # the same form whether a point was just computed or read from the file
-    ordered = [json.loads(as_line(records.get(i, NOT_RUN))) for i in range(len(points))]
+    kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
+    with kept as store:
+        ordered = _records(job, points, executor, store, progress)
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
         names, tuple(points), values, status, np.array(seconds), shape, problem.record(None), problem.model.hash, cost

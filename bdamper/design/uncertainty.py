@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from bdamper.design.sweep import OptimalTask, sweep
+from bdamper.design.sweep import OptimalTask, interruption, sweep
 from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -89,7 +89,7 @@ class RobustOptimum:
     warnings : int
         Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
     status : {"converged", "bracket not narrowed further", "interrupted"}
-        The latter two: the preload is known no better than ``uncertainty``.
+        The latter two: the preload is known no better than ``uncertainty``.  With the reason where the executor ended.
     """
 
     preload: float
@@ -167,7 +167,7 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
         return all(s == "done" for s in self.status)
 
     def __str__(self) -> str:
-        run = np.array([s != "not run" for s in self.status], bool)
+        run = np.array([not s.startswith("not run") for s in self.status], bool)
         missing = int(np.count_nonzero(~np.isfinite(self.amplitude[run])))
         warned = sum(bool(w) for w in self.warnings)
         lines = [
@@ -175,8 +175,7 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
             f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
             f"{f', {warned} draws with a warning' if warned else ''}"
         ]
-        if not run.all():
-            lines.append(f"  interrupted: {np.count_nonzero(~run)} of {len(self)} draws were not run")
+        lines += interruption(self.status, "draws")
         if np.isfinite(self.amplitude).any():
             low, mid, high = self.percentile([5.0, 50.0, 95.0])
             k = int(np.nanargmin(high))
@@ -274,7 +273,7 @@ def robust_optimum(
     Raises
     ------
     BdamperError
-        If a draw has no peak at any preload of a grid.
+        If a draw has no peak at any preload of a grid, or the executor ended within the first.
     KeyboardInterrupt
         If the first grid was interrupted.
     """
@@ -289,10 +288,11 @@ def robust_optimum(
         curve = uncertain_curve(
             problem, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
-        if "not run" in curve.status:
+        left = [s.removeprefix("not run") for s in curve.status if s.startswith("not run")]
+        if left:
             if found is None:
-                raise KeyboardInterrupt
-            return replace(found, status="interrupted")
+                raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
+            return replace(found, status=f"interrupted{left[0]}")
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])

@@ -3,7 +3,8 @@
 The job, a study with its question, takes some megabytes, a task some hundred bytes.  So the job is written to a file that
 tasks name with its digest, and a worker reads it when it meets the digest first.  A worker that does not see the file (on
 another host) hands the task back; as many tasks at a time as there are such workers then carry the job itself, until all of
-them have it.  This asks nothing of an executor but :meth:`concurrent.futures.Executor.submit`.
+them have it; if all carried it, a scheduler would hold it as often as there are points.  This asks nothing of an executor
+but :meth:`concurrent.futures.Executor.submit`.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import os
 import pickle
 import platform
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +22,7 @@ from queue import SimpleQueue
 from typing import Any, Protocol
 
 Record = dict[str, Any]
+Keep = Callable[[int, Record], None]
 
 
 class Job(Protocol):
@@ -78,33 +80,35 @@ class _Tasks:
             self.carriers.add(future)
         future.add_done_callback(self.finished.put)
 
-    def take(self, future: Future[tuple[str, Record | None]]) -> tuple[int, Record | None]:
-        """Number and record of a finished task; one that was handed back is submitted again."""
-        i = self.running.pop(future)
+    def record(self, future: Future[tuple[str, Record | None]]) -> Record | None:
+        """Record of a finished task, None if it was handed back."""
         self.carriers.discard(future)
         worker, record = future.result()
         if record is None:
             self.without.add(worker)
-            self.handed_back.append(i)
+            self.handed_back.append(self.running[future])
         else:
             self.without.discard(worker)
+        return record
+
+    def submit_again(self) -> None:
+        """Submit what was handed back, with the job as long as workers are without it."""
         while self.handed_back and (not self.without or len(self.carriers) < len(self.without)):
             self.submit(self.handed_back.pop(0), bool(self.without))
-        return i, record
 
-    def left(self) -> Iterator[tuple[int, Record]]:
-        """What was finished when the work was interrupted."""
+    def left(self, keep: Keep) -> None:
+        """Keep what was finished when the work ended early."""
         for future, i in self.running.items():
             if not future.cancel() and future.done() and future.exception() is None:
                 record = future.result()[1]
                 if record is not None:
-                    yield i, record
+                    keep(i, record)
 
 
-def outcomes(
-    job: Job, points: Sequence[Mapping[str, Any]], todo: Sequence[int], executor: Executor | None
-) -> Iterator[tuple[int, Record]]:
-    """Numbers and records of the points, in the order in which they are finished.
+def run_points(
+    job: Job, points: Sequence[Mapping[str, Any]], todo: Sequence[int], executor: Executor | None, keep: Keep
+) -> None:
+    """Run points, and keep each as soon as it is finished.
 
     Parameters
     ----------
@@ -114,15 +118,18 @@ def outcomes(
         Numbers of the points to run.
     executor : concurrent.futures.Executor, optional
         One point after another without it.
+    keep : callable
+        Receives number and record of each finished point, in the order in which they are finished; that of one in which
+        it was interrupted once more.
 
     Raises
     ------
-    KeyboardInterrupt
-        After what was finished by then has been yielded.
+    KeyboardInterrupt, concurrent.futures.BrokenExecutor
+        And other errors, after all that was finished by then has been kept.
     """
     if executor is None or not todo:
         for i in todo:
-            yield i, job.run(points[i])
+            keep(i, job.run(points[i]))
         return
     packed: bytes | Job
     try:
@@ -142,11 +149,14 @@ def outcomes(
             for i in todo:
                 tasks.submit(i, carries=not key)
             while tasks.running:
-                i, record = tasks.take(tasks.finished.get())
+                future = tasks.finished.get()
+                record = tasks.record(future)
                 if record is not None:
-                    yield i, record
-        except KeyboardInterrupt:
-            yield from tasks.left()
+                    keep(tasks.running[future], record)
+                del tasks.running[future]  # not before it is kept, which may be interrupted
+                tasks.submit_again()
+        except BaseException:
+            tasks.left(keep)
             raise
         finally:
             for future in tasks.running:

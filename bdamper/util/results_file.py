@@ -115,12 +115,12 @@ class ResultsFile:
         line = as_line(record)
         while line:
             line = line[os.write(self.file, line) :]
-        os.fsync(self.file)
 
     def append(self, record: dict[str, Any]) -> None:
         """Add one finished part, on disk when this returns."""
         self._write(record)
         self.records[record["index"]] = record
+        os.fsync(self.file)
 
     def close(self) -> None:
         os.close(self.file)

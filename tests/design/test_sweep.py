@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +25,9 @@ from bdamper.design.workers import work
 from bdamper.peaks import scan as peakscan
 from bdamper.peaks.optimal import highest_peak, optimal_curve
 from bdamper.problem.variation import study_fingerprint
+from bdamper.util.progress import LongWork
 from tests.models import ground_model, wedge_model
-from tests.plain import plain_study
+from tests.plain import PLAIN, plain_study
 
 INTERVAL = (250.0, 400.0)
 
@@ -44,7 +45,7 @@ import bdamper as bd
 
 if __name__ == "__main__":
     model = bd.reference_model(contact_points=9)
-    study = plain_study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3)
+    study = bd.Study(model, excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.3, **{plain})
     with MPIPoolExecutor() as pool:
         print(json.dumps(bd.sweep(study, over={over}, frequency={interval}, executor=pool).values))
 """
@@ -77,6 +78,36 @@ def stopping_question(study, preload):
     if preload == 300.0:
         raise KeyboardInterrupt
     return {"value": preload}
+
+
+def part_so_far(study, preload):
+    """Ctrl-C within work that returns what it has by then, from 300 N."""
+    with LongWork():
+        stopping_question(study, preload)
+    return {"value": preload}
+
+
+def deadly_question(study, preload):
+    """The end of the worker at 300 N."""
+    if preload == 300.0:
+        os._exit(1)
+    return {"value": preload}
+
+
+class Few(Executor):
+    """Runs some tasks at once, and then breaks."""
+
+    def __init__(self, tasks):
+        self.left = tasks
+
+    def submit(self, function, *arguments):
+        future = Future()
+        self.left -= 1
+        if self.left < 0:
+            future.set_exception(BrokenExecutor("the workers are gone"))
+        else:
+            future.set_result(function(*arguments))
+        return future
 
 
 def thinner(alpha=0.8, seed=0):
@@ -116,7 +147,7 @@ class TestAnswers:
         if mpiexec is None:
             pytest.skip("mpiexec is not installed")
         script = tmp_path / "on_mpi.py"
-        script.write_text(MPI_SCRIPT.format(over=OVER, interval=INTERVAL))
+        script.write_text(MPI_SCRIPT.format(over=OVER, interval=INTERVAL, plain=PLAIN))
         command = [mpiexec, "-n", "2", sys.executable, "-m", "mpi4py.futures", str(script)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
         if done.returncode != 0 and "bdamper" not in done.stderr:
@@ -238,6 +269,36 @@ class TestInterrupted:
             result = bd.sweep(study, self.over, stopping_question, executor=pool)
         assert result.status[:3] == ("done", "done", "not run")
 
+    def test_a_part_interrupted_on_a_worker_alone_is_no_answer(self, study, tmp_path):
+        with ProcessPoolExecutor(1) as pool:
+            pool.submit(os.getpid).result()  # begins the worker outside of the sweep
+            result = bd.sweep(study, self.over, part_so_far, executor=pool, resume=tmp_path / "r.jsonl")
+        assert result.status[:3] == ("done", "done", "not run")
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()[1:]
+        assert not {json.loads(line)["index"] for line in lines} & {2}
+
+    def test_the_end_of_a_worker_keeps_what_is_finished(self, study):
+        with ProcessPoolExecutor(1) as pool:
+            result = bd.sweep(study, self.over, deadly_question, executor=pool)
+        assert result.status[:2] == ("done", "done") and result.array("value")[:2].tolist() == [100.0, 200.0]
+        assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
+        assert "2 of 4 points were not run: A process" in str(result)
+
+    def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
+        """Ctrl-C while a line is forced to disk; all four points are finished by then."""
+        calls = []
+
+        def stop(file):
+            calls.append(file)
+            if len(calls) == 2:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(os, "fsync", stop)
+        result = bd.sweep(study, self.over, residual_norm, executor=Few(4), resume=tmp_path / "r.jsonl")
+        assert result.complete
+        lines = (tmp_path / "r.jsonl").read_text().splitlines()
+        assert sorted(json.loads(line)["index"] for line in lines[1:]) == [0, 1, 2, 3]
+
     def test_an_interrupted_part_is_no_answer(self, study, monkeypatch):
         """A question that tracks a curve: what the curve has so far is not recorded as the answer."""
 
@@ -283,6 +344,11 @@ class TestInterrupted:
         assert (found.rounds, found.status) == (1, "interrupted")
         with pytest.raises(KeyboardInterrupt):
             bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
+        monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", lambda *_, **__: made[0])
+        found = bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(3), **ways)
+        assert (found.rounds, found.status) == (1, "interrupted: the workers are gone")
+        with pytest.raises(bd.BdamperError, match="robust optimum: the workers are gone"):
+            bd.robust_optimum(study, samples, (1e3, 2e3), executor=Few(0), **ways)
 
     @pytest.mark.slow
     def test_a_signal_to_all_processes(self, tmp_path):
@@ -310,7 +376,7 @@ def question(study, preload):
     return {"value": preload}
 
 if __name__ == "__main__":
-    study = plain_study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
+    study = bd.Study(bd.reference_model(contact_points=9), excitation=bd.Excitation("tip"), engine_order=5)
     pool = ProcessPoolExecutor(2)
     print("begins", flush=True)
     result = bd.sweep(study, {"preload": [float(p) for p in range(1, 1001)]}, question, executor=pool)
