@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost
-from bdamper.accuracy.ways import Answer, by_peak, by_tracking
+from bdamper.accuracy.ladders import AccuracyCost, Answer, by_peak, by_tracking
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
@@ -26,6 +25,7 @@ from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import CostMeter
+from bdamper.util.estimates import percent
 from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
 
 ROOT = Path(__file__).parents[1]
@@ -372,6 +372,24 @@ def fill(text: str, name: str, table: str) -> str:
     return re.sub(pattern, lambda m: m.group(1) + table + "\n" + m.group(2), text, flags=re.S)
 
 
+def markdown(result: AccuracyCost) -> str:
+    """Table of a ladder for documents."""
+    names = [name.replace("_", " ") for name in result.varied]
+    steps = ", ".join(f"{name} {percent(e)}" for name, e in zip(names, result.last_steps.values()))
+    richest = ", ".join(f"{name} {value}" for name, value in zip(names, result.richest.values))
+    lines = [
+        f"Against {richest}; its last steps: {steps}.",
+        "",
+        f"| {' | '.join(names)} | error | time (ms) | ratio |",
+        "|---" * (len(names) + 3) + "|",
+    ]
+    for r in sorted(result.runs, key=lambda r: r.seconds):
+        error = "richest" if r is result.richest else f"{r.error:.1e}" if np.isfinite(r.error) else "not known"
+        ratio = r.seconds / result.richest.seconds
+        lines.append(f"| {' | '.join(r.values)} | {error} | {1e3 * r.seconds:.3g} | {ratio:.2g} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default")
@@ -385,7 +403,7 @@ def main() -> None:
             if result.tolerance == ALL:
                 result = replace(result, tolerance=SHOWN)
             print(result, flush=True)
-            table = result.markdown()
+            table = markdown(result)
         else:
             table = TABLES[name]()
             print(table, flush=True)

@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from bdamper.accuracy.estimate import missing_harmonics, points_on_a_face, with_stand_ins
-from bdamper.accuracy.ways import QUANTITIES, Solver
 from bdamper.contact.laws import Sampled
+from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.linear_curve import stuck
-from bdamper.peaks.optimal import peak_interval
+from bdamper.continuation.track import track
+from bdamper.peaks.optimal import highest_peak, peak_interval
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -37,8 +38,31 @@ from bdamper.util.tables import Column, Tabular, from_rows
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
+Answer = tuple[float, float]
+"""Amplitude (m) and frequency (Hz) of the highest peak; not finite if none was found."""
+Solver = Callable[[Problem, float, tuple[float, float]], Answer]
+"""Finds the answer for a study, a preload (N) and an interval of frequencies (Hz), or raises a BdamperError."""
 RICHEST, COMBINED, OWN = "richest", "combination", "the study"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
+
+
+def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+    """The highest point of a tracking curve that is complete."""
+    curve = uninterrupted(track(problem, preload, interval))
+    if not curve.complete:
+        raise BdamperError(f"no whole curve: {curve.reason}")
+    return curve.peak.amplitude, curve.peak.frequency
+
+
+def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+    """A scan that is complete, and the peak condition (:meth:`bdamper.Study.peak`)."""
+    peak = highest_peak(problem, preload, interval)
+    if not peak.converged or peak.scan != "complete":
+        raise BdamperError(f"no peak: status '{peak.status}', scan {peak.scan}")
+    return peak.amplitude, peak.frequency
+
+
+QUANTITIES: dict[str, Solver] = {"curve": by_tracking, "peak": by_peak}
 
 
 @dataclass(frozen=True)
@@ -56,7 +80,9 @@ class Run:
     error : float
         The larger relative difference of both from the richest run; NaN if that is not known.
     seconds : float
-        Of the processor, median of the repeats.
+        Of the processor, median of the repeats; NaN if the study has no such settings.
+    reason : str
+        Why there is no whole answer, as far as it is known.
     """
 
     part: str
@@ -65,6 +91,7 @@ class Run:
     frequency: float
     error: float
     seconds: float
+    reason: str = ""
 
 
 @brief
@@ -157,22 +184,8 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
             marks = [r.part] if r.part in (RICHEST, COMBINED) else []
             marks += [OWN] * (r.values == self.own) + [f"for {percent(self.tolerance)}"] * (r is self.recommended)
             values = "".join(f"{v:>{w}}" for v, w in zip(r.values, width))
-            lines.append(f"  {values}{answer}{error:>9}{r.seconds:>9.3g} s  {', '.join(marks)}".rstrip())
-        return "\n".join(lines)
-
-    def markdown(self) -> str:
-        """Table for documents."""
-        steps = ", ".join(f"{_spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        lines = [
-            f"Against {_text(self.varied, self.richest.values)}; its last steps: {steps}.",
-            "",
-            f"| {' | '.join(map(_spaced, self.varied))} | error | time (ms) | ratio |",
-            "|---" * (len(self.varied) + 3) + "|",
-        ]
-        for r in sorted(self.runs, key=lambda r: r.seconds):
-            error = "richest" if r is self.richest else f"{r.error:.1e}" if np.isfinite(r.error) else "not known"
-            ratio = r.seconds / self.richest.seconds
-            lines.append(f"| {' | '.join(r.values)} | {error} | {1e3 * r.seconds:.3g} | {ratio:.2g} |")
+            seconds = f"{r.seconds:>9.3g} s" if np.isfinite(r.seconds) else f"{'':>11}"
+            lines.append(f"  {values}{answer}{error:>9}{seconds}  {', '.join([*marks, r.reason])}".rstrip(", "))
         return "\n".join(lines)
 
 
@@ -323,18 +336,24 @@ class _Runs:
         if self.report is not None:
             most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
             self.report(_text(tuple(self.ladders), names), len(self.done), max(most, len(self.done) + 1))
-        study = varied(self.problem, changes)
-        if study.static(self.preload).converged:
-            study.system(self.preload)
-        seconds = []
-        for _ in range(self.repeats):
-            begin = time.process_time()
-            amplitude, frequency = self.ask(study, self.preload, self.interval)
-            seconds.append(time.process_time() - begin)
+        amplitude, frequency, seconds, reason = np.nan, np.nan, [], ""
+        try:
+            study = varied(self.problem, changes)
+            if study.static(self.preload).converged:
+                study.system(self.preload)
+            for _ in range(self.repeats):
+                begin = time.process_time()
+                try:
+                    amplitude, frequency = self.ask(study, self.preload, self.interval)
+                finally:
+                    seconds.append(time.process_time() - begin)
+        except BdamperError as failure:  # the other runs, those before it above all, are worth having without it
+            amplitude, frequency, reason = np.nan, np.nan, str(failure)
         against = self.done[0] if self.done else None
         a, f = (amplitude, frequency) if against is None else (against.amplitude, against.frequency)
         error = float(max(abs(amplitude / a - 1.0), abs(frequency / f - 1.0)))
-        self.done.append(Run(part, names, float(amplitude), float(frequency), error, float(np.median(seconds))))
+        spent = float(np.median(seconds)) if seconds else np.nan
+        self.done.append(Run(part, names, float(amplitude), float(frequency), error, spent, reason))
         return self.done[-1]
 
 
@@ -428,8 +447,9 @@ def _search(runs: _Runs, top: Mapping[str, int], tolerance: float) -> None:
     richest = runs.at(RICHEST, top)
     if not np.isfinite(richest.error):
         text = _text(tuple(runs.ladders), richest.values)
+        why = f" ({richest.reason})" if richest.reason else ""
         raise BdamperError(
-            f"no whole answer with the richest settings, {text}, at {runs.preload:g} N: give poorer ones in vary"
+            f"no whole answer with the richest settings, {text}, at {runs.preload:g} N{why}: give poorer ones in vary"
         )
     place, error = dict(top), {}
     for name in top:

@@ -325,10 +325,32 @@ def test_unknown_answers_are_not_recommended(study, place):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
 
 
+def test_runs_that_fail_leave_the_others(study, place, tmp_path):
+    """Settings that a study cannot have, and a quantity that raises an error, after the richest was run."""
+
+    def ask(problem, preload, interval):
+        if problem.harmonic_numbers[-1] == 1:
+            raise bd.BdamperError("no answer with one harmonic")
+        return 1.0, 300.0
+
+    vary = {"harmonics": [1, 2, 3], "evaluation": [bd.Sampled(8), "exact"], "rigid_modes": [("TX",), study.rigid_modes]}
+    found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask)
+    reasons = {r.part: r.reason for r in found.runs if r.reason}
+    assert reasons["harmonics"] == "no answer with one harmonic"
+    assert reasons["evaluation"].startswith("evaluation: expected") and "rigid" in reasons["rigid_modes"]
+    assert found.recommended.values == ("2", "exact", " ".join(study.rigid_modes))
+    assert all(reason in str(found) for reason in reasons.values())
+    found.plot()
+    found.save(tmp_path / "cost.h5")
+    assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
+    with pytest.raises(bd.BdamperError, match=r"no whole answer with the richest settings.*no answer with one harmonic"):
+        bd.accuracy_cost(study, *place, vary={"harmonics": [1]}, quantity=ask)
+
+
 def test_result_prints_plots_and_saves(result, tmp_path):
     text = str(result)
-    assert "the richest itself is uncertain by its last steps: harmonics" in text and ", for 6 %" in text
-    assert result.markdown().count("\n") == 3 + len(result.runs)
+    assert "the richest itself is uncertain by its last steps: harmonics" in text
+    assert sum(line.endswith("for 6 %") for line in text.splitlines()) == 1
     ax = result.plot()
     assert ax.get_xscale() == ax.get_yscale() == "log"
     result.save(tmp_path / "ladders.h5")
