@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.estimate import estimate_errors, points_on_a_face
+from bdamper.accuracy.estimate import estimate_errors
 from bdamper.accuracy.ladders import varied
 from bdamper.continuation.curve import Curve
 from bdamper.effects.indicator import embed_between
@@ -63,7 +63,7 @@ def compare(number: int) -> Compared | None:
         n = int(rng.choice([24, 32, 64, 128, 256]))
         study, changes = replace(study, evaluation=bd.Sampled(n)), {"evaluation": "exact"}
     elif source == "contact points":
-        full = points_on_a_face(study)
+        full = study.most_points
         study = replace(study, contact_points=int(rng.choice([full // 2, full // 3 + 1, full - 1])))
         changes = {"contact_points": full}
     else:

@@ -43,8 +43,9 @@ from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import Estimate, embed_between, estimate_change, estimate_or_unknown
 from bdamper.harmonic_balance.system import OK, HarmonicSystem
 from bdamper.model.model import Model
-from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale
-from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
+from bdamper.peaks.least import AGREES
+from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.peaks.optimal_curve import NOT_VERIFIED, OptimalCurve
 from bdamper.problem.effects import MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -123,11 +124,11 @@ def estimate_errors(
     problem = problem.matching(result.settings)
     location = 0.0, 0.0
     if isinstance(result, OptimalCurve):
-        optimum, curve, why = _at_optimum(problem, result)
-        if why:
-            items = tuple(SourceError(source, np.nan, np.nan, np.inf, why) for source in sources)
-            return ErrorEstimates(curve.preload, optimum.frequency, optimum.amplitude, items, time.perf_counter() - begin)
-        result = curve
+        best, found = result.optimum, _at_optimum(problem, result)
+        if isinstance(found, str):
+            items = tuple(SourceError(source, *_unknown(found)) for source in sources)
+            return ErrorEstimates(best.preload, best.frequency, best.amplitude, items, time.perf_counter() - begin)
+        result = found
     if isinstance(result, Curve):
         check_curve(problem, result)
         preload, amplitude, frequency = result.preload, result.peak.amplitude, result.peak.frequency
@@ -141,21 +142,23 @@ def estimate_errors(
     return ErrorEstimates(preload, frequency, amplitude, items, time.perf_counter() - begin)
 
 
-def _at_optimum(problem: Problem, result: OptimalCurve) -> tuple[OptimumPoint, Curve, str]:
-    """The optimum, a tracking curve at its preload (at any, if it is flat), and why it cannot stand for it, or ""."""
+def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
+    """A tracking curve at the preload of the optimum (at any, if it is flat), or why none can stand for it."""
     n = problem.n_unknowns
     if result.model_hash != problem.model.hash or result.unknowns.shape[1] != n:
         raise SettingError(
             f"result: expected an optimal curve of this model and of this study with {n} unknowns, found another"
         )
     best = result.optimum
-    preload = best.preload if np.isfinite(best.preload) else float(result.preload[-1])
+    if best.kind == "none":
+        return f"the optimal curve has no optimum ({best.status.removeprefix(NOT_VERIFIED)})"
+    preload = float(result.preload[-1]) if best.kind == "flat" else best.preload
     curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
     if not curve.complete:
-        return best, curve, f"no whole curve at the optimum: {curve.reason}"
-    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= 0.01:
-        return best, curve, f"the curve at the optimum has its peak elsewhere, {curve.peak.amplitude:.6g} m"
-    return best, curve, ""
+        return f"no whole curve at {preload:.6g} N: {curve.reason}"
+    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= AGREES:
+        return f"the curve at {preload:.6g} N is highest at {curve.peak.amplitude:.6g} m, not {best.amplitude:.6g} m"
+    return curve
 
 
 def _tops_of(problem: Problem, curve: Curve) -> Tops:
@@ -167,14 +170,13 @@ def _tops_of(problem: Problem, curve: Curve) -> Tops:
         at, height = float(curve.frequency[i]), float(amplitude[i])
         y = np.append(curve.unknowns[i], 2.0 * np.pi * at)
         peak = find_peak(problem.system(curve.preload), y)
-        good = peak.converged and abs(peak.amplitude / height - 1.0) < 0.05 and abs(peak.frequency / at - 1.0) < 0.02
+        residual = float(curve.residual[i])
+        point = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status="converged")
+        good = peak.converged and same_peak(peak, point)
         good = good and not isinstance(problem.evaluation, Sampled)  # samples make many small peaks
         if i == top.index:
             place = "end" if curve.point_kind[i] == "end" else "peak" if good else "corner"
-        if not good or (place == "end" and i == top.index):
-            residual = float(curve.residual[i])
-            peak = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status="converged")
-        found.append(peak)
+        found.append(peak if good and not (place == "end" and i == top.index) else point)
     return Tops(tuple(found), (float(curve.frequency.min()), float(curve.frequency.max())), place)
 
 
@@ -395,29 +397,21 @@ def finer_evaluation(problem: Problem, harmonics: int) -> Problem:
         return replace(problem, evaluation=Sampled(max(problem.evaluation.n_time, 128, 32 * harmonics)))
 
 
-def points_on_a_face(problem: Problem) -> int:
-    """Largest number of contact points on a friction face of the model."""
-    return max((f.n_points for f in problem.model.interfaces.values() if f.kind == "friction"), default=0)
-
-
 def _more_points(problem: Problem) -> Richer | str:
-    full = points_on_a_face(problem)
+    full = problem.most_points
     if problem.contact_points is None or problem.contact_points >= full:
         return "the model has no more contact points"
     return Richer(replace(problem, contact_points=None), f"{full} contact points on a face")
 
 
 def _more_modes(problem: Problem) -> Richer | str:
-    bodies = problem.model.bodies.values()
-    constrained = [min(b.n_modes for b in body.bases.values()) for body in bodies if body.kind == "constrained"]
-    free = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
-    blade, damper = max(constrained, default=0), max(min(free, default=0), problem.damper_modes)
+    blade, damper = problem.most_modes("constrained"), max(problem.most_modes("free"), problem.damper_modes)
     if isinstance(problem.contact_stiffness, ResidualModes) or problem.contact_stiffness == "residual_modes":
         blade = min(blade, max(MORE_MODES, 2 * problem.blade_modes))
         damper = min(damper, max(MORE_MODES, 2 * problem.damper_modes))
     if blade <= problem.blade_modes and damper <= problem.damper_modes:
         return "the model has no more modes"
-    text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if free else "")
+    text = f"{blade} modes" + (f", {damper} elastic modes of the damper" if damper else "")
     return Richer(replace(problem, blade_modes=max(blade, problem.blade_modes), damper_modes=damper), text)
 
 

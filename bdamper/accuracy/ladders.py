@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.accuracy.estimate import missing_harmonics, points_on_a_face, with_stand_ins
+from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.linear_curve import stuck
@@ -216,23 +216,18 @@ def ladder_values(problem: Problem, name: str) -> list[Any]:
         least = 4 * problem.harmonic_numbers[-1] + 4
         return [*(Sampled(n) for n in (32, 64, 128, 256, 512, 1024) if n >= least), "exact"]
     if name == "contact_points":
-        full = points_on_a_face(problem)
+        full = problem.most_points
         return [n for n in (9, 24, 48) if n < full] + [full]
     if name == "blade_modes":
-        most = _most_modes(problem, "constrained")
+        most = problem.most_modes("constrained")
         return [n for n in (5, 10, 20) if n < most] + [min(most, 40)]
     if name == "damper_modes":
-        most = max(_most_modes(problem, "free") - 6, 0)
+        most = problem.most_modes("free")
         return [n for n in (0, 2, 4, 6) if n < most] + [most]
     raise SettingError(
         f"vary: expected a mapping of settings to values, or some of {(*DEFAULT, 'evaluation', 'damper_modes')}, "
         f"found '{name}'"
     )
-
-
-def _most_modes(problem: Problem, kind: str) -> int:
-    bodies = [body for body in problem.model.bodies.values() if body.kind == kind]
-    return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
 
 
 def make_ladders(problem: Problem, vary: Any) -> dict[str, list[Value]]:
@@ -271,7 +266,7 @@ def varied(problem: Problem, changes: Mapping[str, Any]) -> Problem:
     if "harmonics" in changes:
         problem = with_stand_ins(problem, changes.pop("harmonics"))
     points = changes.get("contact_points")
-    if points is not None and points >= points_on_a_face(problem):
+    if points is not None and points >= problem.most_points:
         changes["contact_points"] = None
     return replace(problem, **changes) if changes else problem
 
@@ -438,7 +433,7 @@ def accuracy_cost(
 def _own(problem: Problem, name: str) -> Any:
     """The study's own value of a setting, as ladders count it."""
     if name == "contact_points":
-        return problem.contact_points or points_on_a_face(problem)
+        return problem.contact_points or problem.most_points
     return problem.harmonic_numbers[-1] if name == "harmonics" else getattr(problem, name)
 
 

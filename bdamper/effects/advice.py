@@ -350,8 +350,6 @@ def fullest(problem: Problem) -> Effects:
             break
         most = l
     numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
-    bodies = problem.model.bodies.values()
-    damper = [body.bases[0].n_modes - 6 for body in bodies if body.kind == "free"]
     return replace(
         own,
         harmonics=len(numbers) if numbers[-1] == len(numbers) else numbers,
@@ -360,7 +358,7 @@ def fullest(problem: Problem) -> Effects:
         separation=True,
         rotation=AXES,
         translation=AXES,
-        damper_modes=max([own.damper_modes, min([2, *damper])]) if damper else own.damper_modes,
+        damper_modes=max(own.damper_modes, min(2, problem.most_modes("free"))),
         harmonic_nodal_diameters=True,
         constraints=True,
         contact_points=None,
@@ -369,8 +367,7 @@ def fullest(problem: Problem) -> Effects:
 
 def parts(problem: Problem, effects: Effects) -> list[str]:
     """Names of the single effects among those that are on, as :meth:`Effects.without` takes them, for one model."""
-    faces = [face for face in problem.model.interfaces.values() if face.kind == "friction"]
-    points = max([face.n_points for face in faces], default=1)
+    points = problem.most_points
     points = points if effects.contact_points is None else min(points, effects.contact_points)
     names = ["bias", "variable normal load", "separation"]
     names += [f"harmonics beyond {l}" for l in (1, 3)]

@@ -172,8 +172,7 @@ class Problem(Settings):
         model = replace(self.model, bodies=bodies)
         if self.contact_points is not None:
             model = unite_contact_points(model, self.contact_points)
-        available = [min(b.n_modes for b in body.bases.values()) for body in bodies.values() if body.kind == "constrained"]
-        blade_modes = min([self.blade_modes, *available]) if self.blade_modes > 0 else self.blade_modes
+        blade_modes = min(self.blade_modes, self.most_modes("constrained"))
         modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
         return Coupling(model, self.interface_names(), modes, int(self.engine_order), self.single_basis)
 

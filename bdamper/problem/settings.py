@@ -157,7 +157,7 @@ class Settings:
             validate.choice(f"{name} location", place.location, sorted(self.model.locations))
         self._check_friction()
         validate.fields(self, validate.whole, "engine_order", "damper_modes")
-        validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self._modes_of("constrained")))
+        validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self.most_modes("constrained")))
         validate.fields(self, validate.names, "rigid_modes", choices=RIGID_NAMES)
         switches = ("bias", "variable_normal_load", "separation", "constraints", "single_basis", "stability")
         validate.fields(self, validate.flag, *switches)
@@ -174,17 +174,23 @@ class Settings:
 
     def _check_contact_points(self) -> None:
         """Patches are united, never split: no more contact points than the model has."""
-        most = max((face.n_points for face in self.model.interfaces.values() if face.kind == "friction"), default=1)
+        most = max(self.most_points, 1)
         if self.contact_points is not None and self.contact_points > most:
             raise SettingError(
                 f"contact_points: expected at most {most}, those of a friction face of the model (None for all of them), "
                 f"found {self.contact_points}; the model itself decides how many there are"
             )
 
-    def _modes_of(self, kind: str) -> int:
-        """Modes that every body of a kind has at every nodal diameter; 0 without such a body."""
+    @property
+    def most_points(self) -> int:
+        """Contact points of the friction face of the model that has most of them; 0 without such a face."""
+        return max((face.n_points for face in self.model.interfaces.values() if face.kind == "friction"), default=0)
+
+    def most_modes(self, kind: str) -> int:
+        """Modes that every body of a kind has at every nodal diameter, elastic ones of free bodies; 0 without a body."""
         bodies = [body for body in self.model.bodies.values() if body.kind == kind]
-        return min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
+        modes = min((basis.n_modes for body in bodies for basis in body.bases.values()), default=0)
+        return modes - len(RIGID_NAMES) if bodies and kind == "free" else modes
 
     def _take_effects(self, effects: Effects) -> None:
         own = {f.name: f.default for f in fields(self)}

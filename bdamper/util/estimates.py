@@ -78,11 +78,6 @@ class ErrorEstimates:
         return float(np.nansum([s.size for s in self.sources]))
 
     @property
-    def amplitude_error(self) -> float:
-        """Relative change of the amplitude if all settings were richer, signs kept."""
-        return float(np.nansum([s.amplitude for s in self.sources]))
-
-    @property
     def largest(self) -> SourceError:
         """The source that matters most."""
         return max(self.sources, key=lambda s: -1.0 if np.isnan(s.size) else s.size)
