@@ -508,8 +508,9 @@ class TestWarnings:
     @pytest.fixture
     def short(self, monkeypatch):
         """Scans that stop early."""
-        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, budget=600)
+        options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, budget=450)
         monkeypatch.setattr(peakscan, "coarse_options", lambda: options)
+        monkeypatch.setattr(sys.modules["bdamper.peaks.optimal"], "ContinuationOptions", lambda: options)
 
     def test_a_peak_of_an_incomplete_scan(self, study, short):
         wide = (200.0, 1200.0)
