@@ -18,6 +18,7 @@ from bdamper.continuation import linear_curve
 from bdamper.continuation import track as tracking
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.design import compare as designs
 from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws
@@ -229,6 +230,9 @@ class Study(Problem, Comparable):
     check = advice.check
     compare_laws = laws.compare_laws
     compare_stiffness = methods.compare_stiffness
+
+    # beside other designs
+    compare_designs = designs.compare_designs
 
     # what the contacts do in a cycle
     hysteresis = cycles.hysteresis

@@ -134,6 +134,11 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
         return self.status == "complete"
 
     @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C has ended the curve."""
+        return self.status == "interrupted"
+
+    @property
     def amplitude(self) -> NDArray:
         """(n,) float, m: amplitude of the harmonic of the excitation."""
         return np.abs(self.harmonics[:, 1])

@@ -9,8 +9,11 @@ reference; without one it is the row of least load.  Lines that start with ``#``
 from __future__ import annotations
 
 import csv
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from os import PathLike
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -177,23 +180,11 @@ def load_measured(path: str | PathLike[str]) -> Measured:
         If a column is missing, a row is longer than the header, or a value is not a finite number of at least 0; the
         message names the line.
     """
-    try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            content = list(enumerate(file, 1))
-    except UnicodeDecodeError as error:
-        raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
-    lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise mismatch(str(path), "a header and rows of numbers", "nothing")
-    head = [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+    lines, head = _lines(path)
     if "load" not in head or not {"amplitude", "frequency"} & set(head):
         raise mismatch(f"{path}, line {lines[0][0]}", f"the columns {COLUMNS} (one of the last two)", head)
     values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
-    for number, line in lines[1:]:
-        row = next(csv.reader([line]))
-        if len(row) > len(head):
-            expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
-            raise mismatch(f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
+    for number, row in _rows(path, lines, head):
         for name in COLUMNS:
             text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
             try:
@@ -204,9 +195,101 @@ def load_measured(path: str | PathLike[str]) -> Measured:
                 expected = f"a finite number of at least 0 in column '{name}'"
                 raise mismatch(f"{path}, line {number}", expected, f"'{text}'")
             values[name].append(value)
+    return Measured(**{name: np.array(column) for name, column in values.items()}, source=str(path))
+
+
+def _lines(path: str | PathLike[str]) -> tuple[list[tuple[int, str]], list[str]]:
+    """Numbered lines of a CSV file without comments and empty ones, and the names in the first of them in small letters."""
+    if Path(path).is_dir():
+        raise mismatch(str(path), "a CSV file", "a folder")
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            content = list(enumerate(file, 1))
+    except UnicodeDecodeError as error:
+        raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
+    lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise mismatch(str(path), "a header and rows of numbers", "nothing")
+    return lines, [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
+
+
+def _rows(path: str | PathLike[str], lines: list[tuple[int, str]], head: list[str]) -> Iterator[tuple[int, list[str]]]:
+    """Numbers of lines and values of the rows after the header."""
+    for number, line in lines[1:]:
+        row = next(csv.reader([line]))
+        if len(row) > len(head):
+            expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
+            raise mismatch(f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
+        yield number, row
     if len(lines) == 1:
         raise mismatch(str(path), "rows of numbers after the header", "none")
-    return Measured(**{name: np.array(column) for name, column in values.items()}, source=str(path))
+
+
+ANGLES = {"": 1.0, "rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}
+"""Units of phase in radians."""
+
+
+def read_response(path: str | PathLike[str], *, unit: str | None = None, name: str | None = None) -> Measurement:
+    """Read a measured response over frequency from a CSV file.
+
+    The header names the columns, with their units in brackets: ``frequency (Hz)``, and ``amplitude (mm)`` with or without
+    ``phase (deg)``, or ``real (m)`` and ``imag (m)``.  Other columns are left alone and lines that start with ``#`` are
+    comments, so that what ``curve.to_csv`` has written is read, too.
+
+    Parameters
+    ----------
+    path : path-like
+    unit : str, optional
+        Of the amplitude, where the header names none.
+    name : str, optional
+        In legends; that of the file by default.
+
+    Returns
+    -------
+    Measurement
+        ``measurement.plot(ax=...)`` lays it over curves.
+
+    Raises
+    ------
+    BdamperError
+        If a column is missing, or a value is not a finite number; the message names the line.
+    """
+    lines, head = _lines(path)
+    units: dict[str, tuple[int, str]] = {}
+    for k, text in enumerate(head):
+        found = re.fullmatch(r"(\w+)\s*(?:[(\[](.*)[)\]])?", text)
+        if found:
+            units.setdefault(found[1], (k, (found[2] or "").strip()))
+    first = "real" if {"real", "imag"} <= units.keys() else "amplitude"
+    where = f"{path}, line {lines[0][0]}"
+    if not {"frequency", first} <= units.keys():
+        raise mismatch(where, "the columns frequency and amplitude, or frequency, real and imag", head)
+    second = "imag" if first == "real" else "phase"
+    columns = ["frequency", first, *([second] if second in units else [])]
+    for column, known in (("frequency", ("", "hz")), ("phase", tuple(ANGLES))):
+        if column in columns and units[column][1] not in known:
+            raise mismatch(where, f"the {column} in one of {[u for u in known if u]}", f"'{units[column][1]}'")
+    values = []
+    for number, row in _rows(path, lines, head):
+        texts = [row[units[column][0]] if units[column][0] < len(row) else "" for column in columns]
+        values.append([_finite(text, f"{path}, line {number}", column) for text, column in zip(texts, columns)])
+    frequency, size, *rest = np.array(values).T
+    response = size.astype(complex)
+    if rest:
+        turn = np.exp(1j * ANGLES[units["phase"][1]] * rest[0]) if second == "phase" else None
+        response = size + 1j * rest[0] if turn is None else size * turn
+    own = unit if unit is not None else units[first][1]
+    return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
+
+
+def _finite(text: str, where: str, column: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise mismatch(where, f"a finite number in column '{column}'", f"'{text}'")
+    return value
 
 
 def goodness_of_fit(load: NDArray, predicted: NDArray, measured_load: NDArray, measured: NDArray) -> Fit:

@@ -30,6 +30,7 @@ from bdamper.plot.curves import (
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
 from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
+from bdamper.plot.together import plot_designs, plot_together
 
 __all__ = [
     "animate_damper",
@@ -42,6 +43,7 @@ __all__ = [
     "plot_contact_map",
     "plot_curve",
     "plot_curves",
+    "plot_designs",
     "plot_dissipation",
     "plot_energy",
     "plot_history",
@@ -61,6 +63,7 @@ __all__ = [
     "plot_stiffness",
     "plot_surfaces",
     "plot_sweep",
+    "plot_together",
     "plot_uncertain",
     "plot_verification",
     "save_figure",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from bdamper.io.measured import Measured, goodness_of_fit, load_measured
+from bdamper.io.measured import Measured, Measurement, goodness_of_fit, load_measured, read_response
 from bdamper.util.errors import BdamperError
 
 
@@ -84,3 +84,36 @@ def test_goodness_of_fit_in_closed_form():
     assert fit.r_squared == pytest.approx(1.0 - rest / spread)
     with pytest.raises(BdamperError, match="expected measured loads between 1 and 100"):
         goodness_of_fit(load, predicted, np.array([1e4]), np.array([1.0]))
+
+
+def test_a_response_with_units_and_phase(tmp_path):
+    path = write(tmp_path, "# rig 7\nPoint,Frequency (Hz),Amplitude [µm],Phase (deg)\na,340,20,90\nb,341,30,-180\n")
+    found = read_response(path)
+    assert found.response == pytest.approx([20j, -30.0]) and found.frequency.tolist() == [340.0, 341.0]
+    assert found.metres == 1e-6 and found.name == path.stem
+    plain = read_response(write(tmp_path, "real,imag,frequency\n3,4,100\n"), unit="mm", name="rig")
+    assert plain.amplitude.tolist() == [5.0] and (plain.metres, plain.name) == (1e-3, "rig")
+
+
+def test_a_response_that_was_written_is_read(tmp_path):
+    Measurement("rig", np.array([1.0, 2.0]), np.array([3.0 + 4.0j, 1.0])).to_csv(tmp_path / "rig.csv")
+    found = read_response(tmp_path / "rig.csv")
+    assert found.response == pytest.approx([3.0 + 4.0j, 1.0], rel=1e-15) and found.unit == "m"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("amplitude\n1\n", r"line 1: expected the columns frequency and amplitude, or frequency, real and imag, found"),
+        ("frequency (rpm),amplitude\n1,2\n", r"line 1: expected the frequency in one of \['hz'\], found 'rpm'"),
+        ("frequency,amplitude\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
+        ("frequency,amplitude\n1\n", "line 2: expected a finite number in column 'amplitude', found ''"),
+        ("frequency,amplitude\n1,2,3\n", "line 2: expected 2 values separated by commas"),
+        ("frequency,amplitude\n", "expected rows of numbers after the header, found none"),
+    ],
+)
+def test_a_response_that_cannot_be_read(tmp_path, text, message):
+    with pytest.raises(BdamperError, match=message):
+        read_response(write(tmp_path, text))
+    with pytest.raises(BdamperError, match="expected a CSV file, found a folder"):
+        read_response(tmp_path)
