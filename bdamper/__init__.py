@@ -13,6 +13,7 @@ from bdamper.design.uncertainty import draw, robust_optimum, uncertain_curve
 from bdamper.effects.microslip import microslip
 from bdamper.io import load_model, save_model
 from bdamper.io.model_file import reference_model
+from bdamper.masses import Contact, lumped
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import Excitation, Response
 from bdamper.model.misfit import misfit
@@ -48,6 +49,8 @@ __all__ = [  # noqa: RUF022
     "reference_model",
     "load_model",
     "save_model",
+    "lumped",
+    "Contact",
     "prescribe_preload",
     "misfit",
     # many variants of a question

@@ -21,6 +21,17 @@ void bd_evaluator_destroy(bd_evaluator *evaluator) {
     bd_coulomb_destroy(&evaluator->coulomb);
 }
 
+/* Springs instead of what the evaluators, which know contacts alone, made of them. */
+static void cubic_springs(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
+                          const bd_evaluator *evaluator) {
+    const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
+    for (int i = 0; i < n; ++i) {
+        if (element[i].law != BD_LAW_CUBIC) continue;
+        bd_element_cubic(element + i, evaluator->n_harm, x + (size_t)i * size, out + i);
+        share[i] = (bd_status_share){{0.0, 0.0}, {0.0, 0.0}, 0.0};
+    }
+}
+
 void bd_contact_evaluate_many(int n, const bd_element *element, const double *x, bd_response *out, bd_status_share *share,
                               bd_evaluator *evaluator) {
     const size_t size = 3 * (size_t)bd_n_coef(evaluator->n_harm);
@@ -29,12 +40,14 @@ void bd_contact_evaluate_many(int n, const bd_element *element, const double *x,
     if (evaluator->evaluation == BD_EXACT) {
         for (int i = 0; i < n; ++i)
             bd_event_evaluate(element + i, x + (size_t)i * size, out + i, share + i, &evaluator->event);
+        cubic_springs(n, element, x, out, share, evaluator);
         return;
     }
     bd_sampled_evaluate(n, element, x, out, share, &evaluator->sampled);
     evaluator->latest_is_coupled = 0;
     for (int i = 0; i < n; ++i) evaluator->latest_is_coupled |= bd_law_is_coupled(element[i].law);
     if (evaluator->latest_is_coupled) bd_coulomb_evaluate(n, element, x, out, share, &evaluator->coulomb);
+    cubic_springs(n, element, x, out, share, evaluator);
 }
 
 void bd_contact_evaluate(const bd_element *element, const double *x, bd_response *out, bd_status_share *share,

@@ -20,10 +20,15 @@
  *
  * because the force is continuous where the state changes, so that moving those instants has no effect of first order.
  * Rows are scaled by 1/(2 pi) for the mean and 1/pi for the harmonics.  A quadrature in place of the integrals gives the
- * sampled evaluation with the same formulas. */
+ * sampled evaluation with the same formulas.
+ *
+ * A cubic spring T = k u^3 has dT = 3 k u^2 du, so its tangent is three times the matrix of products with the weight
+ * k u^2, E_n = int k u^2 exp(i n theta).  With u = sum_n a_n exp(i n theta) the weight has the coefficients
+ * k sum_m a_m a_{n-m}, none beyond 2 n_harm. */
 #include "bd_element.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 void bd_cycle_clear(bd_cycle *cycle) {
@@ -157,6 +162,71 @@ void bd_element_open(const bd_element *element, int n_harm, bd_response *out) {
     memset(out->F, 0, sizeof(double) * 3 * (size_t)bd_n_coef(n_harm));
     out->tangential[0] = out->tangential[1] = out->normal = BD_BLOCK_ZERO;
     out->coupled = out->with_normal[0] = out->with_normal[1] = 0;
+}
+
+/* Real and imaginary part of a_n = conj a_{-n}; zero beyond n_harm. */
+static double real_part(const double *u, int n_harm, int n) {
+    const int l = abs(n);
+    return l > n_harm ? 0.0 : l == 0 ? u[0] : 0.5 * u[2 * l - 1];
+}
+
+static double imaginary_part(const double *u, int n_harm, int n) {
+    const int l = abs(n);
+    return l > n_harm || l == 0 ? 0.0 : (n > 0 ? -0.5 : 0.5) * u[2 * l];
+}
+
+/* E_n of the weight k u^2, which is 2 pi times the conjugate of its coefficient n. */
+static void weight_of_cubic(double k, int n_harm, const double *u, double *E) {
+    for (int n = 0; n <= 2 * n_harm; ++n) {
+        double re = 0.0, im = 0.0;
+        for (int m = n - n_harm; m <= n_harm; ++m) {
+            const double a = real_part(u, n_harm, m), b = imaginary_part(u, n_harm, m);
+            const double c = real_part(u, n_harm, n - m), d = imaginary_part(u, n_harm, n - m);
+            re += a * c - b * d;
+            im += a * d + b * c;
+        }
+        E[2 * n] = k * BD_TWO_PI * re;
+        E[2 * n + 1] = -k * BD_TWO_PI * im;
+    }
+    E[1] = E[0];
+}
+
+/* Projection of the weight times u, row by row of the products. */
+static void force_of_weight(int n_harm, const double *E, const double *u, double *F) {
+    for (int l = 0; l <= n_harm; ++l) {
+        double re = 0.0, im = 0.0; /* coefficient l of the product, times 2 pi */
+        for (int m = -n_harm; m <= n_harm; ++m) {
+            const int k = l - m, at = 2 * abs(k); /* at most 2 n_harm */
+            const double a = E[at], b = k == 0 ? 0.0 : (k > 0 ? -E[at + 1] : E[at + 1]);
+            const double c = real_part(u, n_harm, m), d = imaginary_part(u, n_harm, m);
+            re += a * c - b * d;
+            im += a * d + b * c;
+        }
+        if (l == 0) {
+            F[0] = re / BD_TWO_PI;
+        } else {
+            F[2 * l - 1] = re / BD_PI;
+            F[2 * l] = -im / BD_PI;
+        }
+    }
+}
+
+void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd_response *out) {
+    const size_t n = (size_t)bd_n_coef(n_harm);
+    double E[4 * BD_MAX_HARM + 2];
+    bd_element_open(element, n_harm, out);
+    for (int d = 0; d < 2; ++d) {
+        const double *u = x + (size_t)d * n;
+        double *F = out->F + (size_t)d * n;
+        if (element->kt[d] == 0.0) continue;
+        weight_of_cubic(element->kt[d], n_harm, u, E);
+        force_of_weight(n_harm, E, u, F);
+        if (!out->dT[d]) continue;
+        bd_cycle_products(n_harm, E, out->dT[d]);
+        for (size_t i = 0; i < n; ++i)
+            for (size_t j = 0; j < n; ++j) out->dT[d][i * n + j] *= 3.0 * row_scale((int)i);
+        out->tangential[d] = BD_BLOCK_FULL;
+    }
 }
 
 static void set_diagonal(double *block, int n_coef, double value) {

@@ -11,9 +11,10 @@ typedef enum {
                           /* two-sided: what a contact does that stays closed and hardly changes its load */
     BD_LAW_COUPLED = 3,   /* the friction force lies in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
-    BD_LAW_BONDED = 5            /* linear springs in all directions and both senses */
+    BD_LAW_BONDED = 5,           /* linear springs in all directions and both senses */
+    BD_LAW_CUBIC = 6             /* T_d = kt_d u_d^3, kt in N/m3; no normal spring, kn and n0 are not read */
 } bd_law;
-enum { BD_N_LAW = 6 };
+enum { BD_N_LAW = 7 };
 
 typedef struct {
     bd_law law;
@@ -34,7 +35,8 @@ static inline int bd_law_is_two_sided(bd_law law) { return law == BD_LAW_BONDED 
 
 /* Whether direction d carries friction at all. */
 static inline int bd_element_rubs(const bd_element *e, int d) {
-    if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || !(e->mu > 0.0) || !(e->kt[d] > 0.0)) return 0;
+    if (e->law == BD_LAW_NORMAL || e->law == BD_LAW_BONDED || e->law == BD_LAW_CUBIC) return 0;
+    if (!(e->mu > 0.0) || !(e->kt[d] > 0.0)) return 0;
     return !bd_law_is_constant(e->law) || e->load > 0.0;
 }
 
@@ -106,6 +108,9 @@ void bd_cycle_normal(const bd_element *element, int n_harm, const double *contac
 void bd_element_closed(const bd_element *element, int n_harm, const double *v, bd_response *out);
 void bd_element_stuck(const bd_element *element, int n_harm, int d, const double *u, bd_response *out);
 void bd_element_open(const bd_element *element, int n_harm, bd_response *out);
+
+/* Cubic springs, exact for the truncated motion x (3, n_coef). */
+void bd_element_cubic(const bd_element *element, int n_harm, const double *x, bd_response *out);
 
 /* Writes the blocks that an evaluation left out because they are zero or diagonal. */
 void bd_element_write_blocks(const bd_element *element, int n_harm, bd_response *out);

@@ -143,6 +143,18 @@ def contact(x, kt, kn, mu, n0, w):
     return force
 
 
+def cubic(x, kt):
+    """Force coefficients (3, n_coef) of the springs kt u^3 along both tangential directions, to rounding."""
+    h = x.shape[1] // 2
+    theta = 2 * np.pi * np.arange(8 * h + 8) / (8 * h + 8)  # products of four polynomials are integrated exactly
+    b = basis(theta, h)
+    force = np.zeros_like(x)
+    for d in range(2):
+        force[d] = 2 * np.mean(kt[d] * (b @ x[d])[:, None] ** 3 * b, axis=0)
+    force[:, 0] *= 0.5
+    return force
+
+
 def contact_sampled(x, kt, kn, mu, n0, w, n_time, interpolate, periods=2):
     """The clip law at n_time samples, marched over two periods."""
     h = x.shape[1] // 2

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from bdamper.util import validate
 
-LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED = range(6)
+LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC = range(7)
 MAX_SAMPLES = 1 << 20
 """Samples per period that the core takes at most."""
 

@@ -25,7 +25,8 @@ class PointArrays:
         An infinite slider asks for that end of the interval of admissible ones where a point never slips.
     law : (n_points,) int
         LAW_SEPARABLE, LAW_NORMAL (no friction), LAW_CONSTANT (friction limited by ``load``, two-sided normal spring),
-        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs).
+        LAW_COUPLED, LAW_COUPLED_CONSTANT (friction force in a disk), LAW_BONDED (linear springs),
+        LAW_CUBIC (``kt u^3`` along both tangential directions, kt in N/m3, and nothing else).
     shift : (n_points, 3) float, m
         Constant part of (u1, u2, v) that the modes do not carry.
     load : (n_points,) float, N, optional

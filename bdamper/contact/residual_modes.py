@@ -102,6 +102,7 @@ class ResidualBasis:
             damping_ratio=np.concatenate([basis.damping_ratio, self.damping_ratio]),
             G=np.concatenate([basis.G, self.G], axis=2),
             mass=np.concatenate([basis.mass, self.mass]),
+            drag=np.concatenate([np.broadcast_to(basis.drag, basis.omega2.shape), np.zeros(n)]),
         )
 
 

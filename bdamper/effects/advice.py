@@ -380,7 +380,8 @@ def parts(problem: Problem, effects: Effects) -> list[str]:
         loaded = any(body.load is not None for body in problem.model.bodies.values())
         names += [f"translation {axis}" for axis in AXES if not (loaded and axis == "Y")]  # Y is along the preload
         names.append("damper modes beyond 0")
-    names += [f"blade modes beyond {effects.blade_modes // 2}"] if effects.blade_modes > 1 else []
+    blades = any(body.kind == "constrained" for body in problem.model.bodies.values())
+    names += [f"blade modes beyond {effects.blade_modes // 2}"] if blades and effects.blade_modes > 1 else []
     names += [f"contact points beyond {points // 2}"] if points > 1 else []
     return [name for name in names if effects.without(name) != effects]
 

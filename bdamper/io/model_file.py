@@ -51,12 +51,14 @@ PHASE_CONVENTION = "u(k+1) = Rz(-2 pi/N) u(k) exp(+i 2 pi d/N), k toward +X"
 UNITS = {
     "omega2": "rad2/s2",
     "damping_ratio": "1",
+    "drag": "1/s",
     "modes": "kg^-1/2",
     "locations": "kg^-1/2",
     "flexibility": "m/N",
     "mass": "kg",
     "centre": "m",
     "inertia": "kg m2",
+    "constant_force": "N kg^-1/2",
     "direction": "1",
     "generalised": "kg^-1/2",
     "displacement": "m/N",
@@ -212,7 +214,7 @@ def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
     ports = [f"{interface}.{side}".encode() for interface, side in body.ports]
     longest = max((len(port) for port in ports), default=1)
     group.attrs.create("ports", np.array(ports, dtype=f"S{longest}"), dtype=h5py.string_dtype(length=longest))
-    for key in ("mass", "centre", "inertia"):
+    for key in ("mass", "centre", "inertia", "constant_force"):
         value = getattr(body, key)
         if value is not None:
             _write(group, key, np.asarray(value, dtype=float))
@@ -234,6 +236,8 @@ def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis)
         _write(locations, name, values, "locations")
     if basis.flexibility is not None:
         _write(group, "flexibility", basis.flexibility)
+    if basis.drag is not None:
+        _write(group, "drag", basis.drag)
 
 
 def _new_group(parent: h5py.Group, name: str) -> h5py.Group:
@@ -348,7 +352,7 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
             others.append(name)
         else:
             bases[int(match[1])] = name
-    _check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load"])
+    _check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load", "constant_force"])
     ports = _read_ports(group, interfaces)
     return Body(
         name=_own_name(group),
@@ -359,6 +363,7 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
         centre=_read(group, "centre") if "centre" in others else None,
         inertia=_read(group, "inertia") if "inertia" in others else None,
         load=_read_part(_subgroup(group, "load"), _LOAD) if "load" in others else None,
+        constant_force=_read(group, "constant_force") if "constant_force" in others else None,
     )
 
 
@@ -380,7 +385,7 @@ def _read_ports(group: h5py.Group, interfaces: Mapping[str, Interface]) -> tuple
 def _read_basis(
     group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]
 ) -> ModalBasis:
-    _check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility"])
+    _check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility", "drag"])
     omega2 = _read(group, "omega2")
     n_modes = len(omega2)
     modes = _subgroup(group, "modes")
@@ -400,6 +405,7 @@ def _read_basis(
         contact_modes=np.concatenate(parts) if parts else np.zeros((0, 3, n_modes)),
         locations=locations,
         flexibility=_read(group, "flexibility") if "flexibility" in group else None,
+        drag=_read(group, "drag") if "drag" in group else None,
     )
 
 

@@ -57,6 +57,8 @@ class HarmonicBasis:
     G : (n_points, 3, n_modes) complex
         Relative motion (u1, u2, v) at the contact points of all interfaces.
     nodal_diameter : int
+    drag : (n_modes,) float or 0.0
+        Viscous modal damping besides that of the damping ratios.
     """
 
     coordinates: tuple[Coordinate, ...]
@@ -65,6 +67,7 @@ class HarmonicBasis:
     G: NDArray
     nodal_diameter: int
     mass: NDArray
+    drag: NDArray | float = 0.0
 
     @property
     def n_modes(self) -> int:
@@ -73,7 +76,7 @@ class HarmonicBasis:
     @property
     def damping(self) -> NDArray:
         """(n_modes,) viscous modal damping."""
-        return 2.0 * self.damping_ratio * np.sqrt(self.omega2 * self.mass)
+        return np.asarray(2.0 * self.damping_ratio * np.sqrt(self.omega2 * self.mass) + self.drag)
 
 
 def body_axes(body: Body) -> NDArray:
@@ -234,7 +237,7 @@ class Coupling:
             If the model lacks the nodal diameter that this harmonic excites.
         """
         coordinates: list[Coordinate] = []
-        omega2, damping, G = [], [], []
+        omega2, damping, drag, G = [], [], [], []
         diameter = 0
         for body, basis, keep in self._moving(harmonic):
             if body.kind == "constrained":
@@ -245,6 +248,7 @@ class Coupling:
             G.append(placed)
             omega2.append(basis.omega2[keep])
             damping.append(basis.damping_ratio[keep])
+            drag.append(np.zeros(len(keep)) if basis.drag is None else basis.drag[keep])
             coordinates += [Coordinate(body.name, int(i), _mode_name(body, int(i))) for i in keep]
         stiffness = np.concatenate(omega2)
         return HarmonicBasis(
@@ -254,6 +258,7 @@ class Coupling:
             np.concatenate(G, axis=2),
             diameter,
             np.ones_like(stiffness),
+            np.concatenate(drag),
         )
 
     def no_basis(self) -> HarmonicBasis:
@@ -315,6 +320,14 @@ class Coupling:
             ratio.append(basis.damping_ratio[rest])
         return np.concatenate(G, axis=1), np.concatenate(omega2), np.concatenate(ratio)
 
+    def constant_force(self) -> NDArray:
+        """(n_modes,) modal static force that does not scale with the load."""
+        forces = [
+            np.zeros(len(keep)) if body.constant_force is None else body.constant_force[keep]
+            for body, _, keep in self._moving(0)
+        ]
+        return np.concatenate(forces)
+
     def load(self) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and elastic displacement (n_points, 3) of (u1, u2, v), per newton of static load.
 
@@ -372,4 +385,6 @@ def retained_modes(
                 raise SettingError(f"damper_modes: expected 0 to {have} (body '{body.name}'), found {damper_modes}")
             keep = [RIGID_NAMES.index(name) for name in RIGID_NAMES if name in rigid]
             out[body.name] = np.array(keep + list(range(6, 6 + damper_modes)), int)
+        elif body.kind == "lumped":
+            out[body.name] = np.arange(body.bases[0].n_modes)
     return out

@@ -1,7 +1,8 @@
 """The structure: bodies, their modes, and the interfaces at which they touch (paper, section 2.1).
 
 A *body* is constrained (a blade with its disk sector), free (a damper: six rigid-body modes first, then
-elastic ones) or the ground (rigid, without modes).  Its motion is a modal superposition, one modal basis for
+elastic ones), lumped (masses with all their modes, some of which may have the frequency 0) or the ground (rigid, without
+modes).  Its motion is a modal superposition, one modal basis for
 each nodal diameter ``d``; a free body and an acyclic structure (``n_blades = 1``) have ``d = 0`` only.
 
 An *interface* is a set of contact points between ``body_a`` and ``body_b``.  Each body meets each interface in a
@@ -62,6 +63,8 @@ class ModalBasis:
         Hermitian static receptance of the full finite element model between the contact points, patch-averaged
         force to patch-averaged displacement; for a free body, that of the elastic deformation with inertia relief
         (orthogonal to the rigid-body modes in the mass matrix).
+    drag : (n_modes,) float, 1/s, optional
+        Viscous damping besides that of the damping ratios: of modes without stiffness, or beyond critical damping.
     """
 
     omega2: NDArray
@@ -69,6 +72,7 @@ class ModalBasis:
     contact_modes: NDArray
     locations: Mapping[str, NDArray] = field(default_factory=dict)
     flexibility: NDArray | None = None
+    drag: NDArray | None = None
 
     @property
     def n_modes(self) -> int:
@@ -112,7 +116,7 @@ class Body:
     Parameters
     ----------
     name : str
-    kind : {"constrained", "free", "ground"}
+    kind : {"constrained", "free", "lumped", "ground"}
     ports : tuple of Port
         The order in which contact points are stacked in every array of this body.
     bases : mapping of nodal diameter to ModalBasis
@@ -120,16 +124,19 @@ class Body:
     mass, centre, inertia : float (kg), (3,) m, (3, 3) kg m2 about the centre
         Of a free body.
     load : BodyLoad, optional
+    constant_force : (n_modes,) float, N kg^-1/2, optional
+        Modal static force that does not scale with the load, on a body without static flexibility.
     """
 
     name: str
-    kind: Literal["constrained", "free", "ground"]
+    kind: Literal["constrained", "free", "lumped", "ground"]
     ports: tuple[Port, ...] = ()
     bases: Mapping[int, ModalBasis] = field(default_factory=dict)
     mass: float | None = None
     centre: NDArray | None = None
     inertia: NDArray | None = None
     load: BodyLoad | None = None
+    constant_force: NDArray | None = None
 
 
 @brief
@@ -140,8 +147,8 @@ class Interface:
     Parameters
     ----------
     name : str
-    kind : {"friction", "constraint"}
-        A constraint is frictionless and one-sided.
+    kind : {"friction", "constraint", "cubic"}
+        A constraint is frictionless and one-sided.  A cubic one has springs ``k u^3`` along t1 and t2, none along n.
     body_a, body_b : str
     sector_a, sector_b : int
         Sector in which the side lies, relative to the reference sector: 0 or ±1.
@@ -155,7 +162,7 @@ class Interface:
     """
 
     name: str
-    kind: Literal["friction", "constraint"]
+    kind: Literal["friction", "constraint", "cubic"]
     body_a: str
     sector_a: int
     body_b: str
@@ -327,6 +334,8 @@ def feed_digest(digest: Any, key: str, value: object) -> None:
             feed_digest(digest, f"{key}/{name}", value[name])
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
-            feed_digest(digest, f"{key}.{item.name}", getattr(value, item.name))
+            part = getattr(value, item.name)
+            if not (part is None and item.name in ("constant_force", "drag")):  # earlier versions did not know it
+                feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())

@@ -181,7 +181,7 @@ def _check_head(model: Model, where: str) -> None:
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
     _check_type(interface, Interface, item)
-    _check_one_of(interface.kind, ("friction", "constraint"), f"{item}/@kind")
+    _check_one_of(interface.kind, ("friction", "constraint", "cubic"), f"{item}/@kind")
     _check_array(interface.area, (None,), f"{item}/area")
     n = interface.n_points
     _require(n > 0, f"{item}/area", "at least one point", "none")
@@ -213,7 +213,7 @@ def _check_frame(frame: NDArray, item: str) -> None:
 def _check_ports(body: Body, model: Model, item: str) -> None:
     """Every port of a body refers to a side of an interface, and that side to the body."""
     _check_type(body, Body, item)
-    _check_one_of(body.kind, ("constrained", "free", "ground"), f"{item}/@kind")
+    _check_one_of(body.kind, ("constrained", "free", "lumped", "ground"), f"{item}/@kind")
     item = f"{item}/@ports"
     _check_type(body.ports, tuple, item)
     for port in body.ports:
@@ -274,9 +274,11 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     _check_nodal_diameters(body, model, item)
     for d, basis in body.bases.items():
         _check_basis(basis, body, model, f"{item}/nd{d:03d}")
-    _check_real(body.bases[0], f"{item}/nd000")
+    _check_real(body.bases[0], f"{item}/nd000", body.kind == "lumped")
     if body.kind == "free":
         _check_rigid(body, model, f"{item}/nd000")
+    if body.constant_force is not None:
+        _check_array(body.constant_force, (body.bases[0].n_modes,), f"{item}/constant_force")
     if body.load is not None:
         _check_load(body.load, body.bases[0], f"{item}/load")
 
@@ -287,7 +289,7 @@ def _check_ground(body: Body, item: str) -> None:
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
-    largest = 0 if body.kind == "free" else model.n_blades // 2
+    largest = 0 if body.kind in ("free", "lumped") else model.n_blades // 2
     for d in body.bases:
         _check_integer(d, f"{item} (nodal diameter)")
         if not 0 <= d <= largest:
@@ -329,11 +331,14 @@ def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None
     _check_array(basis.damping_ratio, (n_modes,), f"{item}/damping_ratio")
     damped = (basis.damping_ratio >= 0) & (basis.damping_ratio < 1)
     _check_all(damped, basis.damping_ratio, "numbers >= 0 and < 1", f"{item}/damping_ratio")
+    if basis.drag is not None:
+        _check_array(basis.drag, (n_modes,), f"{item}/drag")
+        _check_all(basis.drag >= 0, basis.drag, "numbers >= 0", f"{item}/drag")
     n_points = sum(model.interfaces[name].n_points for name, _ in body.ports)
     _check_array(basis.contact_modes, (n_points, 3, n_modes), f"{item}/modes", "field")
     _check_location_modes(basis, body, model, item)
     first = N_RIGID if body.kind == "free" else 0
-    _check_frequencies(basis.omega2, first, f"{item}/omega2")
+    _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
         _check_array(basis.flexibility, (3 * n_points, 3 * n_points), f"{item}/flexibility", "field")
         _check_flexibility(basis, first, f"{item}/flexibility")
@@ -347,7 +352,10 @@ def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str
         _check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
 
 
-def _check_frequencies(omega2: NDArray, n_rigid: int, item: str) -> None:
+def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = False) -> None:
+    if lumped:
+        _check_all(omega2 >= 0, omega2, "numbers >= 0", item)
+        return
     _require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
     if n_rigid:
         _check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
@@ -384,9 +392,10 @@ def _is_positive_definite(matrix: NDArray) -> bool:
     return True
 
 
-def _check_real(basis: ModalBasis, item: str) -> None:
+def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
     modes = {"modes": basis.contact_modes}
-    modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
+    if not lumped:  # forces on several masses with phases of their own act at one complex location
+        modes |= {f"locations/{name}": values for name, values in basis.locations.items()}
     flexibility = {} if basis.flexibility is None else {"flexibility": basis.flexibility}
     for arrays in (modes, flexibility):
         size = max((np.abs(values).max(initial=0.0) for values in arrays.values()), default=0.0)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.friction_axes import major_angles, turned
-from bdamper.contact.laws import LAW_BONDED, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
@@ -269,7 +269,9 @@ class Problem(Settings):
         factor = float(self.contact_stiffness_factor)
         if factor == 1.0:
             return self.contact.stiffness
-        return {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
+        kinds = {name: face.kind for name, face in self.model.interfaces.items()}
+        scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
+        return {n: self.contact.stiffness[n] if kinds[n] == "cubic" else c for n, c in scaled.items()}
 
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
@@ -306,6 +308,9 @@ class Problem(Settings):
     def point_laws(self) -> NDArray:
         """(n_points,) law of each contact point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
+        for name in self.coupling.interfaces:
+            if self.model.interfaces[name].kind == "cubic":
+                law[self.coupling.rows(name)] = LAW_CUBIC
         for name, value in self.law_by_interface().items():
             rows = self.coupling.rows(name)
             law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
@@ -318,8 +323,8 @@ class Problem(Settings):
 
     @cached_property
     def tangential_stiffness(self) -> NDArray:
-        """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is no friction."""
-        return self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None]
+        """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
+        return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
     @cached_property
     def friction_points(self) -> NDArray:
@@ -333,6 +338,12 @@ class Problem(Settings):
         3)."""
         force, shift = self.coupling.load()
         return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
+
+    @cached_property
+    def constant_force(self) -> NDArray:
+        """(n_modes,) modal static force that does not scale with the preload."""
+        force = self.coupling.constant_force()
+        return np.pad(force, (0, self.static_basis.n_modes - len(force)))
 
     def location_modes(self, location: str, harmonic: int) -> NDArray:
         """(3, n_modes) motion of a location by the coordinates of one harmonic; residual modes do not move it."""
@@ -373,7 +384,7 @@ class Problem(Settings):
             n0=-self.point_stiffness[:, 2] * self.point_gaps,
             force=force,
             shift=shift,
-            constant_force=np.zeros_like(force),
+            constant_force=self.constant_force,
             bonded=self.bonded_points,
         )
 
@@ -502,7 +513,7 @@ class Problem(Settings):
         e = self.force_rows
         n_mode = [len(b.omega2) for b in self.bases]
         force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
-        force[: n_mode[0]] = (state.load * load)[: n_mode[0]]
+        force[: n_mode[0]] = (state.load * load + self.constant_force)[: n_mode[0]]
         n = n_mode[1]
         force[n_mode[0] : n_mode[0] + n] = e.real
         force[n_mode[0] + n : n_mode[0] + 2 * n] = -e.imag
@@ -510,7 +521,7 @@ class Problem(Settings):
         if not self.bias:
             shift = shift + self.static_basis.G.real @ state.q
         points = PointArrays(
-            kt=self.tangential_stiffness,
+            kt=self.point_stiffness[:, :2] * (self.point_laws != LAW_NORMAL)[:, None],
             kn=self.point_stiffness[:, 2],
             mu=self.friction,
             n0=-self.point_stiffness[:, 2] * self.point_gaps,

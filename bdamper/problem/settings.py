@@ -253,17 +253,17 @@ class Settings:
     def interface_names(self) -> tuple[str, ...]:
         """Interfaces that take part, constraint planes only if they are asked for."""
         return tuple(
-            name for name, face in self.model.interfaces.items() if self.constraints or face.kind == "friction"
+            name for name, face in self.model.interfaces.items() if self.constraints or face.kind != "constraint"
         )
 
     def friction_by_interface(self) -> dict[str, float]:
-        """Friction coefficient of each interface that takes part; none on constraint planes."""
+        """Friction coefficient of each interface that takes part; none but on friction interfaces."""
         out = {}
         given = self.friction_coefficient
         if isinstance(given, Mapping):
             validate.mapping("friction_coefficient", given, self.model.interfaces, "interfaces")
         for name in self.interface_names():
-            if self.model.interfaces[name].kind == "constraint":
+            if self.model.interfaces[name].kind != "friction":
                 out[name] = 0.0
             elif isinstance(given, Mapping):
                 if name not in given:

@@ -137,7 +137,14 @@ def _as_checked(model: Model) -> Model:
 
 
 def _damped(body: Body, factor: float) -> Body:
-    bases = {d: replace(basis, damping_ratio=factor * basis.damping_ratio) for d, basis in body.bases.items()}
+    bases = {
+        d: replace(
+            basis,
+            damping_ratio=factor * basis.damping_ratio,
+            drag=None if basis.drag is None else factor * basis.drag,
+        )
+        for d, basis in body.bases.items()
+    }
     return replace(body, bases=bases)
 
 

@@ -48,7 +48,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
@@ -278,7 +278,7 @@ def shooting_monodromy(
     """
     x, F, shares = system.contact(np.asarray(u))
     rests = shares[:, [0, 2]] > 1.0 - 1e-12
-    ring = Ring(system, 1, 0, rests)
+    ring = Ring(system, 1, 0, rests, u)
     n = ring.n_coordinates
     n_steps = n_steps or max(256, ring.steps_for(omega, 0.05))
     q, v = ring.state(u, omega, 0.0)
@@ -340,7 +340,7 @@ def stability_of_points(
             "all disturbances, multipliers of motion and sliders" + ("" if exact_events else " by shooting"),
             time.perf_counter() - started,
         )
-    without_events = np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any()
+    without_events = np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
     if not oscillating or without_events or _one_shape(system):
         stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
         note = "sign of det J: disturbances of the wave itself that grow without oscillating"

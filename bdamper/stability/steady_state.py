@@ -207,7 +207,8 @@ def march_until_settled(
     """
     periods = validate.whole("periods", periods, least=FEWEST)
     watch = Stopwatch()
-    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY)
+    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY,
+        None if isinstance(start, Motion) else start)
     motion = _fitting(ring, start) if isinstance(start, Motion) else ring.start(start, omega, n)
     row = ring.response_row()
     found: list[NDArray] = []

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_NORMAL
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
@@ -141,8 +141,21 @@ class Ring:
         diameters, coordinates without inertia.
     """
 
-    def __init__(self, system: HarmonicSystem, n_blades: int, engine_order: int, held: NDArray | None = None) -> None:
+    def __init__(
+        self,
+        system: HarmonicSystem,
+        n_blades: int,
+        engine_order: int,
+        held: NDArray | None = None,
+        like: NDArray | None = None,
+    ) -> None:
         arrays = system.arrays
+        self.cubic = np.asarray(system.points.law) == LAW_CUBIC
+        self.springs = np.concatenate([arrays["kt"], arrays["kn"][:, None]], axis=1)
+        self.springs[self.cubic] = 0.0
+        if like is not None and self.cubic.any():  # their largest stiffness in the cycle
+            reach = np.abs(system.contact(like)[0][self.cubic, :2]).sum(axis=2)
+            self.springs[self.cubic, :2] = 3.0 * arrays["kt"][self.cubic] * reach**2
         bonded = np.asarray(system.points.law)[:, None] == LAW_BONDED
         self.held = bonded if held is None else bonded | held
         if (np.asarray(arrays["mass"]) <= 0.0).any():
@@ -283,12 +296,12 @@ class Ring:
             moved = np.where(coupled & (kt > 0.0), u - share[:, :, None] * (u - w), moved)
         w = np.where(self.held.reshape(self.held.shape + extra), w, moved)
         F = np.concatenate([kt * (u - w), normal[:, :, None]], axis=2)
+        F[:, self.cubic, :2] = kt[self.cubic] * u[:, self.cubic] ** 3
         return F, w
 
     def highest_frequency(self) -> float:
         """rad/s, with every contact closed and stuck."""
-        p = self.system.points
-        k = np.tile(np.concatenate([p.kt, p.kn[:, None]], axis=1).ravel(), self.n)
+        k = np.tile(self.springs.ravel(), self.n)
         stiffness = np.diag(np.tile(self.omega2, 2)) + self.B @ (k[:, None] * self.A)
         return float(np.sqrt(np.abs(np.linalg.eigvals(stiffness)).max()))
 
@@ -368,16 +381,24 @@ def amplitudes_of(response: NDArray, n_harmonics: int) -> NDArray:
 
 
 def ring_and_steps(
-    system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, steps: int | None, accuracy: float
+    system: HarmonicSystem,
+    omega: float,
+    n_blades: int,
+    engine_order: int,
+    steps: int | None,
+    accuracy: float,
+    like: NDArray | None = None,
 ) -> tuple[Ring, int]:
     """What is marched, and the steps per period: those given, or such that step times highest frequency is ``accuracy``.
+
+    Cubic springs are as stiff as in the solution ``like``, if one is given.
 
     Raises
     ------
     SettingError
         If the steps that are given are too few for a stable march.
     """
-    ring = Ring(system, n_blades, engine_order)
+    ring = Ring(system, n_blades, engine_order, like=like)
     n = max(256, ring.steps_for(omega, accuracy))
     if steps is not None:
         n = validate.whole("steps_per_period", steps, least=1)
@@ -418,7 +439,7 @@ def verify_solution(
     """
     periods = validate.whole("periods", periods, least=1)
     watch = Stopwatch()
-    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1)
+    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1, u)
     motion = ring.start(u, omega, n)
     row = ring.response_row()
     marched = 0

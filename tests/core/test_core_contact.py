@@ -255,7 +255,7 @@ class TestArguments:
             ("w", np.zeros((2, 1)), ValueError),
             ("F", np.zeros((3, 5)), ValueError),
             ("J", np.zeros((3, 3)), ValueError),
-            ("law", 6, ValueError),
+            ("law", 7, ValueError),
             ("law", -1, ValueError),
             ("evaluation", 3, ValueError),
         ],

@@ -148,7 +148,7 @@ def changed(name, index, value):
         ("w", np.zeros((2, 2)), ValueError),
         ("w", changed("w", 0, np.nan), ValueError),
         ("law", np.zeros(3, np.int64), TypeError),
-        ("law", np.array([0, 6, 0], np.intc), ValueError),
+        ("law", np.array([0, 7, 0], np.intc), ValueError),
         ("shift", np.zeros(9), ValueError),
         ("shift", changed("shift", 8, np.nan), ValueError),
         ("force", np.zeros(7), ValueError),

@@ -1,0 +1,51 @@
+"""Cubic springs of the core against the NumPy oracle and finite differences."""
+
+import numpy as np
+import pytest
+
+from bdamper import _core
+from tests import oracle
+from tests.cases import (
+    EXACT,
+    SAMPLED,
+    difference,
+    evaluate,
+    evaluate_system,
+    for_oracle,
+    random_arrays,
+    random_motion,
+    random_point,
+)
+
+CUBIC = 6
+
+
+@pytest.mark.parametrize("evaluation", [EXACT, SAMPLED])
+@pytest.mark.parametrize("n_harm", [1, 2, 5])
+def test_force_and_tangent_of_a_point(n_harm, evaluation):
+    rng = np.random.default_rng(n_harm)
+    point, x = random_point(rng), random_motion(rng, n_harm)
+    found = evaluate(x, point, evaluation, 64, CUBIC)
+    np.testing.assert_allclose(found.force, oracle.cubic(x, point.kt), rtol=0, atol=1e-13 * np.abs(found.force).max())
+    expected = difference(lambda x: evaluate(x, point, evaluation, 64, CUBIC).force, x)
+    np.testing.assert_allclose(found.tangent, expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+    assert (found.shares == 0.0).all()
+    assert np.abs(found.force[:2]).min(axis=1).max() > 0.0
+
+
+def test_springs_beside_contacts():
+    """Every other point a spring, more points than one batch holds."""
+    rng = np.random.default_rng(1)
+    arrays = random_arrays(rng, [3, 3, 2], 11)
+    arrays["law"][1::2] = CUBIC
+    arrays["mu"][1::2] = 99.0  # tells the oracle which they are; the core does not read it
+    system = _core.System(**arrays, evaluation=EXACT, n_time=0)
+    u = rng.normal(size=system.n_unknown)
+    r, J, _ = evaluate_system(system, u, 0.8)
+
+    def law(x, kt, kn, mu, n0, w):
+        return oracle.cubic(x, kt) if mu == 99.0 else oracle.contact(x, kt, kn, mu, n0, w)
+
+    np.testing.assert_allclose(r, oracle.residual(u, 0.8, for_oracle(arrays), law), rtol=0, atol=1e-11 * np.abs(r).max())
+    expected = difference(lambda u: evaluate_system(system, u, 0.8)[0], u)
+    np.testing.assert_allclose(J, expected, rtol=0, atol=1e-8 * np.abs(J).max())

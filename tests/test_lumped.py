@@ -1,0 +1,139 @@
+"""Models of a few masses: their equations against plain matrices, damping, static loads, files, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.stability.floquet import shooting_monodromy
+
+JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
+M = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 0.5]])
+K = np.array([[3.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 1.0]])  # freedom 2 hangs on freedom 1 alone
+
+
+def plain_response(omega, C, stiffness, rows, springs, force):
+    """Amplitudes of all freedoms with linear springs along some motions."""
+    A = stiffness + 1j * omega * C - omega**2 * M + sum(k * np.outer(g, g) for g, k in zip(rows, springs))
+    return np.linalg.solve(A, force)
+
+
+@pytest.mark.parametrize("free", [False, True], ids=["held", "with a free motion"])
+def test_the_stuck_response_is_that_of_the_matrices(free):
+    """Motions of every kind, forces with phases, names of freedoms; damping of a free motion and beyond critical."""
+    stiffness = K - np.diag([2.0, 0.0, 0.0]) if free else K
+    C = 0.04 * M + (3.0 if free else 0.05) * stiffness
+    contacts = [
+        bd.Contact("tip", (1, 0), kt=0.7, kn=0.9, mu=0.4, preload=2.0),
+        bd.Contact({0: 0.6, "tip": -0.8}, kt=0.5, mu=0.3, preload=1.0),
+        bd.Contact(normal=1, kn=0.4, gap=0.1),  # open at rest
+    ]
+    study = bd.lumped(
+        M, C, stiffness, contacts=contacts, forces={0: 0.5, "tip": 0.2 * np.exp(0.7j)}, locations={"tip": 2}, response=1
+    )
+    rows = np.array([[0.0, 0.0, 1.0], [-1.0, 1.0, 0.0], [0.6, 0.0, -0.8]])
+    system = study.system(0.0)
+    springs = study.stuck_springs(study.static(0.0))
+    for omega in (0.3, 0.9, 2.2):
+        expected = plain_response(omega, C, stiffness, rows, [0.7, 0.9, 0.5], [0.5, 0.0, 0.2 * np.exp(0.7j)])
+        found = system.linear_response(omega, springs) @ system.response_rows[1]
+        assert found == pytest.approx(expected[1], rel=1e-12)
+    assert study.excitation.amplitude == 0.5
+    assert (study.model.bodies["masses"].bases[0].drag is not None) == free
+
+
+def test_equal_frequencies_with_different_damping():
+    """Uncoupled equal blades: any two modes span their plane, damping chooses them."""
+    turn = np.array([[0.6, 0.8], [-0.8, 0.6]])
+    C = turn @ np.diag([0.02, 0.05]) @ turn.T
+    study = bd.lumped(np.eye(2), C, np.eye(2), contacts=[JENKINS], forces={0: 1.0})
+    assert 2.0 * study.model.bodies["masses"].bases[0].damping_ratio == pytest.approx([0.02, 0.05], rel=1e-12)
+
+
+def test_loads_and_preloads():
+    """At rest nothing is displaced under preloads; loads act per newton, and the contact follows."""
+    contact = bd.Contact(normal=1, kn=4.0, preload=2.0)
+    study = bd.lumped([1.0, 1.0], [0.02, 0.02], [1.0, 1.0], contacts=[contact], forces={1: 0.1}, loads={1: 0.5})
+    assert study.static(0.0).q == pytest.approx([0.0, 0.0], abs=1e-14)
+    assert study.static(0.0).force[0, 2] == pytest.approx(2.0)
+    assert study.static(10.0).force[0, 2] == pytest.approx(2.0 + 4.0 * 0.5 * 10.0 / (1.0 + 4.0))
+    held = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0})
+    with pytest.raises(bd.SettingError, match="preload: expected 0, since no body of the model carries a load"):
+        held.peak(1.0, (0.1, 0.3))
+
+
+def test_a_model_comes_back_from_its_file(tmp_path):
+    study = bd.lumped(
+        [1.0, 1.0], [0.02, 0.1], [1.0, 0.0], contacts=[bd.Contact((0, 1), 1, kt=1.0, kn=1.0, mu=0.3, preload=1.0)],
+        cubic={(0, 1): 2.0}, forces={0: 1.0, 1: 1.0j},
+    )  # fmt: skip
+    bd.save_model(study.model, tmp_path / "model.h5")
+    back = bd.load_model(tmp_path / "model.h5")
+    assert back.hash == study.model.hash
+    assert [face.kind for face in back.interfaces.values()] == ["friction", "cubic"]
+    body = back.bodies["masses"]
+    assert np.abs(body.constant_force).max() > 0.5 and np.abs(body.bases[0].drag).max() == pytest.approx(0.1)
+
+
+def test_a_cubic_spring_in_time():
+    """One period marched from a solution ends where it began; between the folds the middle solution is unstable."""
+    study = bd.lumped(1.0, 0.1, 1.0, cubic={0: 1.0}, forces={0: 0.3}, harmonics=7)
+    curve = study.track(0.0, (0.15, 0.35))
+    back = np.flatnonzero(np.diff(curve.frequency) < 0.0)  # the curve runs back from fold to fold
+    for i, stable in ((back[0] - 1, True), (back[len(back) // 2], False), (back[-1] + 2, True)):
+        monodromy, change = shooting_monodromy(
+            study.system(0.0), curve.unknowns[i], 2.0 * np.pi * curve.frequency[i], n_steps=192
+        )
+        assert np.abs(change[:2]).max() < 2e-3 * curve.amplitude[i]
+        assert (np.abs(np.linalg.eigvals(monodromy)).max() < 1.0) == stable
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"mass": [1.0, 0.0]}, "mass: expected a positive definite matrix"),
+        ({"stiffness": [[1.0, 2.0], [2.0, 1.0]]}, "stiffness: expected a positive semidefinite matrix, found a mode of -1"),
+        ({"stiffness": [[1.0, 2.0], [0.0, 1.0]]}, "stiffness: expected a symmetric matrix, found a difference of 2"),
+        ({"stiffness": np.eye(3)}, "stiffness: expected finite numbers, a diagonal or a matrix of shape (2, 2), the size"),
+        ({"damping": "low"}, "damping: expected a number, a diagonal or a matrix, found 'low'"),
+        ({"damping": [0.1, -0.1]}, "damping: expected a positive semidefinite matrix, found a mode of -0.1 1/s"),
+        (
+            {"stiffness": [[2.0, -1.0], [-1.0, 1.0]], "damping": [0.1, 0.0]},
+            "damping: expected a matrix that the modes of mass and stiffness make diagonal (proportional damping), found "
+            "modes 1 and 2 coupled by 1 of their own damping",
+        ),
+        ({"contacts": []}, "contacts: expected at least one contact or cubic spring, found none"),
+        ({"contacts": JENKINS}, "contacts: expected a sequence of Contact, found a Contact"),
+        ({"contacts": [bd.Contact(2, kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a whole number from 0 to 1"),
+        ({"contacts": [bd.Contact((0, 0), kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected a motion of some freedom"),
+        ({"contacts": [bd.Contact("tip", kt=1.0, mu=1.0, preload=1.0)]}, "contact 1: expected one of ('x0', 'x1'), found"),
+        ({"forces": {}}, "forces: expected a force on at least one freedom, found none"),
+        ({"forces": {0: "1 N"}}, "force on 0: expected a finite real or complex number in N, found '1 N'"),
+        ({"forces": {2: 1.0}}, "forces: expected a whole number from 0 to 1, found 2"),
+        ({"loads": {0: 0.0}}, "loads: expected a static force on some freedom, found {0: 0.0}"),
+        ({"cubic": {0: -1.0}}, "cubic 0: expected a finite number > 0 N/m3, found -1.0"),
+        ({"cubic": {0: 1.0}, "loads": {1: 1.0}}, "cubic: expected springs without static loads, found both"),
+        ({"engine_order": 2}, "lumped: expected settings other than ['engine_order'], which the lumped model decides"),
+    ],
+)  # fmt: skip
+def test_refused(change, message):
+    given = {"mass": [1.0, 1.0], "damping": [0.1, 0.1], "stiffness": [1.0, 1.0], "contacts": [JENKINS], "forces": {0: 1.0}}
+    with pytest.raises(bd.SettingError, match="^" + re.escape(message)):
+        bd.lumped(**(given | change))
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({}, "contact: expected tangential, normal or both, found neither"),
+        ({"tangential": 0, "kt": 1.0, "preload": 1.0}, "contact: expected tangential, kt > 0 and mu > 0 together"),
+        ({"normal": 0}, "contact: expected normal and kn > 0 together, found normal=0, kn=0"),
+        ({"tangential": 0, "kt": 1.0, "mu": 0.3}, "contact: expected a preload > 0 and no gap where the normal"),
+        ({"normal": 0, "kn": 1.0, "preload": 1.0, "gap": 1.0}, "contact: expected a preload or a gap, found 1 N and 1 m"),
+        ({"normal": 0, "kn": -1.0}, "kn: expected a finite number >= 0 N/m, found -1.0"),
+    ],
+)  # fmt: skip
+def test_contacts_refused(given, message):
+    with pytest.raises(bd.SettingError, match="^" + re.escape(message)):
+        bd.Contact(**given)
