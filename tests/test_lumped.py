@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.harmonic_balance.cycle import energies, histories
 from bdamper.stability.floquet import shooting_monodromy
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
@@ -87,6 +88,21 @@ def test_a_cubic_spring_in_time():
         )
         assert np.abs(change[:2]).max() < 2e-3 * curve.amplitude[i]
         assert (np.abs(np.linalg.eigvals(monodromy)).max() < 1.0) == stable
+
+
+def test_energy_and_history_of_a_cubic_spring():
+    """It takes none; friction and damping take the work of the excitation, that of free masses included."""
+    study = bd.lumped(
+        [1.0, 0.5], [0.05, 0.1], [1.0, 0.0], contacts=[bd.Contact((0, 1), 1, kt=1.0, kn=2.0, mu=0.3, preload=1.0)],
+        cubic={0: 0.3}, forces={0: 0.5, 1: 0.1j},
+    )  # fmt: skip
+    peak = study.peak(0.0, (0.15, 0.4))
+    system, omega = study.system(0.0), 2.0 * np.pi * peak.frequency
+    found = energies(system, peak.y[:-1], omega)
+    assert found.contact[0] + found.damping == pytest.approx(found.excitation, rel=1e-9)
+    assert abs(found.contact[1]) < 1e-12 * found.excitation
+    X, F = histories(system, peak.y[:-1], np.linspace(0.0, 6.0, 7))
+    assert F[1] == pytest.approx(np.array([0.3 * X[1, 0] ** 3, np.zeros(7), np.zeros(7)]))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.util.repr import brief
 
@@ -137,6 +137,8 @@ def _separable(p: dict[str, Any], i: int, x: NDArray, f: NDArray, theta: NDArray
     law, kt, load = int(p["law"][i]), p["kt"][i], float(p["load"][i])
     if law == LAW_BONDED:
         return at_angles(f[:2], theta)
+    if law == LAW_CUBIC:
+        return np.asarray(kt[:, None] * at_angles(x[:2], theta) ** 3)
     kn, mu, n0 = (float(p[name][i]) for name in ("kn", "mu", "n0"))
 
     def limit(angles: NDArray) -> NDArray:
