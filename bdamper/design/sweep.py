@@ -331,7 +331,7 @@ def _question(
         if preload is None and "preload" not in names:
             raise SettingError('preload: expected a number, or "preload" among the settings of the sweep')
         return PeakTask(preload, frequency, mode)
-    if not callable(evaluate):
+    if not callable(evaluate) or isinstance(evaluate, type):
         raise validate.unfit("evaluate", "PeakTask(...), OptimalTask(...) or a function", evaluate)
     if preload is not None or frequency is not None or mode != 1:
         raise SettingError("preload, frequency, mode: expected none of them together with evaluate, which has its own")

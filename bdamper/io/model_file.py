@@ -39,7 +39,7 @@ from bdamper.model.model import (
 )
 from bdamper.model.validation import check_model, fits, shape_text
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
+from bdamper.util.errors import ModelError, SettingError, mismatch
 from bdamper.util.hdf5 import check_folder, enter_reader
 
 FORMAT = "bdamper-model"
@@ -149,8 +149,6 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     _check_attribute_lengths(model)
     check_folder(path)
     target = Path(path)
-    if target.is_dir():
-        raise BdamperError(f"{path}: expected a file that can be written, found a folder")
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
     try:
         with h5py.File(temporary, "x", track_order=True) as file:
@@ -331,7 +329,10 @@ def _read_model(file: h5py.File) -> Model:
 
 def _check_root(file: h5py.File) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
-    _check_text(file, "format", FORMAT)
+    found = _read_text(file, "format")
+    if found != FORMAT:
+        other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
+        raise mismatch(_item(file, "@format"), f"'{FORMAT}'", other)
     version = _read_integer(file, "version")
     if version != VERSION:
         raise mismatch(_item(file, "@version"), f"{VERSION}", f"{version}")

@@ -132,6 +132,7 @@ def rigid_motion(problem: Problem, unknowns: NDArray, body: str | None = None) -
     SettingError
         If there is no such free body.
     """
+    validate.instance("study", problem, Problem)
     bodies = [name for name, part in problem.model.bodies.items() if part.kind == "free"]
     if body is None and len(bodies) == 1:
         body = bodies[0]

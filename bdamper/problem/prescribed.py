@@ -50,6 +50,7 @@ def prescribe_preload(problem: P, loads: Mapping[str, float | NDArray], *, settl
         If an interface does not exist, a load is not finite or has the wrong shape, a point has no normal stiffness, or
         the structure at rest cannot be found.
     """
+    validate.instance("problem", problem, Problem, "a study")
     if problem.contact_points is not None:
         raise SettingError(f"prescribed loads: expected contact_points=None, found {problem.contact_points}")
     names = problem.coupling.interfaces

@@ -107,10 +107,12 @@ class Storable:
 
 
 def check_folder(path: FilePath) -> None:
-    """Refuse a path whose folder does not exist."""
+    """Refuse a path whose folder does not exist, and one that is a folder itself."""
     folder = Path(path).resolve().parent
     if not folder.is_dir():
         raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
+    if Path(path).is_dir():
+        raise BdamperError(f"{path}: expected a file that can be written, found a folder")
 
 
 @contextmanager

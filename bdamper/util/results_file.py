@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from bdamper.util.errors import BdamperError
-from bdamper.util.hdf5 import plain
+from bdamper.util.hdf5 import check_folder, plain
 from bdamper.util.versions import HERE, Versions
 
 
@@ -37,7 +37,7 @@ class ResultsFile:
     Raises
     ------
     BdamperError
-        If another run uses the file, or it is not one of this work.
+        If another run uses the file, it is not one of this work, or no file can stand there.
     """
 
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
@@ -46,6 +46,7 @@ class ResultsFile:
         self.expected = f"a results file of a {work}"
         self.work = work
         self.records: dict[int | str, dict[str, Any]] = {}
+        check_folder(self.path)
         self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
         try:
             self._lock()

@@ -7,6 +7,7 @@ Every check takes the name first and raises a :class:`~bdamper.util.errors.Setti
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import is_dataclass
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -26,6 +27,8 @@ def unfit(name: str, expected: str, found: Any) -> SettingError:
 def _shown(value: Any) -> str:
     if isinstance(value, np.generic):
         value = value.item()
+    if isinstance(value, list | tuple) and value and all(is_dataclass(item) for item in value):  # results print pages
+        return f"a {type(value).__name__} of {len(value)} {type(value[0]).__name__}"
     if value is None or isinstance(value, str | bytes | Real | complex | list | tuple | dict):
         return repr(value)
     if isinstance(value, np.ndarray):

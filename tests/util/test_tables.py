@@ -14,6 +14,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.design.sweep import SweepResult
+from bdamper.plot.motion import rigid_motion
 from bdamper.util.ladder import Ladder, Rung
 from bdamper.util.plotting import Plottable, draws
 from bdamper.util.tables import Tabular
@@ -136,3 +137,39 @@ class TestDifferences:
     def test_with_something_else_is_refused(self, curve):
         with pytest.raises(bd.SettingError, match="other: expected a study or a result to compare with, found a float"):
             curve.compare(1.0)
+
+
+class TestMistakenArguments:
+    """What a user gives in the place of something else is named for what it is."""
+
+    def test_a_list_of_results(self, study, curve):
+        with pytest.raises(bd.SettingError, match=r"curve: expected a tracking curve, found a list of 1 Curve$"):
+            study.with_stability([curve])
+        with pytest.raises(bd.SettingError, match=r"found a tuple of 2 Curve$"):
+            study.of((curve, curve))
+
+    def test_a_result_in_the_place_of_a_model(self, curve, tmp_path):
+        with pytest.raises(bd.ModelError, match="model: expected a Model, found Curve"):
+            bd.Study(curve, bd.Excitation("tip"))
+        curve.save(tmp_path / "curve.h5")
+        with pytest.raises(bd.ModelError, match=r"expected 'bdamper-model', found 'bdamper-curve': bd\.load reads results"):
+            bd.load_model(tmp_path / "curve.h5")
+
+    def test_a_model_in_the_place_of_a_study(self, study):
+        with pytest.raises(bd.SettingError, match="problem: expected a study, found a Model"):
+            bd.prescribe_preload(study.model, {})
+        with pytest.raises(bd.SettingError, match="study: expected a Problem, found a Model"):
+            rigid_motion(study.model, np.zeros(3))
+
+    @pytest.mark.parametrize("kind", ["save", "to_csv"])
+    def test_a_folder_in_the_place_of_a_file(self, curve, tmp_path, kind):
+        with pytest.raises(bd.BdamperError, match=r"expected a file that can be written, found a folder$"):
+            getattr(curve, kind)(tmp_path)
+
+    def test_a_folder_in_the_place_of_a_results_file(self, study, tmp_path):
+        with pytest.raises(bd.BdamperError, match=r"expected a file that can be written, found a folder$"):
+            bd.sweep(study, {"preload": [4e3]}, bd.PeakTask(), resume=tmp_path)
+
+    def test_a_class_in_the_place_of_a_question(self, study):
+        with pytest.raises(bd.SettingError, match=r"evaluate: expected PeakTask.* found the class PeakTask"):
+            bd.sweep(study, {"preload": [4e3]}, bd.PeakTask)
