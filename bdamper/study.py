@@ -64,9 +64,10 @@ class Study(Problem, Comparable):
         named = ("model", "excitation", "engine_order", "response", "friction_coefficient", "harmonics", "blade_modes")
         other = [name for name in own if name not in (*named, "contact_stiffness") and getattr(self, name) != own[name]]
         at, seen = self.excitation, self.response_location
+        sectors = f"{self.model.n_blades} sectors, " if self.model.n_blades > 1 else ""
         friction = sorted({mu for mu in self.friction_by_interface().values() if mu > 0.0})
         return (
-            Fact("model", f"{self.model.n_blades} sectors, {', '.join(self.model.bodies)} ({self.model.hash})"),
+            Fact("model", f"{sectors}{', '.join(self.model.bodies)} ({self.model.hash})"),
             Fact("excitation", float(at.amplitude), f"N at {at.location} {short(at.direction)}"),
             Fact("engine order", int(self.engine_order)),
             Fact("response", f"{seen.location} {short(seen.direction)}"),

@@ -42,6 +42,9 @@ MARGIN = 0.1
 ROUNDING = 1e-9
 """Negative flexibility, relative to that of a point, that counts as rounding."""
 
+RESIDUAL = "residual"
+"""Name of the body of residual modes among the coordinates of a basis."""
+
 
 @dataclass(frozen=True)
 class ResidualModes:
@@ -97,7 +100,7 @@ class ResidualBasis:
         n = len(self.stiffness)
         return replace(
             basis,
-            coordinates=basis.coordinates + tuple(Coordinate("residual", i, f"residual {i + 1}") for i in range(n)),
+            coordinates=basis.coordinates + tuple(Coordinate(RESIDUAL, i, f"residual {i + 1}") for i in range(n)),
             omega2=np.concatenate([basis.omega2, self.stiffness]),
             damping_ratio=np.concatenate([basis.damping_ratio, self.damping_ratio]),
             G=np.concatenate([basis.G, self.G], axis=2),

@@ -2,8 +2,9 @@
 
 :mod:`bdamper.harmonic_balance.cycle` has the equations.  A face has the sum of the forces of its points over the mean of
 their displacements, weighted by area.  The contacts as a whole have one loop, that of the force at the response location
-which does the work of all of them: with the relative motion ``X_i`` of each point in the fundamental harmonic and the
-response ``x``, a point moves as the response times ``|X_i/x|`` with the phase of ``X_i/x``, and
+which does the work of all of them: with the relative motion ``X_i`` of each point in the fundamental harmonic, as the modes
+of the bodies carry it, and the response ``x``, a point moves as the response times ``|X_i/x|`` with the phase of ``X_i/x``,
+and
 
     f(theta) = sum_i |X_i/x| f_i(theta - phase of X_i/x)
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.cycle import Energies, energies, histories
+from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, histories
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -39,6 +40,8 @@ from bdamper.util.tables import Column, Tabular
 AXES = ("t1", "t2", "n")
 WHOLE = "whole"
 """Name of the loop of all contacts together."""
+NOTHING = 1e-9
+"""Energy relative to the work of the excitation below which nothing slips: the residual of a solution."""
 LARGEST_RESIDUAL = 1e-6
 """Relative residual above which unknowns are no solution of a study."""
 Solved = Curve | Peak | OptimalCurve
@@ -68,8 +71,9 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
         Rows t1, t2, n.
     area : (n_points,) float, m2
     displacement : (n_points, 3, n_theta) float, m
-        Along the axes in which friction acts, t1 and t2, or the major directions of the motion, and closing along n.  NaN
-        at points that the settings leave out.
+        Of the contact elements, along the axes in which friction acts, t1 and t2 or the major directions of the motion, and
+        closing along n; the elasticity around the contacts that residual modes hold adds to it.  NaN at points that the
+        settings leave out.
     force : (n_points, 3, n_theta) float, N
     gap : (n_points, n_theta) float, m
         Distance of the surfaces, 0 in contact; NaN at points without a normal spring.
@@ -220,8 +224,8 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             f"contacts {self.lost:.4g} J (imbalance {abs(self.imbalance):.0e})",
             f"  contacts: equivalent stiffness {self.stiffness:.4g} N/m, damping ratio {100 * self.damping_ratio:.3g} %",
         ]
-        whole = max(self.lost, 1e-300)
-        lines += [f"  {name}: {100 * share / whole:.3g} % of it" for name, share in self.by_interface.items()]
+        parts = self.by_interface if self.lost > NOTHING * self.excitation else {}
+        lines += [f"  {name}: {100 * share / self.lost:.3g} % of it" for name, share in parts.items()]
         return "\n".join(lines)
 
 
@@ -508,10 +512,10 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
 
 def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray) -> NDArray:
     """(n_theta,) force at the response that does the work of all contacts on the fundamental harmonic."""
-    X, mean, _ = system.contact(u)
+    _, mean, _ = system.contact(u)
     if response == 0.0:
         return np.full(len(theta), np.nan)
-    ratio = (X[..., 1] - 1j * X[..., 2]) / response
+    ratio = bodily_motion(system, u) / response
     vibration = F - mean[..., :1]
     out = np.zeros(len(theta))
     for r, f in zip(ratio.ravel(), vibration.reshape(-1, len(theta))):

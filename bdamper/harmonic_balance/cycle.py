@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.util.repr import brief
 
@@ -51,9 +52,10 @@ class Energies:
     kinetic : float
         Kinetic energy if all modes and harmonics passed through rest together.
     stiffness : complex, N/m
-        Of the contacts, seen from the response: the force there that does the work of the fundamental harmonic of all
-        contact forces, over the fundamental harmonic of the response.  Its real part is an equivalent spring, its imaginary
-        part the angular frequency times an equivalent viscous damper.  NaN where the response is at rest.
+        Of the contacts with the elasticity around them, seen from the response: the force there that does the work of all
+        contact forces on the fundamental harmonic (:func:`bodily_motion`), over the fundamental harmonic of the response.
+        Its real part is an equivalent spring, its imaginary part the angular frequency times an equivalent viscous damper.
+        NaN where the response is at rest.
     """
 
     contact: NDArray
@@ -83,7 +85,7 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
         damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
         kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
     first = float(np.abs(system.amplitudes(u, 1) @ system.response_rows[1]))
-    work = complex((x[..., 0].conj() * f[..., 0]).sum())
+    work = complex((bodily_motion(system, u).conj() * f[..., 0]).sum())
     return Energies(
         contact=np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
         damping=damping,
@@ -91,6 +93,16 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
         kinetic=kinetic,
         stiffness=work / first**2 if first > 0.0 else complex(np.nan, np.nan),
     )
+
+
+def bodily_motion(system: HarmonicSystem, u: NDArray) -> NDArray:
+    """(n_points, 3) complex, m: fundamental harmonic of the relative motion that the modes of the bodies carry.
+
+    Residual modes are left out: they are the elasticity around the contacts, in series with the contact elements.
+    """
+    basis = system.bases[1]
+    own = np.array([coordinate.body != RESIDUAL for coordinate in basis.coordinates])
+    return np.asarray(basis.G[..., own] @ system.amplitudes(u, 1)[own])
 
 
 def at_angles(coefficients: NDArray, theta: NDArray) -> NDArray:

@@ -104,6 +104,12 @@ def newtons(value: float) -> str:
     return f"{value / 1000.0:g} kN" if 1000.0 <= value < 1e6 else f"{value:g} N"
 
 
+def length(*values: NDArray) -> tuple[float, str]:
+    """Factor from metres to the unit that suits the largest of some lengths, and that unit."""
+    largest = max(float(np.nanmax(np.abs(v), initial=0.0)) for v in values)
+    return (1e6, "µm") if largest < 1e-3 else (1e3, "mm") if largest < 1.0 else (1.0, "m")
+
+
 def few_ticks(ax: Axes) -> None:
     """Plain numbers at 1, 2 and 5 on a logarithmic horizontal axis of less than two decades, decades alone beyond."""
     low, high = ax.get_xlim()

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import PAPER, colours, drawing, newtons, runs
+from bdamper.plot.axes import PAPER, colours, drawing, length, newtons, runs
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -63,12 +63,13 @@ def plot_hysteresis(
     loops = [result.loop(place, direction) for place in places]
     whole = places == [WHOLE]
     title = title or f"{result.frequency:.5g} Hz, preload {newtons(result.preload)}"
+    factor, unit = length(*(x for x, _ in loops))
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            ax.plot(1e6 * x, f, STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
+            ax.plot(factor * x, f, STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
         of = "" if len(places) > 1 else f" of {_name(result, places[0])}"
         axis = "" if whole else f" {NAMES[direction]}"
-        ax.set(xlabel="Response (µm)" if whole else f"Displacement{axis}{of} (µm)")
+        ax.set(xlabel=f"Response ({unit})" if whole else f"Displacement{axis}{of} ({unit})")
         ax.set(ylabel="Contact force at the response (N)" if whole else f"Contact force{axis}{of} (N)")
     return ax
 
@@ -90,17 +91,18 @@ def plot_history(result: Hysteresis, where: int, *, title: str = "") -> Figure:
     """
     i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
+    factor, unit = length(result.loop(i, "t1")[0], result.loop(i, "t2")[0], np.nan_to_num(result.gap[i]))
     with plt.rc_context(PAPER):
         figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.2, 4.4), sharex=True)
         shades = colours(3)
         for k, (name, style) in enumerate(zip(AXES, STYLES)):
             top.plot(time, result.force[i, k], style, color=shades[k], label=NAMES[name])
             if name != "n":
-                bottom.plot(time, 1e6 * result.loop(i, name)[0], style, color=shades[k], label=NAMES[name])
+                bottom.plot(time, factor * result.loop(i, name)[0], style, color=shades[k], label=NAMES[name])
         if result.gap[i].max() > 0.0:
-            bottom.plot(time, 1e6 * result.gap[i], STYLES[2], color=shades[2], label="gap")
+            bottom.plot(time, factor * result.gap[i], STYLES[2], color=shades[2], label="gap")
         top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-        bottom.set(ylabel="Vibration, gap (µm)", xlabel="Time (periods)")
+        bottom.set(ylabel=f"Vibration, gap ({unit})", xlabel="Time (periods)")
         for ax in (top, bottom):
             ax.legend(fontsize=7.0, ncols=3)
         title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {newtons(result.preload)}"
