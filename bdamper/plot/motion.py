@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED_CONSTANT
+from bdamper.harmonic_balance.cycle import at_angles
 from bdamper.harmonic_balance.system import segments
 from bdamper.model.coupling import RIGID_NAMES, body_axes, principal_axes
 from bdamper.problem.problem import Problem
@@ -169,11 +170,6 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
     X, _, _ = system.contact(_solutions(problem, unknowns))
     p = system.arrays
     theta = 2.0 * np.pi * np.arange(n_theta) / n_theta
-    n_harmonics = (X.shape[2] - 1) // 2
-    wave = np.empty((X.shape[2], n_theta))
-    wave[0] = 1.0
-    for l in range(1, n_harmonics + 1):
-        wave[2 * l - 1], wave[2 * l] = np.cos(l * theta), np.sin(l * theta)
     model = problem.coupling.model  # with united contact points, if the study asks for that
     names = tuple(name for name in problem.coupling.interfaces for _ in range(model.interfaces[name].n_points))
     points = np.concatenate([model.interfaces[name].points for name in problem.coupling.interfaces])
@@ -186,7 +182,7 @@ def contact_status(problem: Problem, unknowns: NDArray, preload: float, n_theta:
     index = np.arange(len(X)) if system.points.index is None else system.points.index
     known: set[int] = set()
     for i, (x, at) in enumerate(zip(X, index.tolist())):
-        level = p["n0"][i] + p["kn"][i] * (x[2] @ wave)
+        level = p["n0"][i] + p["kn"][i] * at_angles(x[2], theta)
         two_sided = p["law"][i] in (LAW_CONSTANT, LAW_COUPLED_CONSTANT, LAW_BONDED)
         force = level if two_sided else np.maximum(level, 0.0)
         normal[at] += -force if at in known else force

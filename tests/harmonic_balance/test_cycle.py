@@ -72,7 +72,7 @@ def test_the_history_of_a_jenkins_element_is_a_parallelogram():
         ({"friction_axes": "major"}, 2e-6),
         ({"friction_coefficient": {"left": 0.3, "right": 0.0}}, 2e-6),
         ({"friction_law": "bonded"}, 1e-12),
-        ({"friction_law": "coupled", "evaluation": bd.Sampled(512)}, 1e-3),  # of order 1/n_time with separation
+        ({"friction_law": "coupled", "evaluation": bd.Sampled(256)}, 2e-3),  # of order 1/n_time with separation
     ],
     ids=str,
 )
@@ -82,9 +82,11 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
     study = replace(study, **settings)
     system, static = study.system(500.0), study.static(500.0)
-    u = system.pack(static.q, 0.5 * system.linear_response(2.0 * np.pi * 355.0, study.stuck_springs(static)))
+    # small enough for points that come to rest in a disk
+    size, frequency = (0.3, 360.0) if "evaluation" in settings else (0.5, 355.0)
+    u = system.pack(static.q, size * system.linear_response(2.0 * np.pi * frequency, study.stuck_springs(static)))
     _, forces, share = system.contact(u)
-    n = 3000 if error < 1e-4 else 512
+    n = 3000 if error < 1e-4 else 256
     theta = 2.0 * np.pi * np.arange(n) / n
     _, F = histories(system, u, theta)
     mean, first = F.mean(axis=2), F @ np.exp(-1j * theta) * 2.0 / n
