@@ -29,7 +29,9 @@ PAPER: dict[Any, Any] = {
     "grid.color": "0.9",
     "axes.axisbelow": True,
     "lines.linewidth": 1.2,
-    "legend.frameon": False,
+    "legend.frameon": True,  # on white, so that what lies below is not taken for a part of it
+    "legend.edgecolor": "none",
+    "legend.framealpha": 0.85,
     "legend.fontsize": 8.0,
     "figure.constrained_layout.use": True,
     "savefig.dpi": 200,

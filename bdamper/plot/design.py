@@ -55,6 +55,7 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
     Returns
     -------
     matplotlib axes
+        Points without a value are crosses at the lower edge, in the colour of their line.
     """
     values = result.array(quantity)
     if values.ndim != len(result.shape) or values.dtype.kind != "f":
@@ -63,18 +64,24 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
     x = [point[name] for point in result.points[:last]]
     numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
     rows = values.reshape(-1, last)
-    with drawing(ax, legend=7.0 if len(result.shape) > 1 else None) as ax:
+    places = x if numeric else [str(value) for value in x]
+    lost = ~np.isfinite(rows)
+    with drawing(ax, legend=7.0 if len(result.shape) > 1 or lost.any() else None) as ax:
         for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
             others = result.points[i * last]
             label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
             ax.plot(
-                x if numeric else [str(value) for value in x],
+                places,
                 row,
                 color=colour,
                 marker=MARKERS[i % len(MARKERS)],
                 markersize=3.0,
                 label=label or None,
             )
+            at = [place for place, gone in zip(places, lost[i]) if gone]
+            ax.plot(at, [0.03] * len(at), "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform())
+        if lost.any():
+            ax.plot([], [], "x", color="0.4", markersize=5.0, label="no value")
         if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
             ax.set_xscale("log")
         ax.set(xlabel=_with_unit(name), ylabel=_with_unit(quantity))
