@@ -27,7 +27,7 @@ from bdamper.peaks import optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import compare_stiffness as methods
-from bdamper.problem.plausible import check_settings
+from bdamper.problem.plausible import check_question, check_settings
 from bdamper.problem.problem import Problem
 from bdamper.stability import floquet, steady_state, time_integration
 from bdamper.util import validate
@@ -131,6 +131,7 @@ class Study(Problem, Comparable):
             found so far are there.
         """
         validate.flag("stability", stability)
+        check_question(self, [self.check_preload(preload)], frequency)
         ways: dict[str, Any] = {
             "from_high": from_high, "options": options, "progress": progress, "search_branches": search_branches
         }  # fmt: skip
@@ -169,6 +170,7 @@ class Study(Problem, Comparable):
 
         With a ``tolerance`` harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
         """
+        check_question(self, [self.check_preload(preload)], frequency)
         ways: dict[str, Any] = {"mode": mode, "options": options}
         if tolerance is not None:
             return accuracy_tolerance.peak_to_tolerance(self, preload, frequency, tolerance, **ways)
@@ -215,6 +217,7 @@ class Study(Problem, Comparable):
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         validate.flag("check", check)
+        check_question(self, optimal.preload_values(preload, n), frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
         shown: dict[str, Any] = {"progress": progress, "resume": resume}
         curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways, **shown)

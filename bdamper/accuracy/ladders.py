@@ -25,6 +25,7 @@ from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.linear_curve import stuck
 from bdamper.continuation.track import track
 from bdamper.peaks.optimal import highest_peak, peak_interval
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -413,6 +414,7 @@ def accuracy_cost(
     low, high = map(float, peak_interval(validate.instance("study", problem, Problem, "a Study"), frequency))
     ladders = make_ladders(problem, vary)
     preload = slipping_preload(problem, (low, high)) if preload is None else problem.check_preload(preload)
+    check_question(problem, [preload], frequency)
     runs = _Runs(problem, ladders, ask, preload, (low, high), repeats)
     top = {name: len(values) - 1 for name, values in ladders.items()}
     own: tuple[str, ...] = ()

@@ -22,7 +22,6 @@ from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances
-from bdamper.problem.plausible import check_interval, check_load
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread
@@ -74,8 +73,6 @@ def track(
         validate.instance("options", options, ContinuationOptions)
     with single_thread():
         state = problem.static(preload)
-        check_load(problem, preload)
-        check_interval(problem, frequency, preload)
         if not state.converged:
             reason = f"static state: {state.note}"
             return _without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from bdamper.design.workers import run_points
 from bdamper.model.model import Model
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, study_fingerprint, vary
 from bdamper.util import validate
@@ -339,6 +340,14 @@ def _question(
     return task
 
 
+def _check_plausible(problem: Problem, evaluate: Task, over: Mapping[str, Any]) -> None:
+    """Warn once, of the whole sweep, unless it varies what the warning is about."""
+    varied = any(name.startswith(("model.", "excitation")) for name in over)
+    if isinstance(evaluate, PeakTask | OptimalTask) and not varied:
+        preload = over.get("preload", evaluate.preload)
+        check_question(problem, validate.numbers("preload", np.atleast_1d(preload), unit="N"), evaluate.frequency)
+
+
 def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     """What identifies a sweep in its results file."""
     return {
@@ -404,8 +413,7 @@ def sweep(
     preload, frequency, mode
         Of the default question.
     executor : concurrent.futures.Executor, optional
-        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; without it
-        one point follows another.  It is not shut down.
+        Threads, processes, ``dask.distributed.Client(...).get_executor()``, ``mpi4py.futures.MPIPoolExecutor``; left open.
     resume : path, optional
         File to which finished points are appended, and from which an interrupted sweep goes on.
     progress : bool
@@ -429,6 +437,7 @@ def sweep(
         raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
     validate.flag("progress", progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
+    _check_plausible(problem, evaluate, over)
     job = _Job(problem, evaluate, model)
     if executor is not None:
         _ = problem.stiffness  # which variants share is made before the job is sent out

@@ -25,6 +25,7 @@ from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed, estimate_or_unknown
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.effects import AXES, Effects
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -217,6 +218,7 @@ def advise(
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
+    check_question(problem, [preload], frequency)
     own = Effects.of(problem)
     effects = fullest(problem) if against is None else validate.instance("against", against, Effects)
     reference = _Reference(problem.with_effects(effects), effects, preload, frequency)

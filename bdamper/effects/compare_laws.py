@@ -11,6 +11,7 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.problem.effects import Effects
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -82,6 +83,7 @@ def compare_laws(
     LawComparison
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
+    check_question(problem, [preload], frequency)
     laws = validate.names("laws", laws, LAWS, least=2)
     curves = [uninterrupted(track(_under(problem, law), preload, frequency, options=options)) for law in laws]
     return LawComparison(laws, tuple(curves))

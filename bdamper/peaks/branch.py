@@ -20,8 +20,6 @@ class Branch:
     number : int
     peaks : dict of int to Peak
         By the index of the preload.
-    isolated : set of int
-        Indices at which the peak does not lie on the response curve that a sweep of frequency follows.
     joined : dict of int to int
         Number of the branch that this one joins, by the index where it does.
     down, up : str
@@ -30,7 +28,6 @@ class Branch:
 
     number: int
     peaks: dict[int, Peak]
-    isolated: set[int] = field(default_factory=set)
     joined: dict[int, int] = field(default_factory=dict)
     down: str = ""
     up: str = ""
@@ -38,16 +35,15 @@ class Branch:
     def record(self) -> dict[str, Any]:
         """The branch in numbers, texts, lists and arrays."""
         return {
-            "number": self.number, "down": self.down, "up": self.up, "isolated": sorted(self.isolated),
-            "joined": sorted(self.joined.items()), "peaks": [(k, _plain(q)) for k, q in sorted(self.peaks.items())],
+            "number": self.number, "down": self.down, "up": self.up, "joined": sorted(self.joined.items()),
+            "peaks": [(k, _plain(q)) for k, q in sorted(self.peaks.items())],
         }  # fmt: skip
 
     @staticmethod
     def of(record: Mapping[str, Any]) -> Branch:
         """The branch of a record that was read from JSON."""
         peaks = {k: _peak(fields_of) for k, fields_of in record["peaks"]}
-        isolated, joined = set(record["isolated"]), dict(record["joined"])
-        return Branch(record["number"], peaks, isolated, joined, record["down"], record["up"])
+        return Branch(record["number"], peaks, dict(record["joined"]), record["down"], record["up"])
 
 
 def _plain(peak: Peak) -> dict[str, Any]:

@@ -19,8 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import asdict
-from typing import Any
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,6 +54,31 @@ SAME_PRELOAD = 1e-4
 """Relative difference up to which a curve at one preload stands for the other."""
 
 
+@dataclass(frozen=True)
+class Scanned:
+    """What the last scan over frequency at one preload has told.
+
+    Parameters
+    ----------
+    ending : str
+        "complete" or why not.
+    quick : bool
+        Following the curve coarsely from a peak was enough.
+    whole : bool
+        The whole tracking curve was taken, and what it may take by default was enough for it.
+    bound : float, m
+        The highest response where it was not that of a peak, NaN otherwise.
+    isolated : frozenset of int
+        Numbers of the branches whose peak does not lie on the response curve that a sweep of frequency follows.
+    """
+
+    ending: str
+    quick: bool = False
+    whole: bool = False
+    bound: float = np.nan
+    isolated: frozenset[int] = frozenset()
+
+
 class PeakEnvelope:
     """All peaks known at each preload, by branches.
 
@@ -74,10 +98,7 @@ class PeakEnvelope:
 
     * ``preload``, to which those are added at which curves check an optimum, and ``asked``, which tells the others,
     * ``branches`` and ``events``,
-    * ``scanned``: "complete" or why not, by the index of the preload,
-    * ``quick``: where following the curve coarsely from a peak was enough,
-    * ``whole``: where the whole tracking curve was taken, and what it may take by default was enough for it,
-    * ``bound``: the highest response (m) where a scan found no peak there.
+    * ``scanned``: what the scans have told, by the preload (N).
 
     With these set, :meth:`find_all` goes on where it was.  ``finished`` tells whether it has ended since.
     """
@@ -100,10 +121,7 @@ class PeakEnvelope:
         self.meter = meter
         self.branches: list[Branch] = []
         self.asked = np.ones(len(preload), bool)
-        self.scanned: dict[int, str] = {}
-        self.quick: set[int] = set()
-        self.whole: set[int] = set()
-        self.bound: dict[int, float] = {}
+        self.scanned: dict[float, Scanned] = {}
         self.events: list[str] = []
         self.systems: dict[float, HarmonicSystem] = {}
         self.file = file
@@ -129,7 +147,16 @@ class PeakEnvelope:
 
     def highest(self, k: int) -> tuple[Branch, Peak] | None:
         """The highest peak within the interval that is not known to be isolated, and its branch."""
-        return next(((b, q) for b, q in self.at(k) if k not in b.isolated and self.within(q)), None)
+        return next(((b, q) for b, q in self.at(k) if not self.isolated(b, k) and self.within(q)), None)
+
+    def scan_at(self, k: int) -> Scanned | None:
+        """What the scan at a preload has told, if one was made."""
+        return self.scanned.get(float(self.preload[k]))
+
+    def isolated(self, branch: Branch, k: int) -> bool:
+        """Whether the peak of a branch is known to lie off the response curve that a sweep of frequency follows."""
+        there = self.scan_at(k)
+        return there is not None and branch.number in there.isolated
 
     def value(self, k: int) -> tuple[Branch, Peak] | None:
         """The highest peak at a preload, if it is known that there is no higher one."""
@@ -137,16 +164,17 @@ class PeakEnvelope:
 
     def trusted(self, k: int) -> bool:
         """Whether the scan at a preload was complete, or the nearest ones on both sides were and no other is called for."""
-        if k in self.scanned or not self.finished:
-            return self.scanned.get(k) == COMPLETE
-        below = max((j for j in self.scanned if j < k), default=-1)
-        above = min((j for j in self.scanned if j > k), default=-1)
-        return self.scanned.get(below) == COMPLETE and self.scanned.get(above) == COMPLETE
+        there, p = self.scan_at(k), self.preload[k]
+        if there is not None or not self.finished:
+            return there is not None and there.ending == COMPLETE
+        below = max((q for q in self.scanned if q < p), default=None)
+        above = min((q for q in self.scanned if q > p), default=None)
+        return all(q is not None and self.scanned[q].ending == COMPLETE for q in (below, above))
 
     def lower_bound(self, k: int) -> float:
         """Highest response found at a preload (m), NaN if none was."""
-        top = self.highest(k)
-        return float(np.fmax(self.bound.get(k, np.nan), np.nan if top is None else top[1].amplitude))
+        top, there = self.highest(k), self.scan_at(k)
+        return float(np.fmax(np.nan if there is None else there.bound, np.nan if top is None else top[1].amplitude))
 
     def within(self, peak: Peak) -> bool:
         """Whether a peak lies in the interval of frequency; a branch is followed beyond it, since it may come back."""
@@ -170,29 +198,25 @@ class PeakEnvelope:
         """
         self.tell(f"scan at {self.preload[k]:.4g} N")
         if not self._repeat(k, whole):
-            n_branches, n_events, before = len(self.branches), len(self.events), self.scanned.get(k)
+            n_branches, n_events = len(self.branches), len(self.events)
             begin = self.meter.read(time.perf_counter())
             try:
-                self._scan(k, whole)
+                told = self._scan(k, whole)
             except KeyboardInterrupt:
                 del self.branches[n_branches:], self.events[n_events:]
-                self.scanned.pop(k, None)
-                self.scanned |= {} if before is None else {k: before}
                 raise
+            self.scanned[float(self.preload[k])] = told
             if self.file is not None:
                 spent = asdict(self.meter.read(time.perf_counter()) - begin)
-                self.file.append(self._record(k, whole, n_branches, n_events) | {"cost": spent})
+                self.file.append(
+                    {
+                        "index": self.scans, "preload": self.preload[k], "asked_whole": whole, "scanned": told.ending,
+                        "quick": told.quick, "whole": told.whole, "bound": told.bound, "isolated": sorted(told.isolated),
+                        "events": self.events[n_events:], "branches": [b.record() for b in self.branches[n_branches:]],
+                        "cost": spent,
+                    }
+                )  # fmt: skip
         self.scans += 1
-
-    def _record(self, k: int, whole: bool, n_branches: int, n_events: int) -> dict[str, Any]:
-        """What a scan has changed, as :meth:`_repeat` takes it."""
-        return {
-            "index": self.scans, "preload": self.preload[k], "asked_whole": whole, "scanned": self.scanned[k],
-            "quick": k in self.quick, "whole": k in self.whole, "bound": self.bound.get(k),
-            "events": self.events[n_events:],
-            "isolated": [b.number for b in self.branches[:n_branches] if k in b.isolated],
-            "branches": [b.record() for b in self.branches[n_branches:]],
-        }  # fmt: skip
 
     def _repeat(self, k: int, whole: bool) -> bool:
         """Take a scan from the file; False if it does not hold it yet."""
@@ -205,14 +229,11 @@ class PeakEnvelope:
                 f"{self.file.path}: expected a scan at {self.preload[k]:.6g} N next, found one at "
                 f"{record['preload']:.6g} N, as where numbers are rounded otherwise: start with a new file"
             )
-        self.scanned[k] = record["scanned"]
-        for name in ("quick", "whole"):
-            (getattr(self, name).add if record[name] else getattr(self, name).discard)(k)
-        if record["bound"] is not None:
-            self.bound[k] = record["bound"]
+        bound = np.nan if record["bound"] is None else record["bound"]
+        self.scanned[float(self.preload[k])] = Scanned(
+            record["scanned"], record["quick"], record["whole"], bound, frozenset(record["isolated"])
+        )
         self.events += record["events"]
-        for b in self.branches:
-            (b.isolated.add if b.number in record["isolated"] else b.isolated.discard)(k)
         self.branches += [Branch.of(item) for item in record["branches"]]
         self.meter.take_over(Cost(**record["cost"]))
         return True
@@ -222,48 +243,46 @@ class PeakEnvelope:
         if self.report is None:
             return
         n = len(self.preload)
-        todo = {k for k in (0, n - 1) if k not in self.scanned}.union(() if self.finished else self.suspicious())
+        todo = {k for k in (0, n - 1) if self.scan_at(k) is None}.union(() if self.finished else self.suspicious())
         self.report(stage, self.scans, self.scans + max(1, len(todo)))
 
-    def _scan(self, k: int, whole: bool) -> None:
-        """The work of :meth:`scan`."""
+    def _scan(self, k: int, whole: bool) -> Scanned:
+        """The work of :meth:`scan`, which adds new branches and events and changes nothing else."""
         p = float(self.preload[k])
         state = self.problem.static(p)
         if not state.converged:
-            self.scanned[k] = f"not made: static state: {state.note}"
             self.events.append(f"{p:.6g} N: static state: {state.note}")
-            return
+            return Scanned(f"not made: static state: {state.note}")
         try:
-            found = self.look(k, p, whole)
+            found, told = self.peaks_over_frequency(k, whole)
         except LOST as error:
-            self.scanned[k] = f"failed: {type(error).__name__}: {error}"
-            self.events.append(f"{p:.6g} N: scan over frequency {self.scanned[k]}")
-            return
+            told = Scanned(f"failed: {type(error).__name__}: {error}")
+            self.events.append(f"{p:.6g} N: scan over frequency {told.ending}")
+            return told
         peaks, above = found.peaks, found.above
         if above is not None and above.corner is not None and found.ending == COMPLETE:
             # no maximum of a smooth curve that could be followed, but the highest response there is
             self.branches.append(Branch(len(self.branches), {k: above.corner}, down=above.what, up=above.what))
             self.events.append(f"{p:.6g} N: {above}")
             above = None
-        self.scanned[k] = found.ending if above is None else f"{found.ending}, {above}"
         if above is not None:
-            self.bound[k] = above.amplitude
+            told = replace(told, ending=f"{found.ending}, {above}", bound=above.amplitude)
         known = [(b, q) for b, q in self.at(k) if not q.corner or q.curvature > -np.inf]
-        for b, q in known:
-            if any(same_peak(q, other) for other in peaks):
-                b.isolated.discard(k)
+        missed = [(b, q) for b, q in known if not any(same_peak(q, other) for other in peaks)]
+        isolated = {b.number for b, _ in missed if self.isolated(b, k)}
         new = [q for q in peaks if not any(same_peak(q, other) for _, other in known)]
         if found.ending == COMPLETE:
-            for b, q in known:
-                if not any(same_peak(q, other) for other in peaks) and not found.passes(q, self.family(p).n_mean):
-                    b.isolated.add(k)
+            for b, q in missed:
+                if not found.passes(q, self.family(p).n_mean):
+                    isolated.add(b.number)
                     self.events.append(
                         f"{p:.6g} N: peak of branch {b.number}, {q.amplitude:.6g} m at {q.frequency:.6g} Hz, is not "
                         "connected to the response curve that a sweep of frequency follows"
                     )
         self.events.append(
-            f"{p:.6g} N: scan over frequency ({self.scanned[k]}) found {len(peaks)} peaks, {len(new)} of them new"
+            f"{p:.6g} N: scan over frequency ({told.ending}) found {len(peaks)} peaks, {len(new)} of them new"
         )
+        told = replace(told, isolated=frozenset(isolated))
         top = max([q.amplitude for q in peaks], default=0.0)
         for q in new[:FOLLOWED]:
             if q.amplitude < SIGNIFICANT * top:
@@ -272,24 +291,22 @@ class PeakEnvelope:
             self.branches.append(branch)
             self.follow(branch, k, -1)
             self.follow(branch, k, +1)
+        return told
 
-    def look(self, k: int, preload: float, whole: bool) -> Scan:
+    def peaks_over_frequency(self, k: int, whole: bool) -> tuple[Scan, Scanned]:
         """The response over frequency: from the highest peak known at a preload, if that will do, else the whole curve."""
-        item = self.highest(k)
-        slow = any(j in self.scanned and j not in self.quick for j in (k - 1, k + 1))
-        if not whole and item is not None and not slow:
+        item, preload = self.highest(k), float(self.preload[k])
+        near = [self.scan_at(j) for j in (k - 1, k + 1) if 0 <= j < len(self.preload)]
+        if not whole and item is not None and all(there is None or there.quick for there in near):
             found = scan_from(
                 self.problem, self.family(preload), item[1].y, self.frequency, preload=preload, options=self.options,
                 meter=self.meter, share=0.5 * SIGNIFICANT,
             )  # fmt: skip
             if found.whole:
-                self.quick.add(k)
-                return found
+                return found, Scanned(found.ending, quick=True)
         curve = ContinuationOptions(budget=None if whole else BUDGET)
         found = scan(self.problem, preload, self.frequency, options=self.options, continuation=curve, meter=self.meter)
-        if whole or not found.limited:
-            self.whole.add(k)
-        return found
+        return found, Scanned(found.ending, whole=whole or not found.limited)
 
     def follow(self, branch: Branch, k: int, step: int, last: int | None = None) -> None:
         """Follow a branch from preload to preload until it ends or meets another one, or to the ``last`` alone."""
@@ -336,10 +353,10 @@ class PeakEnvelope:
         """The preload that is to be scanned next: ends of the range, some between, and where what is known asks for it."""
         n = len(self.preload)
         first = [n - 1, *(int(i) for i in np.round(np.linspace(0, n - 1, checks + 2))[1:-1])]
-        todo = next((k for k in first if k not in self.scanned), None)
+        todo = next((k for k in first if self.scan_at(k) is None), None)
         if todo is None:
             todo = self.without_peak()
-        if todo is None and 0 not in self.scanned:
+        if todo is None and self.scan_at(0) is None:
             return 0
         if todo is None:
             todo = next(self.suspicious(), None)
@@ -357,25 +374,31 @@ class PeakEnvelope:
 
         self.preload = np.insert(self.preload, k, preload)
         self.asked = np.insert(self.asked, k, False)
-        self.scanned = {moved(j): ending for j, ending in self.scanned.items()}
-        self.quick, self.whole = {moved(j) for j in self.quick}, {moved(j) for j in self.whole}
-        self.bound = {moved(j): amplitude for j, amplitude in self.bound.items()}
         for b in self.branches:
             b.peaks = {moved(j): q for j, q in b.peaks.items()}
-            b.isolated = {moved(j) for j in b.isolated}
             b.joined = {moved(j): number for j, number in b.joined.items()}
-        for b in self.branches:
-            for step in (1, -1):
-                if k - step in b.peaks and k not in b.peaks:
-                    self.follow(b, k - step, step, k)
+        try:
+            for b in self.branches:
+                for step in (1, -1):
+                    if k - step in b.peaks and k not in b.peaks:
+                        self.follow(b, k - step, step, k)
+        except KeyboardInterrupt:  # the highest peak there may be of a branch that was not followed yet
+            for b in self.branches:
+                b.peaks.pop(k, None)
+            raise
         return k
 
-    def note_change(self, k: int) -> None:
-        """Note an event if the highest peaks at a preload and at the next one are of different branches."""
+    def goes_on(self, k: int) -> bool:
+        """Whether the highest peaks at a preload and at the next one are one peak, also where a branch joins another."""
         a, b = self.highest(k), self.highest(k + 1)
-        if a is None or b is None or a[0] is b[0]:
-            return
-        if a[0].joined.get(k + 1) == b[0].number or b[0].joined.get(k) == a[0].number:
+        if a is None or b is None:
+            return False
+        return a[0] is b[0] or a[0].joined.get(k + 1) == b[0].number or b[0].joined.get(k) == a[0].number
+
+    def note_change(self, k: int) -> None:
+        """Note an event if the highest peaks at a preload and at the next one are different peaks."""
+        a, b = self.highest(k), self.highest(k + 1)
+        if a is None or b is None or self.goes_on(k):
             return
         smooth = k + 1 in a[0].peaks and k in b[0].peaks
         what = "another peak becomes the highest" if smooth else "jump to another peak"
@@ -391,17 +414,18 @@ class PeakEnvelope:
         a branch found there may reach up to it.
         """
         for k in reversed(range(len(self.preload))):
-            if self.highest(k) is None and k not in self.scanned:
+            if self.highest(k) is None and self.scan_at(k) is None:
                 beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and self.highest(j) is not None]
                 first = [*beside, 0] if self.highest(0) is None else beside
-                return next((j for j in first if j not in self.scanned), k)
+                return next((j for j in first if self.scan_at(j) is None), k)
         return None
 
     def beside_incomplete(self) -> int | None:
         """A preload beside one without a complete scan, so that every value lies between complete ones."""
-        for k, ending in sorted(self.scanned.items(), reverse=True):
-            if ending != COMPLETE:
-                beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and j not in self.scanned]
+        for k in reversed(range(len(self.preload))):
+            there = self.scan_at(k)
+            if there is not None and there.ending != COMPLETE:
+                beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and self.scan_at(j) is None]
                 if beside:
                     return beside[0]
         return None
@@ -413,10 +437,12 @@ class PeakEnvelope:
             top = self.highest(i)
             if top is None:
                 continue
-            if j in top[0].isolated and i not in self.scanned:
+            if self.isolated(top[0], j) and self.scan_at(i) is None:
                 yield i
-            if j not in self.scanned and any(self.ends_between(b, q, i, j) for b, q in self.at(i) if
-                                             q.amplitude >= HIGH * top[1].amplitude and i not in b.isolated):  # fmt: skip
+            if self.scan_at(j) is None and any(
+                self.ends_between(b, q, i, j) for b, q in self.at(i)
+                if q.amplitude >= HIGH * top[1].amplitude and not self.isolated(b, i)
+            ):  # fmt: skip
                 yield j
 
     def ends_between(self, branch: Branch, peak: Peak, i: int, j: int) -> bool:

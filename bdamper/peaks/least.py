@@ -19,7 +19,7 @@ from bdamper.peaks.branch import Branch
 from bdamper.peaks.envelope import SAME_PRELOAD, PeakEnvelope
 from bdamper.peaks.follower import LOST, PeakFollower
 from bdamper.peaks.newton import Peak, same_peak
-from bdamper.peaks.optimal_curve import INTERRUPTED, NOT_VERIFIED, OptimumPoint
+from bdamper.peaks.optimal_curve import INTERRUPTED, NOT_COMPARED, NOT_VERIFIED, OptimumPoint
 from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.rootfind import find_root
@@ -38,6 +38,10 @@ NARROW = 0.02
 """Relative, on the preload, to which the place of a least value has to be known to be called verified."""
 BESIDE = 1e-3
 """Relative distance from a jump at which a curve is taken, on the side where the higher peak is gone."""
+LOWER = 0.05
+"""Relative, by which the tangents of peaks have to lead below the least value known for the search to go on there."""
+BETWEEN = 12
+"""Preloads that are added at most where the least value may lie between two others."""
 AGREES = 2e-3
 """Relative difference of amplitudes up to which a curve agrees with the least value."""
 
@@ -76,7 +80,7 @@ class _Minimum:
             places = next(((i,) for i in (k - 1, k) if abs(grid[i] - x) < 1e-13), (k - 1, k))
             found = []
             for branch in self.known.branches:
-                if branch.isolated.intersection(places):
+                if any(self.known.isolated(branch, i) for i in places):
                     continue
                 near = [branch.peaks[i] for i in places if i in branch.peaks]
                 near += [q for list_ in self.cache.values() for number, q in list_ if number == branch.number]
@@ -178,7 +182,7 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
         if any(known.highest(k) for k in range(n)):
             return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, f"{NOT_VERIFIED}no preload has a value"), np.nan
         low, high = known.frequency
-        endings = ", ".join(dict.fromkeys(known.scanned.values())) or "not made"
+        endings = ", ".join(dict.fromkeys(there.ending for there in known.scanned.values())) or "not made"
         raise BdamperError(
             f"no peak found at any of {n} preloads from {known.preload[0]:g} to {known.preload[-1]:g} N "
             f"between {low:.6g} and {high:.6g} Hz; scans over frequency: {endings}"
@@ -209,7 +213,7 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
                 return at_grid, best.parameter
             beside = max((j for j in (k - 1, k + 1) if 0 <= j < n), key=lambda j: abs(x[j] - x[k]))
             place = float(np.exp(0.5 * (x[k] + x[beside])))
-        return replace(at_grid, kind="smooth", uncertainty=width, status=f"{NOT_VERIFIED}{error}"), place
+        return replace(at_grid, kind="unknown", uncertainty=width, status=f"{NOT_VERIFIED}{error}"), place
 
 
 def least_so_far(known: PeakEnvelope) -> OptimumPoint:
@@ -220,36 +224,108 @@ def least_so_far(known: PeakEnvelope) -> OptimumPoint:
     k = min(values, key=lambda i: values[i].amplitude)
     near = known.preload[max(k - 1, 0) : k + 2] if known.finished else known.preload
     width = float(np.log(near[-1] / near[0]))
-    return OptimumPoint(values[k].parameter, values[k].amplitude, values[k].frequency, "smooth", width, INTERRUPTED)
+    return OptimumPoint(values[k].parameter, values[k].amplitude, values[k].frequency, "unknown", width, INTERRUPTED)
 
 
 def verified_optimum(known: PeakEnvelope) -> OptimumPoint:
-    """The preload of the least value, compared with whole tracking curves.
+    """The preload of the least value, compared with whole tracking curves, and with what else may lie between preloads.
 
     Raises
     ------
     BdamperError
         As :func:`least_peak`.
     """
+    found = _compared(known)
+    slopes: dict[tuple[float, float], float] = {}
+    for _ in range(BETWEEN):
+        between = _could_be_lower_between(known, found, slopes) if found.verified else None
+        if between is None:
+            return found
+        n_branches = len(known.branches)
+        k = known.insert(float(np.sqrt(between[0] * between[1])))
+        known.find_all()
+        value = known.value(k)
+        if len(known.branches) > n_branches or value is None or value[1].amplitude < found.amplitude:
+            found = _compared(known)
+    between = _could_be_lower_between(known, found, slopes) if found.verified else None
+    if between is None:
+        return found
+    why = f"the highest peak could be lower between {between[0]:.6g} and {between[1]:.6g} N"
+    return replace(found, status=f"{NOT_VERIFIED}{why}")
+
+
+def _could_be_lower_between(
+    known: PeakEnvelope, found: OptimumPoint, slopes: dict[tuple[float, float], float]
+) -> tuple[float, float] | None:
+    """Neighbouring preloads (N) between which the tangents of peaks lead to the least value below the optimum, if any do.
+
+    A peak that is known at both is as low as its two tangents meet; one that is known at one of them alone may go on along
+    its tangent up to the other.  ``slopes`` keeps d ln(amplitude)/d ln(preload) of peaks by preload and frequency.
+    """
+    x, search = np.log(known.preload), _Minimum(known)
+
+    def slope(peak: Peak) -> float:
+        key = peak.parameter, peak.frequency
+        if key not in slopes:
+            try:
+                slopes[key] = search.slope(peak, peak.parameter)
+            except (*LOST, SettingError):  # at a corner, or not to be computed: nothing is concluded from it
+                slopes[key] = 0.0
+        return slopes[key]
+
+    def least(a: Peak, b: Peak, width: float, through: bool) -> float:
+        """ln(amplitude) between two peaks."""
+        p, q = np.log(a.amplitude), np.log(b.amplitude)
+        fall, rise = -min(slope(a), 0.0), max(slope(b), 0.0)
+        if not through:
+            return float(min(p - fall * width, q - rise * width))
+        if fall * width <= p - q or rise * width <= q - p:  # one of them does not lead below the other
+            return float(min(p, q))
+        return float((rise * p + fall * q - fall * rise * width) / (fall + rise))
+
+    lowest, where = np.log((1.0 - LOWER) * found.amplitude), None
+    for k, width in enumerate(np.diff(x)):
+        low, high = (known.value(j) for j in (k, k + 1))
+        beside_jump = found.kind == "jump" and x[k] < np.log(found.preload) < x[k + 1]
+        if low is None or high is None or width <= NARROW or beside_jump:
+            continue
+        through = [(b.peaks[k], b.peaks[k + 1]) for b in known.branches if k in b.peaks and k + 1 in b.peaks and
+                   (b is low[0] or b is high[0])]  # fmt: skip
+        if not through and known.goes_on(k):
+            through = [(low[1], high[1])]
+        value = max(least(*pair, width, True) for pair in through) if through else least(low[1], high[1], width, False)
+        if value < lowest:
+            lowest, where = value, (float(known.preload[k]), float(known.preload[k + 1]))
+    return where
+
+
+def _compared(known: PeakEnvelope) -> OptimumPoint:
+    """The least value beside the lowest preload, compared with whole tracking curves."""
     found, place = _least(known)
     for _ in range(ROUNDS):
         if not np.isfinite(found.preload):
             return found
         known.tell(f"verification at {place:.4g} N")
         before, k = found, known.insert(place)
-        if k not in known.whole:
-            known.scan(k, whole=found.uncertainty <= NARROW or k in known.scanned)
+        if not _whole(known, k):
+            known.scan(k, whole=found.uncertainty <= NARROW or known.scan_at(k) is not None)
             known.find_all()
         found, place = _least(known)
         same = abs(np.log(found.preload / before.preload)) < SAME_PRELOAD
-        if same and abs(found.amplitude / before.amplitude - 1.0) <= AGREES and known.insert(place) in known.whole:
-            again = next((k for k in _could_be_lower(known, found) if k not in known.whole), None)
+        if same and abs(found.amplitude / before.amplitude - 1.0) <= AGREES and _whole(known, known.insert(place)):
+            again = next((k for k in _could_be_lower(known, found) if not _whole(known, k)), None)
             if again is None:
                 return _judged(known, found)
             known.scan(again, whole=True)
             known.find_all()
             found, place = _least(known)
     return replace(found, status=f"{NOT_VERIFIED}whole tracking curves still changed it {ROUNDS} times")
+
+
+def _whole(known: PeakEnvelope, k: int) -> bool:
+    """Whether the whole tracking curve was taken at a preload."""
+    there = known.scan_at(k)
+    return there is not None and there.whole
 
 
 def _could_be_lower(known: PeakEnvelope, found: OptimumPoint) -> list[int]:
@@ -261,7 +337,8 @@ def _could_be_lower(known: PeakEnvelope, found: OptimumPoint) -> list[int]:
 def _judged(known: PeakEnvelope, found: OptimumPoint) -> OptimumPoint:
     """The status of an optimum with which the tracking curve there agrees."""
     if found.uncertainty > NARROW:
-        return found
+        why = f"{NOT_VERIFIED}a whole tracking curve agrees, but the search did not end"
+        return replace(found, status=why) if found.status == NOT_COMPARED else found
     lower = _could_be_lower(known, found)
     if lower:
         why = f"{len(lower)} preloads without a value could be lower, first {known.preload[lower[0]]:.6g} N"

@@ -23,7 +23,7 @@ from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
-from bdamper.problem.plausible import check_interval, check_load
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
@@ -101,7 +101,6 @@ def optimal_curve(
         raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
     meter = CostMeter(start)
     frequency = peak_interval(problem, frequency, mode)
-    check_load(problem, float(values[0]), float(values[-1]))
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
     known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
@@ -144,7 +143,8 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
     """Fields of an optimal curve that hold the highest peak at each preload, and all peaks."""
     asked = [int(k) for k in np.flatnonzero(known.asked)]
     values = [known.value(k) for k in asked]
-    every = [(b.number, q, k in b.isolated) for b in known.branches for k, q in sorted(b.peaks.items())]
+    on = np.array([False, *(known.goes_on(k) for k in range(len(known.preload) - 1))])
+    every = [(b.number, q, known.isolated(b, k)) for b in known.branches for k, q in sorted(b.peaks.items())]
 
     def column(name: str, fill: Any) -> NDArray:
         return np.array([fill if item is None else getattr(item[1], name) for item in values])
@@ -160,6 +160,8 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
         "branch": np.array([-1 if item is None else item[0].number for item in values]),
         "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in values]),
         "status": tuple(_status(known, k) for k in asked),
+        "goes_on": np.array([i > 0 and values[i] is not None and values[i - 1] is not None and
+                             all(on[asked[i - 1] + 1 : k + 1]) for i, k in enumerate(asked)]),
         "peak_preload": np.array([q.parameter for _, q, _ in every]),
         "peak_amplitude": np.array([q.amplitude for _, q, _ in every]),
         "peak_frequency": np.array([q.frequency for _, q, _ in every]),
@@ -171,11 +173,11 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
 
 def _status(known: PeakEnvelope, k: int) -> str:
     """What is known at a preload, with the ending of the scan over frequency if one was made there."""
-    ending = known.scanned.get(k)
+    there = known.scan_at(k)
     if known.value(k) is not None:
-        return "followed" if ending is None else "scanned"
+        return "followed" if there is None else "scanned"
     what = "no peak found" if known.highest(k) is None else "lower bound"
-    return f"{what}, scan over frequency {'not made' if ending is None else ending}"
+    return f"{what}, scan over frequency {'not made' if there is None else there.ending}"
 
 
 @one_thread
@@ -189,6 +191,7 @@ def optimum(
     options: PeakOptions | None = None,
 ) -> OptimumPoint:
     """The preload of least resonance amplitude; see :func:`optimal_curve`."""
+    check_question(problem, preload_values(preload, n), frequency)
     return optimal_curve(problem, preload, n, frequency=frequency, mode=mode, options=options).optimum
 
 
@@ -214,9 +217,7 @@ def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode:
     mode = validate.whole("mode", mode, least=1)
     if frequency is None:
         return resonance_interval(problem, mode)
-    frequency = validate.interval("frequency", frequency)
-    check_interval(problem, frequency, 1.0 if problem.carries_load else 0.0)
-    return frequency
+    return validate.interval("frequency", frequency)
 
 
 def check_options(options: PeakOptions | None) -> None:
@@ -246,7 +247,6 @@ def highest_peak(
     """
     preload = problem.check_preload(preload)
     frequency = peak_interval(problem, frequency, mode)
-    check_load(problem, preload)
     check_options(options)
     meter = CostMeter(time.perf_counter())
     found = scan(problem, preload, frequency, options=options, meter=meter)

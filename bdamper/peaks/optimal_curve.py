@@ -52,15 +52,18 @@ class OptimumPoint:
         NaN if the curve is flat, or no preload has a value.
     amplitude : float, m
     frequency : float, Hz
-    kind : {"smooth", "crossing", "jump", "end", "flat", "none"}
+    kind : {"smooth", "crossing", "jump", "end", "unknown", "flat", "none"}
         Zero derivative; two peaks of equal height; the end of a higher peak, with the least amplitude as the limit from
-        the side on which it is gone; the end of the range of preloads, or of those with a value; none, since the preload
-        does not matter (nothing slips, or all of it is bonded), or since no preload has a value.
+        the side on which it is gone; the end of the range of preloads, or of those with a value; not known, as where the
+        search was interrupted; none, since the preload does not matter (nothing slips, or all of it is bonded), or since no
+        preload has a value.
     uncertainty : float
         Relative, of the preload.
     status : str
-        "verified" if the whole tracking curve there has no higher peak, and no preload without a value could take its
-        place; otherwise "not verified: " with the reason, such as :data:`INTERRUPTED`.
+        "verified" if the whole tracking curve there has no higher peak, no preload without a value could take its place,
+        and the tangents of the peaks at two neighbouring preloads nowhere lead more than 5 % below it; a lower value that
+        no tangent leads to may still be missed between preloads far apart.  Otherwise "not verified: " with the reason,
+        such as :data:`INTERRUPTED`.
     """
 
     preload: float
@@ -139,6 +142,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     lower_bound : (n,) float, m
         Highest response found at a preload without a value, NaN where there is a value or nothing was found (everywhere in
         files of versions before 0.3).
+    goes_on : (n,) bool
+        Whether the peak is that of the preload before, followed from there, also where its branch joins another; False
+        beside a preload without a value.
     """
 
     preload: NDArray
@@ -166,8 +172,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
     lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
+    goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
 
     def __post_init__(self) -> None:
+        if not self.goes_on.size:  # in files of versions before 0.3
+            same = (np.diff(self.branch) == 0) & (self.branch[1:] >= 0)
+            object.__setattr__(self, "goes_on", np.append(False, same))
         if not self.lower_bound.size:
             object.__setattr__(self, "lower_bound", np.full(len(self.preload), np.nan))
 

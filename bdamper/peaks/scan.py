@@ -150,30 +150,6 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
     return Limit(omega / (2.0 * np.pi), amplitude)
 
 
-def peaks_at(
-    problem: Problem,
-    preload: float,
-    frequency: tuple[float, float],
-    *,
-    options: PeakOptions | None = None,
-    continuation: ContinuationOptions | None = None,
-    meter: CostMeter | None = None,
-) -> tuple[tuple[Peak, ...], str]:
-    """All peaks on the response curve at one preload, highest first, and how the curve ended.
-
-    Parameters
-    ----------
-    problem : Problem
-    preload : float, N
-    frequency : (low, high), Hz
-    options : PeakOptions
-    continuation : ContinuationOptions
-        Of the scan; coarse by default, since peaks are refined afterwards.
-    """
-    found = scan(problem, preload, frequency, options=options, continuation=continuation, meter=meter)
-    return found.peaks, found.ending
-
-
 def scan(
     problem: Problem,
     preload: float,
@@ -183,7 +159,18 @@ def scan(
     continuation: ContinuationOptions | None = None,
     meter: CostMeter | None = None,
 ) -> Scan:
-    """The response curve at one preload, followed from the ends of the interval; arguments as of :func:`peaks_at`."""
+    """All peaks on the response curve at one preload, which is followed from the ends of the interval.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    options : PeakOptions
+    continuation : ContinuationOptions
+        Coarse by default, since peaks are refined afterwards.
+    meter : CostMeter
+    """
     curve = uninterrupted(track(problem, preload, frequency, options=continuation or coarse_options()))
     if meter is not None:
         meter.add(curve.cost)

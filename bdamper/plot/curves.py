@@ -188,15 +188,13 @@ def plot_optimal(
         if coexisting and others.any():
             ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
                     label="other peaks")
-        for first, last in runs(result.branch):
-            if result.branch[first] < 0:
-                continue
+        for first, last in runs(np.cumsum(~result.goes_on)):
             part = slice(first, last + 1)
             alone = "." if first == last else None
             ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
             right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
         a = result.amplitude
-        for k in np.flatnonzero(np.diff(result.branch) != 0):  # where another peak becomes the highest, or one was lost
+        for k in np.flatnonzero(~result.goes_on[1:]):  # where another peak becomes the highest, or one was lost
             ax.plot(result.preload[k : k + 2], a[k : k + 2], ":", color=dark, linewidth=0.8)
             right.plot(result.preload[k : k + 2], result.shift_percent[k : k + 2], ":", color=light, linewidth=0.8)
         ax.plot([], [], "-", color=dark, label="amplitude")

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from bdamper.contact.stiffness import PerArea
 from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.errors import ModelError
 from bdamper.util.warn import implausible
 
@@ -53,6 +59,21 @@ def _check_stiffness(problem: Problem, kind: str) -> None:
             f"{STIFFNESS[1]:g} times that of the bodies there",
             f"{given / n:.2g} N/m in the mean",
         )
+
+
+@one_thread
+def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: Any = None) -> None:
+    """Warn of preloads (N), valid ones, and of an interval (Hz, optional), not checked yet, as a user asks for them.
+
+    Functions that users call do this once, for the whole range; those that others call a thousand times, in threads and
+    processes, do not.
+    """
+    if frequency is not None:
+        frequency = validate.interval("frequency", frequency)
+    if problem.carries_load:
+        check_load(problem, float(np.min(preload)), float(np.max(preload)))
+    if frequency is not None:
+        check_interval(problem, frequency, float(np.max(preload)) if problem.carries_load else 0.0)
 
 
 def check_load(problem: Problem, low: float, high: float | None = None) -> None:

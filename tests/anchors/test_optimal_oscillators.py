@@ -12,7 +12,7 @@ import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.continuation.follower import follow
-from bdamper.peaks.envelope import Branch, PeakEnvelope
+from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
 from bdamper.peaks.follower import follow_peak
 from bdamper.peaks.least import least_peak
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, refine_maxima
@@ -58,7 +58,7 @@ def optimum(family, start, values):
     assert len(peaks) == len(values)
     known = PeakEnvelope(SimpleNamespace(system=family), np.array(values), (0.0, np.inf), PeakOptions(), CostMeter(0.0))
     known.branches.append(Branch(0, dict(enumerate(peaks))))
-    known.scanned = {0: "complete", len(peaks) - 1: "complete"}
+    known.scanned = {float(known.preload[k]): Scanned("complete") for k in (0, -1)}
     return least_peak(known)
 
 

@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from bdamper.peaks import least as search
-from bdamper.peaks.envelope import Branch, PeakEnvelope
+from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
 from bdamper.peaks.least import least_peak, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions, drifted
 from bdamper.peaks.optimal import _status
+from bdamper.peaks.optimal_curve import OptimumPoint
 from bdamper.peaks.scan import Above, Scan
 from bdamper.util.cost import CostMeter
 
@@ -28,8 +29,13 @@ def known(branches, preload, apart=1.0):
     for number, height in enumerate(branches):
         peaks = {k: peak(p, np.exp(height(np.log(p))), 100.0 + apart * number) for k, p in enumerate(preload)}
         out.branches.append(Branch(number, peaks))
-    out.scanned = {0: "complete", len(preload) - 1: "complete"}
+    out.scanned = scans(out, {0: "complete", len(preload) - 1: "complete"})
     return out
+
+
+def scans(peaks, endings):
+    """What scans have told that ended so, by the index of the preload."""
+    return {float(peaks.preload[k]): Scanned(ending) for k, ending in endings.items()}
 
 
 def least(branches, preload, monkeypatch, apart=1.0):
@@ -82,7 +88,7 @@ def test_branches_of_two_scans_may_hold_the_same_peaks(monkeypatch):
 def test_no_optimum_where_another_peak_is_higher(monkeypatch):
     """A branch that is low at the preloads on both sides is looked at only where the optimum was found."""
     found = least([valley, lambda x: hill(x, -0.11)], GRID, monkeypatch)
-    assert found.status == "not verified: another peak is higher there"
+    assert (found.kind, found.status) == ("unknown", "not verified: another peak is higher there")
     assert found.uncertainty == pytest.approx(1.0)
 
 
@@ -109,20 +115,19 @@ def test_a_peak_off_the_curve_that_a_sweep_follows_is_isolated():
     peaks.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
 
     points = np.array([[0.5, 600.0], there.y, [0.5, 660.0]])
-    peaks.look = lambda k, preload, whole: Scan((there,), "complete", points)
+    peaks.peaks_over_frequency = lambda k, whole: (Scan((there,), "complete", points), Scanned("complete"))
     assert peaks.highest(1)[0] is isolated
     peaks.scan(1)
-    assert isolated.isolated == {1}
-    assert curve.isolated == set()
+    assert peaks.scan_at(1).isolated == {isolated.number}
     assert peaks.highest(1)[0] is curve
     assert peaks.highest(0)[0] is isolated  # was not looked at there
     assert any("peak of branch 0" in event and "is not connected" in event for event in peaks.events)
     # from there the neighbours ask for a look of their own
     assert next(peaks.suspicious()) == 0
     # an incomplete scan tells nothing
-    peaks.look = lambda k, preload, whole: Scan((there,), "stalled", points)
+    peaks.peaks_over_frequency = lambda k, whole: (Scan((there,), "stalled", points), Scanned("stalled"))
     peaks.scan(0)
-    assert 0 not in isolated.isolated
+    assert not peaks.isolated(isolated, 0)
 
 
 def test_guesses_of_a_mean_position_that_nothing_holds():
@@ -161,23 +166,23 @@ class TestWhatIsNotKnown:
         out.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
         return out
 
-    def look(self, peaks, ending):
+    def scan(self, peaks, ending):
         """Scans that find the one branch, and end as ``ending`` says of each index."""
 
-        def found(k, preload, whole):
+        def found(k, whole):
             end = ending(k)
             if isinstance(end, Exception):
                 raise end
             there = (peaks.branches[0].peaks[k],)
-            return Scan(there, end, np.array([[0.5, 600.0], there[0].y, [0.5, 660.0]]))
+            return Scan(there, end, np.array([[0.5, 600.0], there[0].y, [0.5, 660.0]])), Scanned(end)
 
         return found
 
     def test_an_incomplete_scan_gives_a_lower_bound(self, peaks):
-        peaks.look = self.look(peaks, lambda k: "incomplete (tangle)" if k == 0 else "complete")
+        peaks.peaks_over_frequency = self.scan(peaks, lambda k: "incomplete (tangle)" if k == 0 else "complete")
         peaks.find_all()
         # the next one is scanned, so that every value lies between complete scans
-        assert sorted(peaks.scanned) == [0, 1, 4]
+        assert sorted(peaks.scanned) == [1.0, 2.0, 5.0]
         assert [peaks.trusted(k) for k in range(5)] == [False, True, True, True, True]
         assert peaks.value(0) is None
         assert peaks.lower_bound(0) == 1.0
@@ -186,7 +191,7 @@ class TestWhatIsNotKnown:
 
     @pytest.mark.parametrize("error", [ZeroDivisionError("float division"), np.linalg.LinAlgError("singular")])
     def test_one_bad_point_does_not_lose_the_others(self, peaks, error):
-        peaks.look = self.look(peaks, lambda k: error if k == 0 else "complete")
+        peaks.peaks_over_frequency = self.scan(peaks, lambda k: error if k == 0 else "complete")
         peaks.find_all()
         assert _status(peaks, 0) == f"lower bound, scan over frequency failed: {type(error).__name__}: {error}"
         assert all(peaks.value(k) is not None for k in range(1, 5))
@@ -194,7 +199,8 @@ class TestWhatIsNotKnown:
     def test_a_point_of_the_curve_above_its_peaks_leaves_no_value(self, peaks):
         top = Above(100.0, 1.5, "where the mean position drifts")
         there = peaks.branches[0].peaks[2]
-        peaks.look = lambda k, preload, whole: Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        found = Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        peaks.peaks_over_frequency = lambda k, whole: (found, Scanned("complete"))
         peaks.scan(2)
         assert peaks.value(2) is None
         assert peaks.lower_bound(2) == 1.5
@@ -203,7 +209,8 @@ class TestWhatIsNotKnown:
     def test_the_corner_at_which_the_mean_position_drifts_is_a_value(self, peaks):
         there, corner = peaks.branches[0].peaks[2], replace(peak(3.0, 1.5, 120.0), corner=True, curvature=-np.inf)
         top = Above(120.0, 1.5, "where the mean position drifts", corner)
-        peaks.look = lambda k, preload, whole: Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        found = Scan((there,), "complete", np.array([[0.5, 600.0], there.y]), top)
+        peaks.peaks_over_frequency = lambda k, whole: (found, Scanned("complete"))
         peaks.scan(2)
         assert peaks.value(2)[1] is corner
         assert _status(peaks, 2) == "scanned"
@@ -212,7 +219,7 @@ class TestWhatIsNotKnown:
 
     def test_a_high_peak_that_ends_asks_for_a_scan_where_it_is_gone(self, peaks):
         """The one that is left is higher, but the one that is gone might be higher still."""
-        peaks.scanned = {0: "complete", 4: "complete"}
+        peaks.scanned = scans(peaks, {0: "complete", 4: "complete"})
         peaks.branches[0].peaks = {k: peak(p, 1.0, 110.0) for k, p in enumerate(peaks.preload[:2])}
         peaks.branches.append(Branch(1, {k: peak(p, 0.5 + 0.3 * k) for k, p in enumerate(peaks.preload)}))
         assert peaks.highest(2)[1].amplitude > peaks.highest(1)[1].amplitude
@@ -220,22 +227,27 @@ class TestWhatIsNotKnown:
 
     def test_an_inserted_preload_keeps_what_is_known(self, peaks, monkeypatch):
         monkeypatch.setattr(PeakEnvelope, "follow", lambda *args: None)
-        peaks.scanned, peaks.bound = {0: "complete", 3: "lost"}, {3: 2.0}
-        peaks.branches[0].isolated = {4}
+        peaks.scanned = {1.0: Scanned("complete"), 4.0: Scanned("lost", bound=2.0, isolated=frozenset([0]))}
         assert peaks.insert(2.5) == 2
         assert peaks.preload.tolist() == [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]
         assert peaks.asked.tolist() == [True, True, False, True, True, True]
-        assert (peaks.scanned, peaks.bound) == ({0: "complete", 4: "lost"}, {4: 2.0})
-        assert peaks.branches[0].isolated == {5}
+        assert [there and there.ending for there in map(peaks.scan_at, range(6))] == ["complete", *3 * [None], "lost", None]
+        assert peaks.lower_bound(4) == 2.0 and peaks.isolated(peaks.branches[0], 4)
         assert {k: q.parameter for k, q in peaks.branches[0].peaks.items()} == {0: 1.0, 1: 2.0, 3: 3.0, 4: 4.0, 5: 5.0}
         assert peaks.insert(2.5) == 2
+
+
+def two_wells(x):
+    """Least, -0.1, near x = 2.5 between two points of the grid; 0.1 near x = -0.7, where the lowest of them is."""
+    u = (x - 0.9) / 1.6
+    return 2.0 * (u**2 - 1.0) ** 2 - 0.1 * u
 
 
 class TestVerified:
     """The optimum compared with curves that also hold a branch that was not known."""
 
-    def verified(self, monkeypatch, hidden, ending="complete"):
-        branches = [valley, hidden]
+    def verified(self, monkeypatch, hidden, ending="complete", first=valley):
+        branches = [first, hidden]
         monkeypatch.setattr(search, "amplitude_sensitivity", lambda q, family, p, options: slope_of(branches, q, p))
         monkeypatch.setattr(search._Minimum, "followed", lambda self, near, p: at(branches, near[0], p))
 
@@ -244,15 +256,15 @@ class TestVerified:
             for j in [last] if last is not None else range(k, len(self.preload) if step > 0 else -1, step):
                 branch.peaks[j] = at(branches, q, self.preload[j])
 
-        def look(self, k, preload, whole):
-            self.whole.add(k)
+        def scan(self, k, whole):
+            preload = self.preload[k]
             heights = [(peak(preload, np.exp(h(np.log(preload))), 100.0 + i)) for i, h in enumerate(branches)]
             points = np.array([q.y for q in heights])
-            return Scan(tuple(sorted(heights, key=lambda q: -q.amplitude)), ending, points)
+            return Scan(tuple(sorted(heights, key=lambda q: -q.amplitude)), ending, points), Scanned(ending, whole=True)
 
         monkeypatch.setattr(PeakEnvelope, "follow", follow)
-        monkeypatch.setattr(PeakEnvelope, "look", look)
-        out = known([valley], GRID)
+        monkeypatch.setattr(PeakEnvelope, "peaks_over_frequency", scan)
+        out = known([first], GRID)
         out.problem = SimpleNamespace(static=lambda preload: SimpleNamespace(converged=True))
         out.family = lambda preload: SimpleNamespace(n_mean=0)
         return verified_optimum(out), out
@@ -270,6 +282,24 @@ class TestVerified:
         x = np.log(found.preload)
         assert valley(x) == pytest.approx(0.3 * (x + 1.0), abs=1e-6)
         assert len(peaks.branches) == 2
+
+    def test_a_place_that_is_not_known_closely_is_not_said_to_be_without_comparison(self):
+        place = OptimumPoint(1.0, 1.0, 100.0, "smooth", 0.1)
+        assert place.status == "not verified: no tracking curve was compared"
+        judged = search._judged(None, place)
+        assert judged.status == "not verified: a whole tracking curve agrees, but the search did not end"
+
+    def test_a_lower_value_between_others_that_are_higher_is_found(self, monkeypatch):
+        assert GRID[np.argmin([two_wells(np.log(p)) for p in GRID])] < 1.0
+        found, _ = self.verified(monkeypatch, lambda x: two_wells(x) - 0.5, first=two_wells)
+        assert found.verified and found.amplitude == pytest.approx(np.exp(-0.1), rel=1e-3) and found.preload > np.exp(2.0)
+
+    def test_tangents_that_lead_below_the_optimum_are_told(self, monkeypatch):
+        monkeypatch.setattr(search, "BETWEEN", 0)
+        found, _ = self.verified(monkeypatch, lambda x: two_wells(x) - 0.5, first=two_wells)
+        low, high = np.exp(2.0), np.exp(3.0)
+        assert found.status == f"not verified: the highest peak could be lower between {low:.6g} and {high:.6g} N"
+        assert found.preload < 1.0
 
     def test_an_incomplete_curve_verifies_nothing(self, monkeypatch):
         found, _ = self.verified(monkeypatch, lambda x: valley(x) - 0.5, ending="incomplete (tangle)")

@@ -12,8 +12,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.peaks.envelope import PeakEnvelope
+from bdamper.peaks import envelope
+from bdamper.peaks.envelope import Branch, PeakEnvelope
+from bdamper.peaks.newton import PeakOptions
 from bdamper.peaks.optimal import optimal_curve
+from bdamper.util.cost import CostMeter
 
 ASKED = {"preload": (20.0, 10e3), "n": 12, "frequency": (250.0, 400.0)}
 
@@ -106,6 +109,7 @@ def test_an_interrupted_scan_leaves_no_value(whole, monkeypatch, tmp_path):
     np.testing.assert_array_equal(curve.amplitude[known], whole.amplitude[known])
     assert all("scan" in s for s, has in zip(curve.status, known) if not has) and not curve.complete
     assert curve.optimum.amplitude == np.nanmin(curve.amplitude) and not curve.optimum.verified
+    assert curve.optimum.kind == "unknown"
     curve.save(tmp_path / "part.h5")
     assert bd.load(tmp_path / "part.h5").interrupted
 
@@ -116,13 +120,41 @@ def test_an_interrupted_verification_keeps_the_values(whole, monkeypatch):
     def stopped(known, k, whole):
         if whole:
             raise KeyboardInterrupt
-        scan(known, k, whole)
+        return scan(known, k, whole)
 
     monkeypatch.setattr(PeakEnvelope, "_scan", stopped)
     curve = optimal_curve(new_study(), **ASKED)
     np.testing.assert_array_equal(curve.amplitude, whole.amplitude)
     assert curve.interrupted and curve.optimum.uncertainty < 1.0
     assert curve.optimum.amplitude == pytest.approx(whole.optimum.amplitude, rel=1e-6)
+
+
+def test_an_interrupted_scan_that_repeats_another_leaves_all_as_it_was(monkeypatch):
+    """The first scan is incomplete and misses a peak that is known, which it takes for isolated; the next is broken off."""
+    known = PeakEnvelope(new_study(), np.array([2e3, 4e3]), (250.0, 400.0), PeakOptions(), CostMeter(0.0))
+    known.scan(1)
+    told = known.scanned[4e3] = replace(known.scanned[4e3], ending="lost", bound=1.0, isolated=frozenset([0]))
+    n, events = len(known.branches), list(known.events)
+    with monkeypatch.context() as patch:
+        patch.setattr(envelope, "same_peak", lambda a, b: False)  # finds the peak anew, and misses that of branch 0
+        Stop(patch, PeakEnvelope, "follow", 2)
+        with pytest.raises(KeyboardInterrupt):
+            known.scan(1, whole=True)
+    assert known.scanned == {4e3: told} and len(known.branches) == n and known.events == events
+    assert known.highest(1) is None and known.value(1) is None and known.lower_bound(1) == 1.0
+    known.scan(1, whole=True)
+    assert known.value(1)[0].number == 0 and known.scanned[4e3].whole
+
+
+def test_a_preload_whose_peaks_are_not_all_followed_has_none(monkeypatch):
+    known = PeakEnvelope(new_study(), np.array([2e3, 4e3]), (250.0, 400.0), PeakOptions(), CostMeter(0.0))
+    known.find_all()
+    known.branches.append(Branch(1, dict(known.branches[0].peaks)))
+    with monkeypatch.context() as patch:
+        Stop(patch, PeakEnvelope, "follow", 2)
+        with pytest.raises(KeyboardInterrupt):
+            known.insert(3e3)
+    assert known.preload.tolist() == [2e3, 3e3, 4e3] and known.at(1) == [] and known.value(0) is not None
 
 
 def test_a_file_of_another_search_is_refused(tmp_path):

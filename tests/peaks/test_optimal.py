@@ -9,10 +9,10 @@ import pytest
 import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.peaks import sensitivity
-from bdamper.peaks.envelope import Branch, PeakEnvelope
+from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
 from bdamper.peaks.follower import PeakFollower, follow_peak
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
-from bdamper.peaks.scan import linear_peak, peaks_at, resonance_interval, scan_from
+from bdamper.peaks.scan import linear_peak, resonance_interval, scan, scan_from
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
@@ -133,8 +133,9 @@ class TestOptimalCurve:
 def test_coexisting_peaks_are_told_apart_and_their_end_reported():
     """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
     study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-    peaks, ending = peaks_at(study, 100.0, INTERVAL)
-    assert ending == "complete"
+    there = scan(study, 100.0, INTERVAL)
+    peaks = there.peaks
+    assert there.whole
     assert len(peaks) >= 2
     assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
     lower = peaks[-1]
@@ -144,8 +145,8 @@ def test_coexisting_peaks_are_told_apart_and_their_end_reported():
     curve = study.optimal_curve((100.0, 1000.0), 5, frequency=INTERVAL, check=False)
     assert any("vanished" in event for event in curve.events)
     # beyond its end a tracking curve does not have it either
-    beyond, _ = peaks_at(study, 1.1 * branch.ended, INTERVAL)
-    assert len(beyond) < len(peaks)
+    beyond = scan(study, 1.1 * branch.ended, INTERVAL)
+    assert len(beyond.peaks) < len(peaks)
 
 
 @pytest.mark.slow
@@ -281,8 +282,9 @@ class TestNewtonToThePeak:
 class TestScanFromAKnownSolution:
     @pytest.mark.parametrize("preload", [150.0, 2000.0])
     def test_finds_what_the_scan_from_the_ends_finds(self, study, preload):
-        whole, ending = peaks_at(study, preload, INTERVAL)
-        assert ending == "complete"
+        there = scan(study, preload, INTERVAL)
+        whole = there.peaks
+        assert there.whole
         meter = CostMeter(0.0)
         found = scan_from(
             study, study.system(preload), whole[0].y, INTERVAL, preload=preload, options=PeakOptions(), meter=meter
@@ -457,7 +459,7 @@ class TestPeaksOutsideTheInterval:
         inside, outside = SimpleNamespace(frequency=310.0, amplitude=1.0), SimpleNamespace(frequency=290.0, amplitude=2.0)
         known.branches = [Branch(0, {0: inside, 1: inside}), Branch(1, {0: outside})]
         assert known.highest(0) == (known.branches[0], inside)
-        known.branches[1].isolated.add(0)
+        known.scanned = {900.0: Scanned("complete", isolated=frozenset([1]))}
         assert known.highest(0) == (known.branches[0], inside)
 
 
@@ -511,7 +513,8 @@ def test_a_picture_marks_what_is_not_known(result):
     mpl.use("Agg")
     gap = np.isin(np.arange(len(result)), [1, 5])
     amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
-    curve = replace(result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch))
+    curve = replace(result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch),
+                    goes_on=np.empty(0))
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="not verified: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]
@@ -520,6 +523,25 @@ def test_a_picture_marks_what_is_not_known(result):
         star = next(line for line in ax.lines if line.get_marker() == "*")
         assert (star.get_markerfacecolor() == "w") == (mark == "w")
         assert any("not verified" in label for label in labels) == (mark == "w")
+
+
+def test_a_picture_is_dotted_from_one_peak_to_another_alone(result):
+    """One peak goes on from preload 3 to 4 under the number of the branch it joins; at 8 another one is the highest."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    places = np.arange(len(result))
+    curve = replace(result, branch=np.select([places < 4, places < 8], [0, 1], 2), goes_on=~np.isin(places, [0, 8]))
+    for ax in curve.plot():
+        dotted = [line.get_xdata().tolist() for line in ax.lines if line.get_linestyle() == ":"]
+        assert [x for x in dotted if x != [0, 1]] == [result.preload[7:9].tolist()]  # 0 and 1: of a horizontal line
+
+
+def test_a_branch_that_joins_another_goes_on_as_the_same_peak():
+    known = PeakEnvelope(None, np.array([1.0, 2.0, 3.0]), (0.0, 1.0), PeakOptions(), CostMeter(0.0))
+    a, b, c = (SimpleNamespace(frequency=0.5, amplitude=height) for height in (3.0, 2.0, 1.0))
+    known.branches = [Branch(0, {0: a}, joined={1: 1}), Branch(1, {1: b}), Branch(2, {2: c})]
+    assert [known.goes_on(k) for k in (0, 1)] == [True, False]
 
 
 def test_preloads_within_an_amplitude(result):
@@ -541,3 +563,16 @@ def test_a_peak_that_a_coarse_curve_steps_over():
     peak = study.peak(600.0)
     assert peak.scan == "complete"
     assert peak.amplitude == pytest.approx(study.track(600.0, (340.0, 370.0)).peak.amplitude, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("n", [2, 3, 4, 6])
+def test_few_preloads_lead_to_the_same_optimum_as_many(n):
+    """Beside the lowest of two to four preloads is another minimum, 17 % higher, which whole tracking curves agree with."""
+    study = bd.Study(
+        bd.reference_model(), bd.Excitation("tip", "tangential"), 5, friction_coefficient=0.4, harmonics=1,
+        contact_stiffness="residual_modes",
+    )  # fmt: skip
+    best = study.optimal_curve((60.0, 20e3), n, check=False).optimum
+    assert best.verified
+    assert (best.preload, best.amplitude) == pytest.approx((191.2543, 1.398973e-4), rel=1e-5)

@@ -1,6 +1,7 @@
 """Values that nothing built has draw one warning each, with the plausible range and what was found; shipped scenes none."""
 
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -46,6 +47,17 @@ def test_intervals_in_radians_per_second_and_loads_of_another_size_are_named():
         strong.track(2000.0, (340.0, 350.0), options=bd.ContinuationOptions(budget=20))
     with pytest.warns(PlausibilityWarning, match=r"preload: .* found 20 to 200 N"):
         check_load(strong, 20.0, 200.0)
+
+
+def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_preloads():
+    interval = (270.0, 380.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", PlausibilityWarning)
+        study(harmonics=1).optimal_curve((0.3, 5000.0), 2, frequency=interval, check=False, verify=False)
+    strong = study(harmonics=1, excitation=bd.Excitation("tip", amplitude=1e4))
+    with ThreadPoolExecutor(2) as threads, pytest.warns(PlausibilityWarning, match=r"of 2000 to 3000 N") as caught:
+        bd.sweep(strong, {"preload": [2000.0, 3000.0]}, frequency=interval, executor=threads)
+    assert len(caught) == 1 and caught[0].filename == __file__
 
 
 SHIPPED = [("bladed_disk", 9), ("bladed_disk", 24), ("blade_to_ground", 24), ("test_rig", 24)]
