@@ -13,6 +13,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import track
 from bdamper.peaks.optimal import optimal_curve, peak_interval, preload_values
 from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import vary
 from bdamper.util import validate
@@ -149,11 +150,13 @@ def compare_designs(
         every[key] = design if isinstance(design, Problem) else vary(problem, design)
     if np.ndim(preload) > 0:
         preloads = preload_values(preload, n)
+        check_question(problem, preloads, frequency)
         results = _until_interrupted(every, lambda d: optimal_curve(d, preloads, frequency=frequency), progress)
         return DesignComparison(tuple(every)[: len(results)], (), results)
     load = max([design.check_preload(preload) for design in every.values()])  # type: ignore[arg-type]
     ends = [peak_interval(design, frequency) for design in every.values()]
     interval = min(low for low, _ in ends), max(high for _, high in ends)
+    check_question(problem, [load], frequency)
     curves = _until_interrupted(every, lambda d: track(d, load, interval), progress)
     return DesignComparison(tuple(every)[: len(curves)], curves)
 

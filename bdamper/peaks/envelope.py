@@ -36,9 +36,12 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.results_file import ResultsFile
 
 SIGNIFICANT = 0.5
-"""Peaks below this share of the highest one at the same preload are not followed; a branch ends below half of it."""
+"""Peaks below this share of the highest one at the same preload are not followed; a branch ends below half of it.  With
+0.25 and 0.75 two curves of the shipped disk (9 points, one harmonic, 12 preloads from 60 N, engine orders 5 and 10) stay
+the same, with evaluations within 1 %."""
 FOLLOWED = 4
-"""Peaks of one scan that are followed at most, the highest ones."""
+"""Peaks of one scan that are followed at most, the highest ones.  On the same two curves 2 give the same values with 10 and
+14 branches instead of 13 and 19 and 1.5 % fewer evaluations, no limit with 1.4 % more at most."""
 HIGH = 0.8
 """Share of the highest peak from which on a peak that ends asks for a scan at the next preload: it may have been lost there
 and be the highest.  If only the highest peak did, and only where the one that is left is lower, 2 of 180 values of ten
@@ -48,8 +51,7 @@ BUDGET = 8000
 default where an optimum rests on them.  Curves with many folds take some 4,000, one in tens is lost in a tangle of them and
 takes all it gets, to no avail: 17 of 39 s of one optimal curve."""
 KEPT = 64
-"""Equations of different preloads that are kept."""
-
+"""Equations of different preloads that are kept, more than most curves have preloads; a limit for the memory they take."""
 SAME_PRELOAD = 1e-4
 """Relative difference up to which a curve at one preload stands for the other."""
 

@@ -29,21 +29,32 @@ OPTIMUM_TOLERANCE = 1e-7
 FLAT = 1e-6
 """Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
 NEAR = 0.95
-"""Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found."""
+"""Branches below this share of the highest peak at both ends of a bracket are evaluated only once, at the optimum found.
+With all of them always evaluated three curves of the shipped disk (9 points, one harmonic) keep their optimum, for up to
+1.6 % more evaluations."""
 ROUNDS = 8
-"""Times that a least value is compared with a whole curve at most."""
+"""Times that a least value is compared with a whole curve at most; they were enough for all of 24 curves of the shipped
+disk (9 points, one harmonic, 3 and 30 preloads)."""
 CORNER_STEP = 1e-4
-"""Relative step in the preload with which a peak at a corner of its curve is followed to learn its slope."""
+"""Relative step in the preload with which a peak at a corner of its curve is followed to learn its slope: the difference is
+off by the square of it, and by the error of the amplitudes over it."""
 NARROW = 0.02
-"""Relative, on the preload, to which the place of a least value has to be known to be called verified."""
+"""Relative, on the preload, to which the place of a least value has to be known to be called verified; at a slope of one
+the amplitude there changes by as much."""
 BESIDE = 1e-3
-"""Relative distance from a jump at which a curve is taken, on the side where the higher peak is gone."""
+"""Relative distance from a jump at which a curve is taken, on the side where the higher peak is gone: far beyond the 1e-7
+to which the place is known, and at a slope of one a change of the amplitude by half of AGREES."""
 LOWER = 0.05
-"""Relative, by which the tangents of peaks have to lead below the least value known for the search to go on there."""
+"""Relative, by which the tangents of peaks have to lead below the least value known for the search to go on there: the
+tolerance by which a ladder calls an optimum converged.  24 curves of the shipped disk (9 points, one harmonic) keep their
+optimum, with 30 preloads for 1.2 % more evaluations, with 3 for 11 %. With 0.002 one of three harmonics among folds takes
+ten times as long for an optimum that is 0.7 % lower."""
 BETWEEN = 12
-"""Preloads that are added at most where the least value may lie between two others."""
+"""Preloads that are added at most where the least value may lie between two others; 24 curves of the shipped disk took two
+at most."""
 AGREES = 2e-3
-"""Relative difference of amplitudes up to which a curve agrees with the least value."""
+"""Relative difference of amplitudes up to which a curve agrees with the least value: twice what lies between it and a curve
+taken BESIDE a jump at a slope of one."""
 
 
 class _Unknown(ArithmeticError):

@@ -30,9 +30,11 @@ FROM_WITHIN = ContinuationOptions(
     tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1,
     corner_step=0.1, locate_folds=False,
 )
-"""Settings with which a curve is followed from a known solution."""
+"""Settings with which a curve is followed from a known solution.  With those of curves from the ends two curves of the
+shipped disk (9 points, one harmonic, 12 preloads) keep their values, for 4 % fewer and 0.4 % more evaluations."""
 PASSED = 0.1
-"""Distance, relative to its vibration, at which a curve passes a peak."""
+"""Distance, relative to its vibration, at which a curve passes a peak.  With 0.03 and 0.3 the same two curves keep their
+values."""
 COMPLETE = "complete"
 """Ending of a curve that was followed from end to end of the interval."""
 DRIFTS = "where the mean position drifts"

@@ -55,7 +55,7 @@ def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_p
         warnings.simplefilter("error", PlausibilityWarning)
         study(harmonics=1).optimal_curve((0.3, 5000.0), 2, frequency=interval, check=False, verify=False)
     strong = study(harmonics=1, excitation=bd.Excitation("tip", amplitude=1e4))
-    with ThreadPoolExecutor(2) as threads, pytest.warns(PlausibilityWarning, match=r"of 2000 to 3000 N") as caught:
+    with ThreadPoolExecutor(2) as threads, pytest.warns(PlausibilityWarning, match=r"found 2000 to 3000 N") as caught:
         bd.sweep(strong, {"preload": [2000.0, 3000.0]}, frequency=interval, executor=threads)
     assert len(caught) == 1 and caught[0].filename == __file__
 
