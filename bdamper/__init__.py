@@ -12,6 +12,7 @@ from bdamper.design.sweep import OptimalTask, PeakTask, sweep
 from bdamper.design.uncertainty import draw, robust_optimum, uncertain_curve
 from bdamper.effects.microslip import microslip
 from bdamper.io import load_model, save_model
+from bdamper.io.from_fe import from_fe
 from bdamper.io.model_file import reference_model
 from bdamper.masses import Contact, lumped
 from bdamper.model.coupling import RIGID_NAMES
@@ -49,6 +50,7 @@ __all__ = [  # noqa: RUF022
     "reference_model",
     "load_model",
     "save_model",
+    "from_fe",
     "lumped",
     "Contact",
     "prescribe_preload",

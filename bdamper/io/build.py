@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, lay_contacts
+from bdamper.io.corner_order import check_corner_order
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.from_matrices import constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
@@ -172,6 +173,7 @@ def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units
         if body.has_matrices:
             check_not_swapped(body)
             check_row_order(body)
+        check_corner_order(body)
 
 
 def _known_frequencies(given: Mapping[int, Sequence[float]] | None) -> Mapping[int, Sequence[float]]:

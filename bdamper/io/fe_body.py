@@ -169,7 +169,8 @@ class FEBody:
         Node number and component (1, 2, 3) of each row of the matrices; None for three rows a node in the order of
         ``numbers``.  Components without a row count as fixed.
     elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
-        Node numbers of solid elements; needed where faces are given as sets of nodes.
+        Node numbers of solid elements; needed where faces are given as sets of nodes.  Corners first: of hexahedra four in
+        turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
     node_sets : mapping of name to (n,) int
         Node numbers.
     face_sets : mapping of name to tuple of (n, 3 | 4 | 6 | 8) int arrays

@@ -199,7 +199,10 @@ def read_set(path: FilePath) -> NDArray:
 
 
 def read_elements(path: FilePath) -> tuple[NDArray, ...]:
-    """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first."""
+    """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first.
+
+    Hexahedra: four corners in turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
+    """
     with reading(path, "CSV of the node numbers of solid elements") as source:
         elements = []
         for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):

@@ -61,7 +61,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     )  # fmt: skip
     pyuff.UFF("measured.unv").write_sets([measured], "overwrite")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 4
+    assert len(blocks) == 5
     space = {}
     exec(compile("\n".join(blocks), str(PAGE), "exec"), space)
     assert Path("report.png").stat().st_size > 10_000
