@@ -6,6 +6,10 @@ All modes of M and K are kept, so they are only another way to write ``x``; mode
 contact is a point that sees the relative motion by rows over the freedoms, ``u = r_t x`` tangentially and the closing
 ``v = r_n x`` normally, and acts on them by the same rows, ``-(r_t^T T + r_n^T N)``.  Its preload ``N_0`` is held by a
 static force.
+
+Where damping couples these modes, the coordinates are those of M and C, ``x = V q`` with ``V^T M V = 1`` and ``V^T C V``
+diagonal.  The stiffness is then ``V^T K V = k_0 + sum_i k_i w_i w_i^T`` with the least eigenvalue ``k_0`` in every
+coordinate and springs ``k_i`` on the motions ``w_i^T q``, which are interfaces of kind "spring".
 """
 
 from __future__ import annotations
@@ -13,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from numbers import Integral
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg
@@ -121,7 +125,8 @@ def lumped(
     ----------
     mass, damping, stiffness : number, (n,) or (n, n) float, kg, N s/m, N/m
         Diagonals or symmetric matrices over n freedoms; the mass positive definite, the stiffness positive semidefinite.
-        Damping must be one that the modes of mass and stiffness make diagonal; any proportional one is.
+        Damping that the modes of mass and stiffness do not make diagonal is carried exactly, by modes of mass and damping
+        with springs between them, if every motion has a stiffness.
     contacts : sequence of Contact
         Their interfaces are called "contact 1", "contact 2" ...
     cubic : mapping of motion to N/m3, optional
@@ -167,15 +172,15 @@ def lumped(
         raise SettingError("contacts: expected at least one contact or cubic spring, found none")
     if cubic and loads:
         raise SettingError("cubic: expected springs without static loads, found both; the static state has no such springs")
-    faces = _faces(contacts, cubic)
+    faces = _faces(contacts, cubic, modes)
     excitation, patterns = _excitation(modes, forces)
     seen = Response(modes.name(response) if response is not None else _largest(modes, forces))
     coefficients = {c.mu for c in contacts} or {0.0}
     return Study(
-        _model(modes, faces, contacts, patterns, loads),
+        _model(modes, faces, patterns, loads),
         excitation,
         friction_coefficient=coefficients.pop() if len(coefficients) == 1 else dict(zip(faces, [c.mu for c in contacts])),
-        contact_stiffness={name: np.array([k]) for name, (_, k) in faces.items()},
+        contact_stiffness={name: np.array([face.stiffness]) for name, face in faces.items()},
         response=seen,
         **settings,
     )
@@ -187,14 +192,23 @@ def _checked_contacts(contacts: Sequence[Contact]) -> tuple[Contact, ...]:
     return tuple(validate.instance("contacts", contact, Contact) for contact in contacts)
 
 
-def _faces(contacts: tuple[Contact, ...], cubic: Mapping[Any, float]) -> dict[str, tuple[tuple[Any, ...], list[float]]]:
-    """Motions and stiffness of each interface by its name: contacts first, then cubic springs."""
-    faces: dict[str, tuple[tuple[Any, ...], list[float]]]
-    faces = {f"contact {k + 1}": (c.rows, [c.kt, c.kt, c.kn or c.kt]) for k, c in enumerate(contacts)}
-    faces |= {
-        f"cubic {k + 1}": ((row, None, None), [validate.number(f"cubic {row!r}", value, above=0.0, unit="N/m3"), 0.0, 0.0])
-        for k, (row, value) in enumerate(cubic.items())
-    }
+class _Face(NamedTuple):
+    """An interface of one point: its two tangential motions and its closing, stiffness along them, kind, contact."""
+
+    rows: tuple[Any, Any, Any]
+    stiffness: list[float]
+    kind: Any
+    contact: Contact | None = None
+
+
+def _faces(contacts: tuple[Contact, ...], cubic: Mapping[Any, float], modes: _Modes) -> dict[str, _Face]:
+    """Interfaces by name: contacts first, then springs."""
+    faces = {f"contact {k + 1}": _Face(c.rows, [c.kt, c.kt, c.kn or c.kt], "friction", c) for k, c in enumerate(contacts)}
+    for k, (row, value) in enumerate(cubic.items()):
+        stiffness = validate.number(f"cubic {row!r}", value, above=0.0, unit="N/m3")
+        faces[f"cubic {k + 1}"] = _Face((row, None, None), [stiffness, 0.0, 0.0], "cubic")
+    for k, (modal, stiffness) in enumerate(modes.springs):
+        faces[f"spring {k + 1}"] = _Face((modal, None, None), [stiffness, 0.0, 0.0], "spring")
     return faces
 
 
@@ -208,6 +222,7 @@ class _Modes:
         if np.linalg.eigvalsh(M)[0] <= ROUNDING * np.abs(M).max():
             raise SettingError("mass: expected a positive definite matrix, found one that is not")
         omega2, self.shapes = scipy.linalg.eigh(K, M)
+        self.springs: list[tuple[NDArray, float]] = []
         size = float(np.abs(omega2).max())
         if omega2[0] < -ROUNDING * size:
             raise SettingError(
@@ -234,16 +249,34 @@ class _Modes:
         if coupling.max() > ROUNDING * max(np.abs(D).max(), 1e-300):
             i, j = sorted(int(k) for k in np.unravel_index(np.argmax(coupling), D.shape))
             share = coupling[i, j] / np.sqrt(abs(D[i, i] * D[j, j]) or 1.0)
-            raise SettingError(
-                "damping: expected a matrix that the modes of mass and stiffness make diagonal (proportional damping), "
-                f"found modes {i + 1} and {j + 1} coupled by {share:.2g} of their own damping"
-            )
+            if self.omega2[0] == 0.0:
+                raise SettingError(
+                    "damping: expected a matrix that the modes of mass and stiffness make diagonal, since a motion has no "
+                    f"stiffness; found modes {i + 1} and {j + 1} coupled by {share:.2g} of their own damping"
+                )
+            D = self._tied(D)
         d = np.diag(D)
         if d.min() < -ROUNDING * np.abs(d).max():
             raise SettingError(f"damping: expected a positive semidefinite matrix, found a mode of {d.min():.3g} 1/s")
         ratio = d / (2.0 * np.sqrt(np.where(self.omega2 > 0.0, self.omega2, 1.0)))
-        plain = (self.omega2 > 0.0) & (ratio < 1.0)
+        plain = (self.omega2 > 0.0) & (ratio < 1.0) & (not self.springs)
         return np.where(plain, np.maximum(ratio, 0.0), 0.0), np.where(plain, 0.0, np.maximum(d, 0.0))
+
+    def _tied(self, D: NDArray) -> NDArray:
+        """Modes that make damping diagonal, tied by springs: the stiffness beyond that which is the same for all of them.
+
+        Parameters
+        ----------
+        D : (n, n) float, 1/s
+            Damping in the modes of mass and stiffness.
+        """
+        d, turn = np.linalg.eigh(D)
+        least = self.omega2[0]
+        values, rows = np.linalg.eigh(turn.T @ np.diag(self.omega2 - least) @ turn)
+        held = values > ROUNDING**1.5 * self.omega2[-1]
+        self.springs = list(zip(rows.T[held], values[held].tolist()))
+        self.shapes, self.omega2 = self.shapes @ turn, np.full(self.n, least)
+        return np.diag(d)
 
     def freedom(self, value: Any, what: str) -> int:
         """The number of a freedom that is given by number or by name."""
@@ -266,6 +299,8 @@ class _Modes:
 
     def motion(self, row: Any, what: str) -> NDArray:
         """(n_modes,) a motion in modal coordinates."""
+        if isinstance(row, np.ndarray):  # in modal coordinates already
+            return row
         if isinstance(row, tuple):
             if len(row) != 2:
                 raise validate.unfit(what, "two freedoms, of which it is the difference", row)
@@ -331,8 +366,7 @@ def _excitation(modes: _Modes, forces: Any) -> tuple[Excitation, dict[str, NDArr
 
 def _model(
     modes: _Modes,
-    faces: Mapping[str, tuple[tuple[Any, ...], list[float]]],
-    contacts: tuple[Contact, ...],
+    faces: Mapping[str, _Face],
     patterns: dict[str, NDArray],
     loads: Mapping[int | str, float] | None,
 ) -> Model:
@@ -340,17 +374,15 @@ def _model(
     zero, pressing = np.zeros(modes.n), np.zeros(modes.n)
     shapes = np.zeros((len(faces), 3, modes.n))
     interfaces = {}
-    for p, (name, (rows, k)) in enumerate(faces.items()):
-        u1, u2, v = (zero if row is None else modes.motion(row, name) for row in rows)
+    for p, (name, face) in enumerate(faces.items()):
+        u1, u2, v = (zero if row is None else modes.motion(row, name) for row in face.rows)
         shapes[p] = u1, u2, -v  # the closing is the motion against the normal of the ground
-        gap = 0.0
-        if p < len(contacts):
-            gap = contacts[p].gap - contacts[p].preload / k[2]
-            pressing += contacts[p].preload * v
-        interfaces[name] = Interface(
-            name, "friction" if p < len(contacts) else "cubic", GROUND, 0, BODY, 0, np.zeros((1, 3)), np.ones(1),
-            np.eye(3)[None], np.array([gap]),
-        )  # fmt: skip
+        gap, c = 0.0, face.contact
+        if c is not None:
+            gap = c.gap - c.preload / face.stiffness[2]
+            pressing += c.preload * v
+        at = np.zeros((1, 3)), np.ones(1), np.eye(3)[None], np.array([gap])
+        interfaces[name] = Interface(name, face.kind, GROUND, 0, BODY, 0, *at)
     places = {name: modes.shapes[i] for name, i in modes.locations.items()} | patterns
     basis = ModalBasis(
         modes.omega2,
@@ -373,5 +405,5 @@ def _model(
         BODY: Body(BODY, "lumped", tuple((name, "b") for name in faces), {0: basis}, load=load, constant_force=pressing),
         GROUND: Body(GROUND, "ground", tuple((name, "a") for name in faces)),
     }
-    at = {name: Location(name, BODY, np.zeros(3)) for name in places}
-    return Model(1, bodies, interfaces, at, provenance={"source": "lumped masses"})
+    locations = {name: Location(name, BODY, np.zeros(3)) for name in places}
+    return Model(1, bodies, interfaces, locations, provenance={"source": "lumped masses"})

@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.cycle import energies, histories
@@ -20,11 +21,14 @@ def plain_response(omega, C, stiffness, rows, springs, force):
     return np.linalg.solve(A, force)
 
 
-@pytest.mark.parametrize("free", [False, True], ids=["held", "with a free motion"])
-def test_the_stuck_response_is_that_of_the_matrices(free):
-    """Motions of every kind, forces with phases, names of freedoms; damping of a free motion and beyond critical."""
+@pytest.mark.parametrize("damping", ["proportional", "of a free motion and beyond critical", "not proportional"])
+def test_linear_responses_are_those_of_the_matrices(damping):
+    """Motions of every kind, forces with phases, names of freedoms."""
+    free = damping == "of a free motion and beyond critical"
     stiffness = K - np.diag([2.0, 0.0, 0.0]) if free else K
     C = 0.04 * M + (3.0 if free else 0.05) * stiffness
+    if damping == "not proportional":
+        C = np.array([[0.05, -0.01, 0.0], [-0.01, 0.02, 0.0], [0.0, 0.0, 0.1]])
     contacts = [
         bd.Contact("tip", (1, 0), kt=0.7, kn=0.9, mu=0.4, preload=2.0),
         bd.Contact({0: 0.6, "tip": -0.8}, kt=0.5, mu=0.3, preload=1.0),
@@ -37,11 +41,27 @@ def test_the_stuck_response_is_that_of_the_matrices(free):
     system = study.system(0.0)
     springs = study.stuck_springs(study.static(0.0))
     for omega in (0.3, 0.9, 2.2):
-        expected = plain_response(omega, C, stiffness, rows, [0.7, 0.9, 0.5], [0.5, 0.0, 0.2 * np.exp(0.7j)])
-        found = system.linear_response(omega, springs) @ system.response_rows[1]
-        assert found == pytest.approx(expected[1], rel=1e-12)
+        for k, given in ((np.array([0.7, 0.9, 0.5]), springs), (np.zeros(3), None)):
+            expected = plain_response(omega, C, stiffness, rows, k, [0.5, 0.0, 0.2 * np.exp(0.7j)])
+            found = system.linear_response(omega, given) @ system.response_rows[1]
+            assert found == pytest.approx(expected[1], rel=1e-11)
+    poles = np.sqrt(np.maximum(scipy.linalg.eigh(stiffness, M, eigvals_only=True), 0.0))
+    assert system.linear_modes(None)[0] == pytest.approx(poles, rel=1e-9, abs=1e-6)
     assert study.excitation.amplitude == 0.5
-    assert (study.model.bodies["masses"].bases[0].drag is not None) == free
+    assert (study.model.bodies["masses"].bases[0].drag is None) == (damping == "proportional")
+
+
+def test_coordinates_of_other_damping_give_the_same_peak():
+    """Damping that is all but proportional: modes of mass and damping with springs between them, against modes."""
+    C = 0.02 * M + 0.02 * K
+    nearly = C + 1e-7 * np.diag([1.0, -1.0, 2.0])
+    ways = {"contacts": [bd.Contact((1, 0), 2, kt=0.5, kn=1.0, mu=0.4, preload=0.3)], "forces": {0: 0.2}, "response": 2}
+    plain, tied = (bd.lumped(M, c, K, **ways) for c in (C, nearly))
+    assert [face.kind for face in tied.model.interfaces.values()] == ["friction", "spring", "spring"]
+    expected, found = (study.peak(0.0) for study in (plain, tied))
+    assert expected.converged and found.converged
+    assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-4)
+    assert found.frequency == pytest.approx(expected.frequency, rel=1e-5)
 
 
 def test_equal_frequencies_with_different_damping():
@@ -115,9 +135,9 @@ def test_energy_and_history_of_a_cubic_spring():
         ({"damping": "low"}, "damping: expected a number, a diagonal or a matrix, found 'low'"),
         ({"damping": [0.1, -0.1]}, "damping: expected a positive semidefinite matrix, found a mode of -0.1 1/s"),
         (
-            {"stiffness": [[2.0, -1.0], [-1.0, 1.0]], "damping": [0.1, 0.0]},
-            "damping: expected a matrix that the modes of mass and stiffness make diagonal (proportional damping), found "
-            "modes 1 and 2 coupled by 1 of their own damping",
+            {"stiffness": [[1.0, -1.0], [-1.0, 1.0]], "damping": [0.1, 0.0]},
+            "damping: expected a matrix that the modes of mass and stiffness make diagonal, since a motion has no "
+            "stiffness; found modes 1 and 2 coupled by 1 of their own damping",
         ),
         ({"contacts": []}, "contacts: expected at least one contact or cubic spring, found none"),
         ({"contacts": JENKINS}, "contacts: expected a sequence of Contact, found a Contact"),

@@ -104,6 +104,8 @@ class HarmonicSystem:
         self.bases = bases
         self.spring_bases = bases
         """Modes at the points and along the axes to which linear springs are given."""
+        self.springs: NDArray | float = 0.0
+        """(n_points, 3) springs there that are a part of the bodies: with contact and without it."""
         self.points = points
         self.force = np.ascontiguousarray(force, float)
         self.response_rows = response
@@ -429,9 +431,10 @@ class HarmonicSystem:
         b = self.spring_bases[harmonic]
         w = harmonic * omega
         Z = np.diag(b.omega2 - w**2 * b.mass + 1j * w * b.damping).astype(complex)
-        if contact is not None:
-            G = b.G.reshape(-1, len(b.omega2))
-            Z += G.conj().T @ (contact.reshape(-1, 1) * G)
+        if contact is not None or np.any(self.springs):
+            G = b.G.reshape(-1, 3, len(b.omega2))
+            k = np.broadcast_to(self.springs + (0.0 if contact is None else contact), G.shape[:2])
+            Z += G.reshape(-1, len(b.omega2)).conj().T @ (k[..., None] * G).reshape(-1, len(b.omega2))
         return Z
 
     def linear_modes(self, contact: NDArray | None, harmonic: int = 1) -> tuple[NDArray, NDArray]:

@@ -191,6 +191,12 @@ class Coupling:
         numbers = np.arange(self.n_points)
         return np.concatenate([np.zeros(0, int), *(numbers[self.rows(name)] for name in self.friction_faces)])
 
+    @property
+    def spring_points(self) -> NDArray:
+        """(n_points,) bool: linear springs that are a part of the bodies."""
+        faces = [self.model.interfaces[name] for name in self.interfaces]
+        return np.repeat([face.kind == "spring" for face in faces], [face.n_points for face in faces])
+
     def _moving(self, harmonic: int) -> Iterator[tuple[Body, ModalBasis, NDArray]]:
         """Bodies that move, each with its basis of a harmonic and its retained modes."""
         for body in self.model.bodies.values():

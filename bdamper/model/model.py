@@ -147,8 +147,9 @@ class Interface:
     Parameters
     ----------
     name : str
-    kind : {"friction", "constraint", "cubic"}
-        A constraint is frictionless and one-sided.  A cubic one has springs ``k u^3`` along t1 and t2, none along n.
+    kind : {"friction", "constraint", "cubic", "spring"}
+        A constraint is frictionless and one-sided.  A cubic one has springs ``k u^3`` along t1 and t2, none along n; a
+        spring is linear in all directions and a part of the bodies, there without contact too.
     body_a, body_b : str
     sector_a, sector_b : int
         Sector in which the side lies, relative to the reference sector: 0 or ±1.
@@ -162,7 +163,7 @@ class Interface:
     """
 
     name: str
-    kind: Literal["friction", "constraint", "cubic"]
+    kind: Literal["friction", "constraint", "cubic", "spring"]
     body_a: str
     sector_a: int
     body_b: str

@@ -181,7 +181,7 @@ def _check_head(model: Model, where: str) -> None:
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
     _check_type(interface, Interface, item)
-    _check_one_of(interface.kind, ("friction", "constraint", "cubic"), f"{item}/@kind")
+    _check_one_of(interface.kind, ("friction", "constraint", "cubic", "spring"), f"{item}/@kind")
     _check_array(interface.area, (None,), f"{item}/area")
     n = interface.n_points
     _require(n > 0, f"{item}/area", "at least one point", "none")

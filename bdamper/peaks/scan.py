@@ -124,6 +124,8 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     system = problem.system(0.0)
     basis = system.bases[1]
     elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
+    if np.any(system.springs):  # they tie the modes together
+        elastic = system.linear_modes(None)[0] ** 2
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)

@@ -271,7 +271,7 @@ class Problem(Settings):
             return self.contact.stiffness
         kinds = {name: face.kind for name, face in self.model.interfaces.items()}
         scaled = {n: replace(c, stiffness=factor * c.stiffness) for n, c in self.contact.stiffness.items()}
-        return {n: self.contact.stiffness[n] if kinds[n] == "cubic" else c for n, c in scaled.items()}
+        return {n: self.contact.stiffness[n] if kinds[n] in ("cubic", "spring") else c for n, c in scaled.items()}
 
     @property
     def stiffness_report(self) -> tuple[StiffnessReport, ...]:
@@ -309,8 +309,8 @@ class Problem(Settings):
         """(n_points,) law of each contact point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
         for name in self.coupling.interfaces:
-            if self.model.interfaces[name].kind == "cubic":
-                law[self.coupling.rows(name)] = LAW_CUBIC
+            kind = self.model.interfaces[name].kind
+            law[self.coupling.rows(name)] = {"cubic": LAW_CUBIC, "spring": LAW_BONDED}.get(kind, LAW_NORMAL)
         for name, value in self.law_by_interface().items():
             rows = self.coupling.rows(name)
             law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
@@ -544,6 +544,7 @@ class Problem(Settings):
         scale = (mean or 1.0, vibration or mean or 1.0)
         system = HarmonicSystem(bases, points, force, self.response_rows, self.evaluation, scale)
         system.spring_bases = self.bases  # linear springs are those of the points of the coupling
+        system.springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return system
 
     def _extreme_sliders(self, points: PointArrays, preload: float) -> NDArray:
@@ -566,7 +567,7 @@ class Problem(Settings):
 
     def stuck_springs(self, state: PreloadState) -> NDArray:
         """(n_points, 3) linear springs: points that the preload has closed do not slip."""
-        closed = ~(state.status == OPEN).any(axis=1)
+        closed = ~(state.status == OPEN).any(axis=1) & ~self.coupling.spring_points
         springs = np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
         return springs * closed[:, None]
 

@@ -135,7 +135,7 @@ INTERFACES: list[Case] = [
     (
         "kind",
         lambda: face(WEDGE, "left", kind="glue"),
-        "/interfaces/left/@kind: expected one of ['friction', 'constraint', 'cubic'], found 'glue'",
+        "/interfaces/left/@kind: expected one of ['friction', 'constraint', 'cubic', 'spring'], found 'glue'",
     ),
     (
         "area zero",
