@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from bdamper.continuation.curve import Curve
 from bdamper.design.compare import DesignComparison
-from bdamper.effects.hysteresis import Dissipation
+from bdamper.effects.hysteresis import Dissipation, Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import MARKERS, colours, drawing
@@ -24,12 +24,17 @@ QUANTITIES = {
     "stiffness": "Equivalent contact stiffness (N/m)",
 }
 STYLES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)))
-OF = {Curve: ("amplitude",), OptimalCurve: ("amplitude", "shift"), Dissipation: ("damping_ratio", "stiffness")}
+OF = {
+    Curve: ("amplitude",),
+    OptimalCurve: ("amplitude", "shift"),
+    Dissipation: ("damping_ratio", "stiffness"),
+    Hysteresis: ("loop",),
+}
 """What can be drawn of each kind of result."""
 
 
 def plot_together(
-    results: Mapping[str, Curve] | Mapping[str, OptimalCurve] | Mapping[str, Dissipation],
+    results: Mapping[str, Curve] | Mapping[str, OptimalCurve] | Mapping[str, Dissipation] | Mapping[str, Hysteresis],
     quantity: str | None = None,
     ax: Axes | None = None,
     *,
@@ -41,7 +46,8 @@ def plot_together(
     Parameters
     ----------
     results : mapping of name to result
-        Tracking curves over frequency, optimal curves over preload, or dissipation over amplitude.
+        Tracking curves over frequency, optimal curves over preload, dissipation over amplitude, or loops of all contacts
+        over the response.
     quantity : str, optional
         "amplitude" or "shift" (of frequency) of optimal curves, "damping_ratio" or "stiffness" of dissipation.
     ax : matplotlib axes, optional
@@ -59,7 +65,8 @@ def plot_together(
     kind = next((kind for kind in OF if all(isinstance(result, kind) for result in results.values())), None)
     if kind is None:
         found = [type(result).__name__ for result in results.values()]
-        raise validate.unfit("results", "tracking curves, optimal curves or dissipations, all of one kind", found)
+        kinds = "tracking curves, optimal curves, dissipations or hysteresis, all of one kind"
+        raise validate.unfit("results", kinds, found)
     quantity = validate.choice("quantity", quantity or OF[kind][0], OF[kind])
     if isinstance(measured, Measurement) or (measured and kind is not Curve):
         raise validate.unfit("measured", "a sequence of Measurement, over tracking curves", measured)
@@ -72,12 +79,18 @@ def plot_together(
         for i, ((name, result), colour) in enumerate(zip(results.items(), colours(len(results)))):
             x, y = _values(result, quantity)
             known = np.flatnonzero(np.isfinite(y))
+            if kind is Hysteresis:
+                ax.plot(1e6 * x, y, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
+                continue
             ax.plot(x, y, linestyle=STYLES[i % len(STYLES)], color=colour, marker=MARKERS[i % len(MARKERS)], markersize=3.0,
                     markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)  # fmt: skip
             if isinstance(result, OptimalCurve) and quantity == "amplitude" and np.isfinite(result.optimum.preload):
                 o = result.optimum
                 ax.plot(o.preload, o.amplitude, "*", color=colour, markersize=8.0,
                         markerfacecolor=colour if o.verified else "w")  # fmt: skip
+        if kind is Hysteresis:
+            ax.set(xlabel="Response (µm)", ylabel="Contact force at the response (N)")
+            return ax
         ax.set(xlabel=PRELOAD if kind is OptimalCurve else "Response amplitude (m)", ylabel=QUANTITIES[quantity])
         ax.set(xscale="log", yscale="log" if quantity == "amplitude" else "linear")
         if quantity == "amplitude":
@@ -99,6 +112,8 @@ def _values(result: object, quantity: str) -> tuple[np.ndarray, np.ndarray]:
         x, y = result.amplitude, 100.0 * result.damping_ratio if quantity == "damping_ratio" else result.stiffness
         apart = np.flatnonzero(np.diff(result.branch) != 0) + 1  # no line from one branch to another
         return np.insert(x, apart, np.nan), np.insert(y, apart, np.nan)
+    if isinstance(result, Hysteresis):
+        return result.loop()
     assert isinstance(result, OptimalCurve)
     return result.preload, result.amplitude if quantity == "amplitude" else result.shift_percent
 

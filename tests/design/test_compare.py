@@ -50,6 +50,8 @@ def test_on_the_same_axes(study, found):
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "Response amplitude (m)")
     losses = plot_together({name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]})
     assert losses.get_ylabel() == "Equivalent damping ratio (%)"
+    loops = plot_together({"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)})
+    assert loops.get_ylabel() == "Contact force at the response (N)" and len(loops.get_lines()) == 2
     plt.close("all")
 
 
@@ -91,7 +93,7 @@ def test_what_does_not_fit_is_refused_before_any_work(study, arguments, message,
 
 
 def test_results_of_several_kinds_are_refused(study, found):
-    with pytest.raises(bd.SettingError, match="results: expected tracking curves, optimal curves or dissipations, all"):
+    with pytest.raises(bd.SettingError, match="results: expected tracking curves, optimal curves, dissipations or"):
         plot_together({"a": found.curves[0], "b": study.dissipation(found.curves[0])})
     with pytest.raises(bd.SettingError, match=r"quantity: expected one of \('amplitude',\), found 'shift'"):
         found.plot("shift")
