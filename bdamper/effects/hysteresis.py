@@ -224,7 +224,7 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             f"contacts {self.lost:.4g} J (imbalance {abs(self.imbalance):.0e})",
             f"  contacts: equivalent stiffness {self.stiffness:.4g} N/m, damping ratio {100 * self.damping_ratio:.3g} %",
         ]
-        parts = self.by_interface if self.lost > NOTHING * self.excitation else {}
+        parts = {name: share for name, share in self.by_interface.items() if share > NOTHING * self.excitation}
         lines += [f"  {name}: {100 * share / self.lost:.3g} % of it" for name, share in parts.items()]
         return "\n".join(lines)
 
@@ -409,11 +409,11 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
     """
     problem, solutions = _solutions(problem, result, None, "result")
     found: list[Energies] = []
-    rows, amplitude = [], []
+    rows, amplitude, shown = [], [], ~problem.coupling.spring_points
     for s, system in _systems(problem, solutions, "result"):
-        e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency)
+        e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
         found.append(e)
-        rows.append(_on_points(problem, system, e.contact))
+        rows.append(_on_points(problem, system, e.contact)[shown])
         amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
     complex_stiffness = np.array([e.stiffness for e in found])
     return Dissipation(
@@ -435,7 +435,15 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
 
 def _names(problem: Problem) -> tuple[str, ...]:
     faces = problem.coupling.model.interfaces
-    return tuple(name for name in problem.coupling.interfaces for _ in range(faces[name].n_points))
+    shown = [name for name in problem.coupling.interfaces if faces[name].kind != "spring"]
+    return tuple(name for name in shown for _ in range(faces[name].n_points))
+
+
+def _counted(problem: Problem, system: HarmonicSystem) -> NDArray:
+    """(n,) bool: elements of the equations that belong to contacts; cubic and linear springs are a part of the bodies."""
+    faces = [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+    contact = np.repeat([face.kind in ("friction", "constraint") for face in faces], [face.n_points for face in faces])
+    return contact if system.points.index is None else contact[system.points.index]
 
 
 @one_thread
@@ -473,7 +481,8 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     u, omega = s.unknowns, 2.0 * np.pi * s.frequency
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
-    e, response = energies(system, u, omega), complex(system.response(u)[1])
+    counted, shown = _counted(problem, system), ~problem.coupling.spring_points
+    e, response = energies(system, u, omega, counted), complex(system.response(u)[1])
     places = np.arange(system.n_points) if system.points.index is None else system.points.index
     first = np.unique(places, return_index=True)[1]  # of two elements of a point the first, with the point's own normal
     sense = np.where(np.isin(np.arange(len(places)), first), 1.0, -1.0)
@@ -491,32 +500,32 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
         amplitude=abs(response),
         theta=theta,
         interface=_names(problem),
-        points=np.concatenate([face.points for face in faces]),
-        frame=np.concatenate([face.frame for face in faces]),
-        area=np.concatenate([face.area for face in faces]),
-        displacement=displacement,
-        force=force,
-        gap=gap,
-        energy=_on_points(problem, system, e.contact),
+        points=np.concatenate([face.points for face in faces])[shown],
+        frame=np.concatenate([face.frame for face in faces])[shown],
+        area=np.concatenate([face.area for face in faces])[shown],
+        displacement=displacement[shown],
+        force=force[shown],
+        gap=gap[shown],
+        energy=_on_points(problem, system, e.contact)[shown],
         damping=e.damping,
         excitation=e.excitation,
         kinetic=e.kinetic,
         stiffness=e.stiffness.real,
         width=e.stiffness.imag,
         response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, response, F, theta),
+        whole=_whole(system, u, response, F, theta, counted),
         settings=problem.record(),
         model_hash=problem.model.hash,
     )
 
 
-def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray) -> NDArray:
+def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:
     """(n_theta,) force at the response that does the work of all contacts on the fundamental harmonic."""
     _, mean, _ = system.contact(u)
     if response == 0.0:
         return np.full(len(theta), np.nan)
-    ratio = bodily_motion(system, u) / response
-    vibration = F - mean[..., :1]
+    ratio = (bodily_motion(system, u) / response)[counted]
+    vibration = (F - mean[..., :1])[counted]
     out = np.zeros(len(theta))
     for r, f in zip(ratio.ravel(), vibration.reshape(-1, len(theta))):
         out += abs(r) * np.interp((theta - np.angle(r)) % (2.0 * np.pi), theta, f)

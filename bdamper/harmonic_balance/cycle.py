@@ -65,7 +65,7 @@ class Energies:
     stiffness: complex
 
 
-def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
+def energies(system: HarmonicSystem, u: NDArray, omega: float, contacts: NDArray | None = None) -> Energies:
     """Where the work of the excitation goes in one cycle.
 
     Parameters
@@ -74,8 +74,11 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
     u : (n_unknowns,) float
         A solution.
     omega : float, rad/s
+    contacts : (n_points,) bool, optional
+        Points whose equivalent stiffness is asked for, where others are springs of the bodies; all of them by default.
     """
     X, F, _ = system.contact(u)
+    counted = np.ones(system.n_points, bool) if contacts is None else contacts
     l = np.arange(1, system.n_harmonics + 1)
     x, f = (a[..., 1::2] - 1j * a[..., 2::2] for a in (X, F))
     damping = excitation = kinetic = 0.0
@@ -85,7 +88,7 @@ def energies(system: HarmonicSystem, u: NDArray, omega: float) -> Energies:
         damping += np.pi * n**2 * omega * float(basis.damping @ np.abs(q) ** 2)
         kinetic += 0.5 * (n * omega) ** 2 * float(basis.mass @ np.abs(q) ** 2)
     first = float(np.abs(system.amplitudes(u, 1) @ system.response_rows[1]))
-    work = complex((bodily_motion(system, u).conj() * f[..., 0]).sum())
+    work = complex((bodily_motion(system, u).conj() * f[..., 0])[counted].sum())
     return Energies(
         contact=np.pi * (l * (f * x.conj()).imag).sum(axis=(1, 2)),
         damping=damping,

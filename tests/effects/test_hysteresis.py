@@ -100,6 +100,18 @@ def test_residual_modes_are_in_series_with_the_contact_elements(study):
     assert found[1].real == pytest.approx(found[0].real, rel=0.3)  # a ninth of it without the residual modes
 
 
+def test_springs_of_the_bodies_are_no_contacts():
+    """Damping that is not proportional stands in springs between coordinates; a cubic spring is shown, not counted."""
+    K = np.array([[2.0, -1.0], [-1.0, 1.0]])
+    contact = bd.Contact(0, kt=0.5, mu=1.0, preload=9.0)
+    chain = bd.lumped(np.eye(2), [[0.1, 0.0], [0.0, 0.0]], K, contacts=[contact], forces={0: 0.1}, cubic={(1, 0): 0.5})
+    found = chain.hysteresis(chain.track(0.0, (0.10, 0.11)))
+    assert found.interfaces == ("contact 1", "cubic 1") and abs(found.imbalance) < 2e-9
+    assert found.stiffness == pytest.approx(0.5, rel=1e-9), "stuck, at the response itself"
+    x, f = found.loop("cubic 1")
+    assert f == pytest.approx(0.5 * x**3, abs=1e-9 * np.abs(f).max())
+
+
 def test_a_face_has_the_sum_of_its_forces(cycle):
     x, f = cycle.loop("right")
     rows = cycle.rows("right")
