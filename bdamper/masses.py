@@ -130,8 +130,7 @@ def lumped(
     contacts : sequence of Contact
         Their interfaces are called "contact 1", "contact 2" ...
     cubic : mapping of motion to N/m3, optional
-        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): 2.0}``.  Not together with
-        ``loads``, since the static state is that of linear springs and contacts.
+        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): 2.0}``.
     forces : mapping of freedom to float or complex, N
         Harmonic forces ``Re(f exp(i omega t))``, with their phases; several are scaled together by
         ``excitation.amplitude``, which is the largest of them.
@@ -170,8 +169,6 @@ def lumped(
     cubic = {} if cubic is None else validate.instance("cubic", cubic, Mapping, "a mapping of motions to N/m3")
     if not contacts and not cubic:
         raise SettingError("contacts: expected at least one contact or cubic spring, found none")
-    if cubic and loads:
-        raise SettingError("cubic: expected springs without static loads, found both; the static state has no such springs")
     faces = _faces(contacts, cubic, modes)
     excitation, patterns = _excitation(modes, forces)
     seen = Response(modes.name(response) if response is not None else _largest(modes, forces))

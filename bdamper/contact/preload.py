@@ -52,6 +52,8 @@ class StaticSystem:
         Modal force that does not scale with the load.
     bonded : (n_points,) bool, optional
         Points of linear springs, ``T_d = kt_d u_d`` and ``N = n0 + kn v`` of either sign; none by default.
+    cubic : (n_points, 2) float, N/m3, optional
+        Springs ``k u^3`` along both tangential directions.
     """
 
     stiffness: NDArray
@@ -64,6 +66,11 @@ class StaticSystem:
     shift: NDArray
     constant_force: NDArray
     bonded: NDArray | None = None
+    cubic: NDArray | None = None
+
+    def __post_init__(self) -> None:
+        if not np.any(self.cubic):
+            object.__setattr__(self, "cubic", None)
 
 
 @brief
@@ -172,6 +179,8 @@ def _forces(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDAr
     if system.bonded is not None:
         b = system.bonded
         force[..., b, :2], force[..., b, 2], status[..., b, :] = trial[..., b, :], level[..., b], STICK
+    if system.cubic is not None:
+        force[..., :2] += system.cubic * x[..., :2] ** 3
     return force, status
 
 
@@ -187,9 +196,15 @@ def _law(system: StaticSystem, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray
     return force, status, slider, closing
 
 
-def _jacobian(system: StaticSystem, G: NDArray, status: NDArray) -> NDArray:
-    """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes)."""
+def _jacobian(system: StaticSystem, G: NDArray, status: NDArray, x: NDArray | None = None) -> NDArray:
+    """(n_modes, n_modes) derivative of modal equilibrium in the given states, with G as (3 n_points, n_modes).
+
+    Cubic springs have the tangent of the motion x (n_points, 3), none at rest.
+    """
     B = law_tangent(system.kt, system.kn, system.mu, status)
+    if system.cubic is not None and x is not None:
+        for d in range(2):
+            B[:, d, d] += 3.0 * system.cubic[:, d] * x[:, d] ** 2
     return np.diag(system.stiffness) + G.T @ (B @ system.G).reshape(len(G), -1)
 
 
@@ -255,7 +270,7 @@ def _step(
         norm = float(np.abs(r).max())
         if norm <= tolerance * size or stalls == STALLS:
             return q, status, iteration, norm / size
-        dq = _solve(_jacobian(system, G, status), -r)
+        dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift), -r)
         trial = q + dq
         r_trial, status_trial = residual(trial)
         now = float(np.abs(r_trial).max())
@@ -303,7 +318,8 @@ def _creep(
             iterations += 1
             if float(np.abs(total).max()) <= 0.1 * tolerance * size:
                 break
-            trial = trial + _solve(_jacobian(system, G, status) + D / dt, -total)
+            x = (G @ trial).reshape(-1, 3) + shift
+            trial = trial + _solve(_jacobian(system, G, status, x) + D / dt, -total)
         else:
             dt *= 0.25
             if dt < 1e-8:
@@ -417,7 +433,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float, toleran
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
-    if np.any(system.constant_force) or np.any(system.n0 > 0.0):
+    if np.any(system.constant_force) or np.any(system.n0 > 0.0) or system.cubic is not None:
         return None
     ratio = load / state.load
     x = ratio * ((system.G @ state.q) + state.load * system.shift)

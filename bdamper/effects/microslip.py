@@ -127,7 +127,8 @@ def microslip(
     kn = problem.point_stiffness[:, 2]
     system = StaticSystem(
         basis.omega2, basis.G.real, problem.tangential_stiffness, kn, problem.friction,
-        kn * (preload * x0[:, 2] - problem.point_gaps), d.real, np.zeros_like(x0), preload * f, problem.bonded_points,
+        kn * (preload * x0[:, 2] - problem.point_gaps), d.real, np.zeros_like(x0),
+        preload * f + problem.constant_force, problem.bonded_points, problem.static_system.cubic,
     )  # fmt: skip
     # the constant part of the motion stands in n0 and in the sliders
     state = replace(seat, load=0.0, slider=seat.slider - preload * x0[:, :2])

@@ -386,6 +386,7 @@ class Problem(Settings):
             shift=shift,
             constant_force=self.constant_force,
             bonded=self.bonded_points,
+            cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
         )
 
     @one_thread
