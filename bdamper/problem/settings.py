@@ -49,7 +49,7 @@ class Settings:
     model : Model
     excitation : Excitation
     engine_order : int
-        Of the fundamental harmonic.
+        Of the fundamental harmonic; a bladed disk has no default, a structure without cyclic symmetry needs none.
     friction_coefficient : float or mapping of interface name to float
     response : Response, optional
         Location and direction of the excitation by default.
@@ -118,7 +118,7 @@ class Settings:
 
     model: Model = field(repr=False)
     excitation: Excitation
-    engine_order: int = 1
+    engine_order: int = None  # type: ignore[assignment]  # 1 without cyclic symmetry
     friction_coefficient: float | Mapping[str, float] = 0.3
     response: Response | None = None
     harmonics: int | tuple[int, ...] = HARMONICS
@@ -156,6 +156,13 @@ class Settings:
         for name, place in (("excitation", self.excitation), ("response", self.response_location)):
             validate.choice(f"{name} location", place.location, sorted(self.model.locations))
         self._check_friction()
+        if self.engine_order is None:
+            if self.model.n_blades > 1:
+                raise SettingError(
+                    f"engine_order: expected that of the excitation, since the model has {self.model.n_blades} sectors, "
+                    "found none"
+                )
+            object.__setattr__(self, "engine_order", 1)
         validate.fields(self, validate.whole, "engine_order", "damper_modes")
         validate.fields(self, validate.whole, "blade_modes", least=1, most=max(BLADE_MODES, self.most_modes("constrained")))
         validate.fields(self, validate.names, "rigid_modes", choices=RIGID_NAMES)

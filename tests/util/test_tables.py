@@ -148,6 +148,10 @@ class TestMistakenArguments:
         with pytest.raises(bd.SettingError, match=r"found a tuple of 2 Curve$"):
             study.of((curve, curve))
 
+    def test_a_forgotten_engine_order(self, study):
+        with pytest.raises(bd.SettingError, match="engine_order: expected that of the excitation, since the model has 65"):
+            bd.Study(study.model, bd.Excitation("tip"))
+
     def test_a_result_in_the_place_of_a_model(self, curve, tmp_path):
         with pytest.raises(bd.ModelError, match="model: expected a Model, found Curve"):
             bd.Study(curve, bd.Excitation("tip"))
