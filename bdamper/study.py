@@ -89,8 +89,8 @@ class Study(Problem, Comparable):
     def _settings(self) -> dict[str, Any]:
         return self.record()
 
-    def _model(self) -> str:
-        return self.model.hash
+    def _model(self) -> dict[str, str]:
+        return {"model": self.model.hash}
 
     # linear limits
     free = linear_curve.free

@@ -28,7 +28,9 @@ from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.util import validate
 from bdamper.util.cost import Cost
+from bdamper.util.differences import Comparable
 from bdamper.util.ladder import Ladder
+from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief
 from bdamper.util.rootfind import find_root
 
@@ -82,7 +84,7 @@ class PeakOptions:
 
 @brief
 @dataclass(frozen=True)
-class Peak:
+class Peak(Comparable):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
 
     Parameters
@@ -141,6 +143,20 @@ class Peak:
     @property
     def converged(self) -> bool:
         return self.status == "converged"
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The peak and how far it is to be trusted; nothing but the reason where none was found."""
+        if not self.converged:
+            return (Fact("no peak found", self.status),)
+        shares = [(name, 100.0 * float(x)) for name, x in zip(("stick", "slip", "open"), self.shares)]
+        return (
+            *([Fact("preload", self.parameter, "N")] if np.isfinite(self.parameter) else []),
+            Fact("peak amplitude", self.amplitude, "m"),
+            Fact("at the frequency", self.frequency, "Hz"),
+            *(Fact(f"{name} there", round(x, 1), "%") for name, x in shares if np.isfinite(x)),
+            *([Fact("curve ended as", self.scan)] if self.scan not in ("", "complete") else []),
+            *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
+        )
 
     def __str__(self) -> str:
         if not self.converged:

@@ -130,6 +130,13 @@ class TestDifferences:
         assert names["peak amplitude"] == (curve.peak.amplitude, other.peak.amplitude) and "preload" in names
         assert not curve.compare(curve)
 
+    def test_of_peaks(self, study):
+        one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
+        named = {a.name: (a.value, b.value) for a, b in one.compare(other).outcomes}
+        assert named["peak amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
+        assert f"<td style=\"text-align:left\">{one.frequency:.6g} Hz</td>" in one._repr_html_()
+        assert "img" not in one._repr_html_() and not study.compare(one)
+
     def test_settings_of_a_study_and_a_result(self, study, curve):
         assert not study.compare(curve)
         assert [name for name, *_ in replace(study, bias=False).compare(curve).settings] == ["bias"]
