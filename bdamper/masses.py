@@ -130,7 +130,7 @@ def lumped(
     contacts : sequence of Contact
         Their interfaces are called "contact 1", "contact 2" ...
     cubic : mapping of motion to N/m3, optional
-        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): 2.0}``.
+        Cubic springs ``k u^3`` on motions as those of a :class:`Contact`: ``{0: 0.5, (1, 0): -2.0}``.
     forces : mapping of freedom to float or complex, N
         Harmonic forces ``Re(f exp(i omega t))``, with their phases; several are scaled together by
         ``excitation.amplitude``, which is the largest of them.
@@ -202,7 +202,7 @@ def _faces(contacts: tuple[Contact, ...], cubic: Mapping[Any, float], modes: _Mo
     """Interfaces by name: contacts first, then springs."""
     faces = {f"contact {k + 1}": _Face(c.rows, [c.kt, c.kt, c.kn or c.kt], "friction", c) for k, c in enumerate(contacts)}
     for k, (row, value) in enumerate(cubic.items()):
-        stiffness = validate.number(f"cubic {row!r}", value, above=0.0, unit="N/m3")
+        stiffness = validate.number(f"cubic {row!r}", value, unit="N/m3")
         faces[f"cubic {k + 1}"] = _Face((row, None, None), [stiffness, 0.0, 0.0], "cubic")
     for k, (modal, stiffness) in enumerate(modes.springs):
         faces[f"spring {k + 1}"] = _Face((modal, None, None), [stiffness, 0.0, 0.0], "spring")

@@ -54,7 +54,8 @@ static int read_call(PyObject *args, PyObject *kwargs, contact_call *c) {
     c->n_harm = (int)((n - 1) / 2);
     const double *kt, *w;
     if (!(c->x = core_numbers(&arguments, x, "x", 2, shape, BD_FINITE))) return 0;
-    if (!(kt = core_numbers(&arguments, kt_object, "kt", 1, &two, BD_NON_NEGATIVE))) return 0;
+    if (!(kt = core_numbers(&arguments, kt_object, "kt", 1, &two, law == BD_LAW_CUBIC ? BD_FINITE : BD_NON_NEGATIVE)))
+        return 0;
     if (!(w = core_vector(&arguments, w_object, "w", two, BD_INPUT))) return 0;
     if (!(c->F = core_doubles(&arguments, F, "F", 2, shape, BD_OUTPUT))) return 0;
     if (!(c->J = core_doubles(&arguments, J, "J", 4, shape_J, BD_OUTPUT))) return 0;

@@ -89,14 +89,18 @@ static int read_modes(core_arguments *arguments, const system_objects *o, bd_hbm
 
 static int read_points(core_arguments *arguments, const system_objects *o, bd_hbm_input *in) {
     const npy_intp n_point = in->n_point, by2[2] = {n_point, 2}, by3[2] = {n_point, 3};
-    if (!(in->kt = core_numbers(arguments, o->kt, "kt", 2, by2, BD_NON_NEGATIVE))) return 0;
+    if (!(in->kt = core_numbers(arguments, o->kt, "kt", 2, by2, BD_FINITE))) return 0;
     if (!(in->kn = core_numbers(arguments, o->kn, "kn", 1, &n_point, BD_NON_NEGATIVE))) return 0;
     if (!(in->mu = core_numbers(arguments, o->mu, "mu", 1, &n_point, BD_NON_NEGATIVE))) return 0;
     if (!(in->n0 = core_numbers(arguments, o->n0, "n0", 1, &n_point, BD_FINITE))) return 0;
     if (!(in->w = core_doubles(arguments, o->w, "w", 2, by2, BD_INPUT))) return 0;
     if (!(in->law = core_array(arguments, o->law, "law", NPY_INT, "intc", 1, &n_point, BD_INPUT))) return 0;
-    for (npy_intp p = 0; p < n_point; ++p)
+    int softening = 0; /* cubic springs may soften */
+    for (npy_intp p = 0; p < n_point; ++p) {
         if (!core_check_law(in->law[p], in->evaluation) || !core_check_slider(in->w + 2 * p, in->law[p])) return 0;
+        softening |= in->law[p] == BD_LAW_CUBIC;
+    }
+    if (!softening && !core_check_numbers(in->kt, 2 * n_point, "kt", BD_NON_NEGATIVE)) return 0;
     if (o->load != Py_None && !(in->load = core_numbers(arguments, o->load, "load", 1, &n_point, BD_FINITE))) return 0;
     return (in->shift = core_numbers(arguments, o->shift, "shift", 2, by3, BD_FINITE)) != NULL;
 }

@@ -12,7 +12,7 @@ typedef enum {
     BD_LAW_COUPLED = 3,   /* the friction force lies in a disk of radius mu N */
     BD_LAW_COUPLED_CONSTANT = 4, /* the same with the constant `load` in place of N */
     BD_LAW_BONDED = 5,           /* linear springs in all directions and both senses */
-    BD_LAW_CUBIC = 6             /* T_d = kt_d u_d^3, kt in N/m3; no normal spring, kn and n0 are not read */
+    BD_LAW_CUBIC = 6 /* T_d = kt_d u_d^3, kt in N/m3, of either sign; no normal spring, kn and n0 are not read */
 } bd_law;
 enum { BD_N_LAW = 7 };
 

@@ -402,7 +402,8 @@ def _from_user(coupling: Coupling, value: float | PerArea | Mapping[str, NDArray
         except (TypeError, ValueError) as error:
             expected = f"numbers in N/m, PerArea(...) or an array that broadcasts to {(n, 3)}"
             raise validate.unfit(f"contact_stiffness['{name}']", expected, given) from error
-        wrong = k[~(np.isfinite(k) & (k >= 0.0))]
+        softens = coupling.model.interfaces[name].kind == "cubic"
+        wrong = k[~(np.isfinite(k) & ((k >= 0.0) | softens))]
         if wrong.size:
             raise validate.unfit(f"contact_stiffness['{name}']", "finite numbers >= 0 N/m", wrong[0])
         out[name] = ContactStiffness(k, "user")

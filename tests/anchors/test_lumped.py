@@ -35,15 +35,15 @@ def test_griffin_optimum():
     assert curve.optimum.amplitude == pytest.approx(2.91702888, rel=1e-7)
 
 
-def test_duffing():
-    """(1 - w^2 + 3/4 a^2)^2 + (c w)^2 = (F/a)^2 at every point; the peak where the frequency is that of the backbone."""
-    c, F = 0.1, 0.2
-    curve = bd.lumped(1.0, c, 1.0, cubic={0: 1.0}, forces={0: F}, harmonics=1).track(0.0, (0.05, 0.35))
+@pytest.mark.parametrize(("k", "c", "F"), [(1.0, 0.1, 0.2), (-0.1, 0.05, 0.06)], ids=["hardening", "softening"])
+def test_duffing(k, c, F):
+    """(1 - w^2 + 3/4 k a^2)^2 + (c w)^2 = (F/a)^2 at every point; two folds, and the peak at the end of its branches."""
+    curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).track(0.0, (0.05, 0.35))
     a, w = curve.amplitude, TWO_PI * curve.frequency
-    np.testing.assert_allclose(np.hypot(1.0 - w**2 + 0.75 * a**2, c * w) * a, F, rtol=1e-7)
-    assert len(curve.folds) == 2
-    # upper and lower branch exist where the discriminant of the frequency equation is positive: its end is the peak
-    top = brentq(lambda a: 1.0 + 0.75 * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2, 0.5, 3.0)
+    np.testing.assert_allclose(np.hypot(1.0 - w**2 + 0.75 * k * a**2, c * w) * a, F, rtol=1e-7)
+    assert curve.complete and len(curve.folds) == 2
+    # both branches exist where the frequency equation, quadratic in w^2, has real roots
+    top = brentq(lambda a: 1.0 + 0.75 * k * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2, 0.5, 3.0)
     assert curve.peak.amplitude == pytest.approx(top, rel=1e-7)
 
 

@@ -25,6 +25,7 @@ CUBIC = 6
 def test_force_and_tangent_of_a_point(n_harm, evaluation):
     rng = np.random.default_rng(n_harm)
     point, x = random_point(rng), random_motion(rng, n_harm)
+    point.kt[1] *= -1.0  # a spring that softens
     found = evaluate(x, point, evaluation, 64, CUBIC)
     np.testing.assert_allclose(found.force, oracle.cubic(x, point.kt), rtol=0, atol=1e-13 * np.abs(found.force).max())
     expected = difference(lambda x: evaluate(x, point, evaluation, 64, CUBIC).force, x)
