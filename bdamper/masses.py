@@ -320,13 +320,14 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
         A = np.array(value.toarray() if hasattr(value, "toarray") else value, float)
     except (TypeError, ValueError):
         raise validate.unfit(name, "a number, a diagonal or a matrix", value) from None
+    found = A.shape
     if A.ndim == 0 and n is not None:
         A = np.full(n, float(A)) if n == 1 or A == 0.0 else A
     A = np.diag(np.atleast_1d(A)) if A.ndim < 2 else A
     sizes = A.shape if n is None else (n, n)
     if A.ndim != 2 or A.shape != (sizes[0], sizes[0]) or not A.size or not np.isfinite(A).all():
-        expected = "(n, n)" if n is None else f"{(n, n)}, the size of the mass,"
-        raise SettingError(f"{name}: expected finite numbers, a diagonal or a matrix of shape {expected} found {A.shape}")
+        expected = "(n, n)" if n is None else f"{(n, n)} as the mass"
+        raise SettingError(f"{name}: expected finite numbers, a diagonal or a matrix {expected}, found shape {found}")
     if np.abs(A - A.T).max() > ROUNDING * np.abs(A).max():
         raise SettingError(f"{name}: expected a symmetric matrix, found a difference of {np.abs(A - A.T).max():.3g}")
     return 0.5 * (A + A.T)

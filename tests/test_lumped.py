@@ -84,6 +84,20 @@ def test_loads_and_preloads():
         held.peak(1.0, (0.1, 0.3))
 
 
+def test_two_directions_with_coupled_friction():
+    """A circular orbit of radius R loses 2 pi mu N sqrt(R^2 - b^2) with the reach b = mu N/kt of the spring."""
+    contact = bd.Contact(0, tangential2=1, kt=1.0, mu=0.5, preload=1.0)
+    study = bd.lumped(
+        [1.0, 1.0], [0.1, 0.1], [1.0, 1.0], contacts=[contact], forces={0: 1.0, 1: -1.0j}, harmonics=1,
+        friction_law="coupled", evaluation=bd.Sampled(512),
+    )  # fmt: skip
+    curve = study.track(0.0, (0.14, 0.2))
+    radius = curve.peak.amplitude
+    lost = energies(study.system(0.0), curve.unknowns[curve.peak.index], 2.0 * np.pi * curve.peak.frequency).contact[0]
+    assert lost == pytest.approx(2.0 * np.pi * 0.5 * np.sqrt(radius**2 - 0.5**2), rel=1e-4)
+    assert radius > 2.0
+
+
 def test_a_loaded_cubic_spring():
     """x + 2 x^3 = 3 at rest; small vibrations about it see the stiffness 1 + 6 x^2 = 7."""
     study = bd.lumped(1.0, 0.01, 1.0, cubic={0: 2.0}, forces={0: 1e-5}, loads={0: 1.0})
@@ -142,7 +156,8 @@ def test_energy_and_history_of_a_cubic_spring():
         ({"mass": [1.0, 0.0]}, "mass: expected a positive definite matrix"),
         ({"stiffness": [[1.0, 2.0], [2.0, 1.0]]}, "stiffness: expected a positive semidefinite matrix, found a mode of -1"),
         ({"stiffness": [[1.0, 2.0], [0.0, 1.0]]}, "stiffness: expected a symmetric matrix, found a difference of 2"),
-        ({"stiffness": np.eye(3)}, "stiffness: expected finite numbers, a diagonal or a matrix of shape (2, 2), the size"),
+        ({"stiffness": np.eye(3)}, "stiffness: expected finite numbers, a diagonal or a matrix (2, 2) as the mass"),
+        ({"damping": [0.1] * 3}, "damping: expected finite numbers, a diagonal or a matrix (2, 2) as the mass, found"),
         ({"damping": "low"}, "damping: expected a number, a diagonal or a matrix, found 'low'"),
         ({"damping": [0.1, -0.1]}, "damping: expected a positive semidefinite matrix, found a mode of -0.1 1/s"),
         (

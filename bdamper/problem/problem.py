@@ -96,7 +96,7 @@ class Problem(Settings):
             f"study of model {self.model.hash}, engine order {self.engine_order}",
             f"  {self.excitation.amplitude:g} N at {place(self.excitation)}, response at {place(self.response_location)}",
             f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
-            f"{self.coupling.n_points} contact points",
+            f"{(~self.coupling.spring_points).sum()} contact points",
             f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
             *(f"  {name.replace('_', ' ')}: {value}" for name, value in other.items() if value is not None),
         ]
