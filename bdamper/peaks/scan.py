@@ -37,9 +37,13 @@ PASSED = 0.1
 values."""
 COMPLETE = "complete"
 """Ending of a curve that was followed from end to end of the interval."""
-DRIFTS = "where the mean position drifts"
+CORNERS = {"drift": "where the mean position drifts", "maximum": "at a maximum without a smooth peak"}
+"""Kinds of points that may be the highest of a curve without a slope that vanishes, in words."""
 HIGHER = 3e-3
 """Relative, by which a point of a curve has to exceed the peaks found on it: a curve followed coarsely is off by less."""
+
+LEVEL = 1e-6
+"""Relative change of the amplitude up to which points of a curve count as one: the mean position alone moves there."""
 
 
 class Above(NamedTuple):
@@ -51,7 +55,7 @@ class Above(NamedTuple):
     amplitude : float, m
     what : str
     corner : Peak, optional
-        The point where the mean position of the damper drifts: the curve has a corner there, and is highest at it.
+        The point, if the mean position of the damper drifts there or a maximum was located: the curve has a corner there.
     """
 
     frequency: float
@@ -186,9 +190,9 @@ def scan(
         meter.watch(system)
     peaks = refine_maxima(system, _maxima(system, curve), options=options, parameter=preload)
     points = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
-    above = _above(peaks, curve.frequency, curve.amplitude, curve.point_kind)
-    if above is not None and above.what == DRIFTS:
-        above = above._replace(corner=_corner(curve, points, preload))
+    i, above = _above(peaks, curve.frequency, curve.amplitude, curve.point_kind) or (0, None)
+    if above is not None and curve.point_kind[i] in CORNERS:
+        above = above._replace(corner=_corner(curve, points, preload, i))
     ending = COMPLETE if curve.complete else f"{curve.status} ({curve.reason})"
     return Scan(peaks, ending, points, above, _limited(curve, continuation))
 
@@ -199,19 +203,25 @@ def _limited(curve: Curve, continuation: ContinuationOptions | None) -> bool:
     return budget is not None and curve.cost.evaluations >= SHARE * budget
 
 
-def _above(peaks: Sequence[Peak], frequency: NDArray, amplitude: NDArray, kinds: Sequence[str]) -> Above | None:
-    """The highest point of a curve if it is higher than its peaks and lies within the interval."""
-    i = int(np.argmax(amplitude))
-    top = max((q.amplitude for q in peaks), default=0.0)
-    if amplitude[i] <= (1.0 + HIGHER) * top or kinds[i] == "end":
+def _above(peaks: Sequence[Peak], frequency: NDArray, amplitude: NDArray, kinds: Sequence[str]) -> tuple[int, Above] | None:
+    """The highest point between two lower ones of a curve, with its index, if it is higher than the peaks on the curve.
+
+    The ends of the interval may be higher still, on the flank of a resonance beyond.
+    """
+    change = np.abs(np.diff(amplitude)) > LEVEL * amplitude[1:]
+    places = np.flatnonzero(np.append(True, change)) if len(amplitude) else np.zeros(0, int)
+    height = amplitude[places]
+    tops = places[1:-1][(height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])]
+    inner = [int(i) for i in tops if kinds[int(i)] != "end"]
+    i = max(inner, key=lambda k: float(amplitude[k]), default=0)
+    if not inner or amplitude[i] <= (1.0 + HIGHER) * max((q.amplitude for q in peaks), default=0.0):
         return None
-    what = DRIFTS if kinds[i] == "drift" else "where no maximum was located"
-    return Above(float(frequency[i]), float(amplitude[i]), what)
+    return i, Above(float(frequency[i]), float(amplitude[i]), CORNERS.get(kinds[i], "where no maximum was located"))
 
 
-def _corner(curve: Curve, points: NDArray, preload: float) -> Peak:
-    """The highest point of a curve, where the mean position drifts, as a peak at a corner, which has no slope."""
-    i, n = int(np.argmax(curve.amplitude)), points.shape[1]
+def _corner(curve: Curve, points: NDArray, preload: float, i: int) -> Peak:
+    """A point of a curve as a peak at a corner, which has no slope."""
+    n = points.shape[1]
     return Peak(
         preload, float(curve.frequency[i]), float(curve.amplitude[i]), points[i], np.zeros(n), np.ones(n), 0.0, -np.inf,
         curve.shares[i], float(curve.residual[i]), 0, 0, int(curve.rank_deficiency[i]), True,
@@ -266,8 +276,8 @@ def scan_from(
     else:
         ending = f"incomplete ({'; '.join(f'{piece.path.status}: {piece.path.reason}' for piece in pieces)})"
     y = np.array([p.y for p in points]).reshape(-1, len(start))
-    above = _above(peaks, y[:, -1] / (2.0 * np.pi), height, [p.kind for p in points]) if points else None
-    return Scan(peaks, ending, y, above)
+    found = _above(peaks, y[:, -1] / (2.0 * np.pi), height, [p.kind for p in points])
+    return Scan(peaks, ending, y, found and found[1])
 
 
 def _end(piece: Piece) -> str:

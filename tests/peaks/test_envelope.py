@@ -12,7 +12,7 @@ from bdamper.peaks.least import least_peak, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions, drifted
 from bdamper.peaks.optimal import _status
 from bdamper.peaks.optimal_curve import OptimumPoint
-from bdamper.peaks.scan import Above, Scan
+from bdamper.peaks.scan import Above, Scan, _above
 from bdamper.util.cost import CostMeter
 
 
@@ -316,3 +316,14 @@ def slope_of(branches, q, p):
     h = 1e-6
     up, down = (at(branches, q, p * np.exp(s)).amplitude for s in (h, -h))
     return (up - down) / (2.0 * h) / p
+
+
+def test_a_maximum_below_the_flank_of_another_resonance_is_seen():
+    """The end of the interval is higher than the maximum that no peak was found at; a plateau on the way down is none."""
+    frequency = np.arange(8.0)
+    amplitude = np.array([5.0, 2.0, 1.0, 3.0, 2.0, 2.0, 2.0, 1.0])
+    kinds = ["end", "regular", "regular", "maximum", "drift", "drift", "regular", "end"]
+    i, above = _above((peak(1.0, 2.5),), frequency, amplitude, kinds)
+    assert (i, above.amplitude, above.what) == (3, 3.0, "at a maximum without a smooth peak")
+    assert _above((peak(1.0, 3.0),), frequency, amplitude, kinds) is None
+    assert _above((), frequency[:3], amplitude[:3], kinds[:3]) is None
