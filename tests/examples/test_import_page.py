@@ -9,9 +9,10 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper import Excitation, Study
+from bdamper import Excitation
 from bdamper.fe import SectorFE, bladed_disk
 from tests.fe_bodies import sector_and_damper
+from tests.plain import plain_study
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "import.md"
 SETS = {
@@ -73,11 +74,12 @@ def test_page(tmp_path, monkeypatch, capsys):
     tip = space["built"].model.locations["tip"].position
     theirs = reference.locations["tip"].position
     assert np.linalg.norm(tip - theirs) < 1e-9, f"the tip is node {fe.blade.nearest_node(theirs) + 101}"
-    study = Study(reference, Excitation("tip", amplitude=1.0), engine_order=5, friction_coefficient=0.3)
-    own = study.track(preload=500.0, frequency=(250.0, 400.0))
     assert space["curve"].complete
-    assert space["curve"].peak.amplitude == pytest.approx(own.peak.amplitude, rel=1e-3)
-    assert space["curve"].peak.frequency == pytest.approx(own.peak.frequency, rel=1e-4)
+    # the rectangles of the constraint planes differ by 3.5 mm, which residual modes tell in the fourth digit
+    studies = [plain_study(m, Excitation("tip"), 5, friction_coefficient=0.3) for m in (space["built"].model, reference)]
+    found, expected = (s.track(500.0, (250.0, 400.0)).peak for s in studies)
+    assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
+    assert found.frequency == pytest.approx(expected.frequency, rel=1e-4)
 
 
 def test_page_is_one_page():
