@@ -78,8 +78,9 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
                 markersize=3.0,
                 label=label or None,
             )
-            at = [place for place, gone in zip(places, lost[i]) if gone]
-            ax.plot(at, [0.03] * len(at), "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform())
+            if lost[i].any():
+                at = [place for place, gone in zip(places, lost[i]) if gone]
+                ax.plot(at, [0.03] * len(at), "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform())
         if lost.any():
             ax.plot([], [], "x", color="0.4", markersize=5.0, label="no value")
         if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):

@@ -185,6 +185,7 @@ def test_blade_to_ground(tmp_path):
     assert_pictures(tmp_path, "fig17_blade_to_ground.png", "fig18_blade_to_ground.png")
 
 
+@pytest.mark.slow
 def test_test_rig(tmp_path):
     """Figs 19 to 22: an optimum, microslip at high load, little change with more blade modes."""
     example = load("fig19_22_test_rig")

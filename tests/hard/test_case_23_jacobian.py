@@ -25,6 +25,8 @@ from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 
 BATCH = 50
+QUICK = 150
+"""Cases of the quick tests."""
 N_TIME = 64
 LAWS = {
     "separable": (LAW_SEPARABLE,),
@@ -167,7 +169,9 @@ def check_event(state, seed):
     return True
 
 
-@pytest.mark.parametrize("batch", range(0, number_of_cases(), BATCH))
+@pytest.mark.parametrize(
+    "batch", [pytest.param(b, marks=[pytest.mark.slow] if b >= QUICK else []) for b in range(0, number_of_cases(), BATCH)]
+)
 def test_case_23_jacobian_of_the_system(batch):
     away = events = 0
     for seed in range(batch, batch + BATCH):
