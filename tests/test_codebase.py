@@ -237,13 +237,20 @@ def test_no_machine_paths_in_texts():
             assert not re.search(r"(?<![\w.])/(home|root|work)/", path.read_text()), path
 
 
-def test_files_that_the_documents_name_are_there():
+def defines(path: Path, name: str) -> bool:
+    """Whether a file of Python or C defines a function or class; ``A.b`` asks for both."""
+    text = path.read_text()
+    return all(re.search(rf"^(?:\s*(?:def|class) |\w[\w *]*\b){part}\b[(:\[]", text, re.M) for part in name.split("."))
+
+
+def test_files_and_functions_that_the_documents_name_are_there():
     missing = []
+    rooms = "bdamper|csrc|tests|tools|examples|benchmarks"
     for path in [*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")]:
         if path.name != "CHANGELOG.md":
-            for name in re.findall(r"`((?:bdamper|csrc|tests|tools|examples|benchmarks)/[\w/]+\.\w+)`", path.read_text()):
-                if not (ROOT / name).exists():
-                    missing.append(f"{path.relative_to(ROOT)}: {name}")
+            for name, function in re.findall(rf"`((?:{rooms})/[\w/]+\.\w+)(?:::([\w.]+))?`", path.read_text()):
+                if not (ROOT / name).exists() or (function and not defines(ROOT / name, function)):
+                    missing.append(f"{path.relative_to(ROOT)}: {name} {function}")
     assert not missing, "\n".join(missing)
 
 
