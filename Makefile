@@ -60,7 +60,7 @@ wheel: | prerequisites
 	$(call step,a wheel in an empty environment,PYTHON=$(PYTHON) sh tools/test_wheel.sh)
 
 accuracy: $(VENV)/test.stamp
-	$(call step,ladders of accuracy against time into docs/accuracy.md,$(PY) -m benchmarks.bench_accuracy)
+	$(call step,ladders of accuracy against time into docs/measured.md,$(PY) -m benchmarks.bench_accuracy)
 
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)

@@ -1,4 +1,4 @@
-"""What accuracy costs on the reference bladed disk: ladders into docs/accuracy.md with figures and README.md.
+"""What accuracy costs on the reference bladed disk: ladders into docs/measured.md with figures and README.md.
 
 ``python -m benchmarks.bench_accuracy`` runs all ladders (minutes); names of ladders as arguments run only these and print.
 Only ratios of times mean something.
@@ -393,7 +393,7 @@ def markdown(result: AccuracyCost) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default")
-    parser.add_argument("--write", action="store_true", help="write docs/accuracy.md and its figures also for some names")
+    parser.add_argument("--write", action="store_true", help="write docs/measured.md and its figures also for some names")
     given = parser.parse_args()
     names = given.names or [*LADDERS, *TABLES]
     for name in names:
@@ -409,7 +409,7 @@ def main() -> None:
             print(table, flush=True)
         print(f"({name}: {time.perf_counter() - begin:.0f} s)\n", flush=True)
         if given.write or not given.names:
-            page = DOCS / "accuracy.md"
+            page = DOCS / "measured.md"
             page.write_text(fill(page.read_text(), name, table))
             if name == IN_README:
                 readme = ROOT / "README.md"

@@ -54,7 +54,7 @@ class ResidualModes:
     ----------
     patterns : int or "all"
         Force patterns, hence coordinates, for each harmonic: five give five stuck frequencies; beside ten blade modes six
-        give the highest peak to 8 %, twelve to 4 % at twice the time (docs/accuracy.md).  "all" keeps every force
+        give the highest peak to 8 %, twelve to 4 % at twice the time (docs/measured.md).  "all" keeps every force
         component: exact, with as many unknowns as the contact points have, meant as a reference.
     share : float
         Of the point flexibility that stays at the contact point, at most.

@@ -20,9 +20,9 @@ LAW_NAMES = ("separable", "coupled", "bonded")
 TRACTIONS = ("static", "lower", "upper")
 MAX_HARMONIC = 64
 HARMONICS = 3
-"""By default: with fewer the peak near the optimal preload is another one (docs/accuracy.md)."""
+"""By default: with fewer the peak near the optimal preload is another one (docs/measured.md)."""
 BLADE_MODES = 10
-"""By default; fewer where the model has no more.  Residual modes carry what the others would (docs/accuracy.md)."""
+"""By default; fewer where the model has no more.  Residual modes carry what the others would (docs/measured.md)."""
 SWITCHES = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
 """Effects that are on or off."""
 

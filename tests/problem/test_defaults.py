@@ -34,7 +34,7 @@ def test_first_answer_has_residual_modes_and_three_harmonics(disk):
         chosen = study(disk, contact_stiffness="residual_modes", harmonics=3, blade_modes=10)
         assert default.record() == chosen.record()
         curve = default.track(2000.0, (345.0, 375.0))
-    # 40 blade modes: 0.335 mm with 24 points (docs/accuracy.md); unit tractions with one harmonic: 0.475 mm
+    # 40 blade modes: 0.335 mm with 24 points (docs/measured.md); unit tractions with one harmonic: 0.475 mm
     assert curve.peak.amplitude == pytest.approx(0.335e-3, rel=0.1)
     assert all(not r.note and r.source == "residual_modes" for r in default.stiffness_report[:2])
     assert default.n_unknowns == 22 * 7
