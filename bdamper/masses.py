@@ -291,7 +291,14 @@ class _Modes:
         return next((name for name, at in self.locations.items() if at == i), None) or self._new(f"x{i}", i)
 
     def _new(self, name: str, i: int) -> str:
+        name = self.free(name)
         self.locations[name] = i
+        return name
+
+    def free(self, name: str) -> str:
+        """The name, or one like it that no location has."""
+        while name in self.locations:
+            name += "_"
         return name
 
     def motion(self, row: Any, what: str) -> NDArray:
@@ -359,7 +366,8 @@ def _excitation(modes: _Modes, forces: Any) -> tuple[Excitation, dict[str, NDArr
         ((key, value),) = given.items()
         return Excitation(modes.name(key), amplitude=abs(value), phase=float(np.angle(value))), {}
     spread = sum(value / (largest or 1.0) * modes.motion(key, "forces") for key, value in given.items())
-    return Excitation("forces", amplitude=largest), {"forces": np.conj(spread)}
+    name = modes.free("forces")
+    return Excitation(name, amplitude=largest), {name: np.conj(spread)}
 
 
 def _model(

@@ -198,3 +198,32 @@ def test_refused(change, message):
 def test_contacts_refused(given, message):
     with pytest.raises(bd.SettingError, match="^" + re.escape(message)):
         bd.Contact(**given)
+
+
+class TestWhatSettingsDoNotReach:
+    """Preloads are forces, damping that couples modes is a matrix: settings that would leave them behind are refused."""
+
+    def test_contact_stiffness_under_a_preload(self):
+        study = bd.lumped(1.0, 0.02, 1.0, contacts=[JENKINS], forces={0: 1.0}, harmonics=5)
+        for settings in ({"contact_stiffness_factor": 2.0}, {"contact_stiffness": 2.0}):
+            with pytest.raises(bd.BdamperError, match="contact_stiffness: expected that with which the model was made"):
+                study.with_(**settings)
+        assert "contact_stiffness_factor" not in study.peak_sensitivities(study.peak(0.0, (0.05, 0.5)))
+
+    def test_damping_ratio_beside_a_damping_matrix(self):
+        study = bd.lumped(M, np.diag([0.05, 0.02, 0.01]), K, contacts=[JENKINS], forces={0: 1.0})
+        with pytest.raises(bd.BdamperError, match="damping_ratio: expected none, since the model carries a damping matrix"):
+            study.with_(damping_ratio=0.01)
+
+
+def test_names_of_the_user_are_kept():
+    stiffness = np.array([[3.0, -1.0], [-1.0, 1.5]])
+    given = {"contacts": [bd.Contact(0, kt=1e-9, mu=1.0, preload=1.0)]}
+    one = bd.lumped([1.0, 2.0], 0.02 * stiffness, stiffness, locations={"x1": 0}, forces={"x1": 1.0}, response=1, **given)
+    two = bd.lumped([1.0, 2.0], 0.02 * stiffness, stiffness, locations={"forces": 1}, forces={0: 1.0, 1: 0.5j},
+                    response="forces", **given)  # fmt: skip
+    for study, force in ((one, [1.0, 0.0]), (two, [1.0, 0.5j])):
+        top = study.free((0.05, 0.5)).peak
+        omega = 2.0 * np.pi * top.frequency
+        x = np.linalg.solve(stiffness * (1.0 + 0.02j * omega) - omega**2 * np.diag([1.0, 2.0]), force)
+        assert top.amplitude == pytest.approx(abs(x[1]), rel=1e-9)

@@ -54,6 +54,8 @@ def peak_sensitivities(
             if preload > 0.0:
                 families[name] = (problem.system, preload)
             continue
+        if name == "contact_stiffness_factor" and problem.holds_preload:
+            continue
         if name == "damper_mass_factor" and not any(b.kind == "free" for b in problem.model.bodies.values()):
             continue
         families[name] = (setting_family(problem, name, preload), setting_value(problem, name))

@@ -341,6 +341,10 @@ def _solutions(problem: Problem, result: Solved, index: int | None, name: str) -
     kinds = Curve, Peak, OptimalCurve
     validate.instance(name, result, kinds, "a tracking curve, a peak or an optimal curve of this study")
     problem = problem.matching(result.settings)
+    own = problem.record()["response"]
+    found_at = result.settings.get("response", own)
+    if found_at != own:
+        raise SettingError(f"{name}: expected a result with the response {own}, found one with {found_at}")
     if isinstance(result, Peak):
         if not result.converged or not np.isfinite(result.parameter):
             raise SettingError(f"{name}: expected a peak that was found at a preload, found {result}")

@@ -178,6 +178,29 @@ class Settings:
         if self.damping_ratio is not None:
             validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
+        self._check_held()
+
+    @property
+    def holds_preload(self) -> bool:
+        """Whether contacts of lumped masses have a preload, which does not follow the contact stiffness."""
+        faces = self.model.interfaces
+        lumped = [body for body in self.model.bodies.values() if body.kind == "lumped"]
+        return any((faces[port[0]].gap < 0.0).any() for body in lumped for port in body.ports)
+
+    def _check_held(self) -> None:
+        """What a lumped model carries as forces and matrices does not follow settings of contacts and modes."""
+        drag = any(basis.drag is not None for body in self.model.bodies.values() for basis in body.bases.values())
+        if drag and self.damping_ratio is not None:
+            raise SettingError(
+                "damping_ratio: expected none, since the model carries a damping matrix that couples its modes, "
+                f"found {self.damping_ratio:g}"
+            )
+        own = isinstance(self.contact_stiffness, Mapping) and self.contact_stiffness_factor == 1.0
+        if self.holds_preload and not own:
+            raise SettingError(
+                "contact_stiffness: expected that with which the model was made, since the preload of its contacts does "
+                "not follow it; make the model with other contacts instead"
+            )
 
     def _check_contact_points(self) -> None:
         """Patches are united, never split: no more contact points than the model has."""

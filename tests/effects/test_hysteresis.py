@@ -166,3 +166,9 @@ def test_pictures(study, curve, cycle):
         assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
     assert [t.get_text() for t in axes[1].get_legend().get_texts()] == ["left", "right"]
     plt.close("all")
+
+
+def test_a_result_of_another_response_is_refused(study, curve):
+    other = study.with_(response=bd.Response("tip", "axial"))
+    with pytest.raises(bd.BdamperError, match=r"a result with the response .*axial.*, found one with .*tangential"):
+        other.hysteresis(curve)
