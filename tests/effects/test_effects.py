@@ -367,7 +367,8 @@ def test_studies_can_be_keys_and_be_sent_elsewhere(full):
     again = pickle.loads(pickle.dumps(full))
     assert len({full, full, replace(full), again}) == 3
     assert again.model.hash == full.model.hash
-    np.testing.assert_array_equal(again.static(PRELOAD).force, full.static(PRELOAD).force)
+    # to rounding, which depends on where arrays lie in memory
+    np.testing.assert_allclose(again.static(PRELOAD).force, full.static(PRELOAD).force, rtol=0.0, atol=1e-12 * PRELOAD)
 
 
 def test_a_curve_of_other_settings_is_refused(full):
