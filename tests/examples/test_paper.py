@@ -61,7 +61,8 @@ def test_tracking(tmp_path):
     # an unstable branch between two stable ones: the typical fold, in the words of the paper
     for curve in curves:
         assert curve.stable is not None and (~curve.stable).any()
-        assert np.all(curve.backward[~curve.stable]) and curve.stable[0] and curve.stable[-1]
+        inside = ~curve.stable & (np.array(curve.point_kind) != "fold")  # at a fold itself rounding decides
+        assert np.all(curve.backward[inside]) and curve.stable[0] and curve.stable[-1]
     # the resonance moves from the free to the stuck one as the preload rises
     frequency = [free.peak.frequency, *(c.peak.frequency for c in curves), stuck.peak.frequency]
     assert np.all(np.diff(frequency) > 0.0)
