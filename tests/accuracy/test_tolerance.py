@@ -220,8 +220,16 @@ class TestOptimalCurve:
         assert whole.ladder.rungs[1:] == part.ladder.rungs[1:] and len(whole.ladder.others) == 2
         assert "interrupted" not in str(whole)
 
-    def test_ctrl_c_ends_the_threads(self, study, optimal):
-        """It reaches the main thread alone; the others follow harmonics that would take minutes."""
+    def test_ctrl_c_ends_the_threads(self, study, optimal, monkeypatch):
+        """It reaches the main thread alone; the others leave curves with many harmonics unfinished."""
+        inner, endings = tolerance.track, []
+
+        def watched(*args):
+            curve = inner(*args)
+            endings.append(curve.status)
+            return curve
+
+        monkeypatch.setattr(tolerance, "track", watched)
         bare = replace(optimal, ladder=None)
         timer = Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
@@ -229,6 +237,7 @@ class TestOptimalCurve:
         timer.join()
         assert "interrupted by the user" in str(part.ladder)
         assert [t for t in enumerate_threads() if t.name.startswith("ThreadPool")] == []
+        assert set(endings) <= {"interrupted"}
 
     def test_a_file_of_another_interval_is_refused(self, study, optimal, tmp_path):
         path = tmp_path / "search.jsonl"

@@ -1,5 +1,6 @@
 """Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
 
+import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -558,11 +559,19 @@ def test_preloads_within_an_amplitude(result):
         curve.preloads_within(0.9e-4)
 
 
-def test_a_peak_that_a_coarse_curve_steps_over():
-    study = bd.Study(bd.reference_model(), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-    peak = study.peak(600.0)
-    assert peak.scan == "complete"
-    assert peak.amplitude == pytest.approx(study.track(600.0, (340.0, 370.0)).peak.amplitude, rel=1e-6)
+def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
+    module, asked = sys.modules["bdamper.peaks.optimal"], []
+    inner = module.scan
+
+    def coarse_steps_over(*args, continuation=None, **options):
+        asked.append(continuation)
+        found = inner(*args, continuation=continuation, **options)
+        return replace(found, peaks=(), ending="incomplete") if continuation is None else found
+
+    monkeypatch.setattr(module, "scan", coarse_steps_over)
+    peak = study.peak(1000.0, INTERVAL)
+    assert asked == [None, bd.ContinuationOptions()] and peak.scan == "complete"
+
 
 
 @pytest.mark.slow

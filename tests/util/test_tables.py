@@ -184,3 +184,12 @@ class TestMistakenArguments:
     def test_a_class_in_the_place_of_a_question(self, study):
         with pytest.raises(bd.SettingError, match=r"evaluate: expected PeakTask.* found the class PeakTask"):
             bd.sweep(study, {"preload": [4e3]}, bd.PeakTask)
+
+
+def test_a_sweep_draws_points_without_a_value(swept):
+    assert "x" not in [line.get_marker() for line in swept.plot().lines]
+    lost = replace(swept, values=({"amplitude": np.nan}, *swept.values[1:]))
+    ax = lost.plot()
+    crosses = [line for line in ax.lines if line.get_marker() == "x" and len(line.get_xdata())]
+    assert [line.get_xdata().tolist() for line in crosses] == [[1.0]]
+    assert "no value" in ax.get_legend_handles_labels()[1]
