@@ -394,3 +394,31 @@ def retained_modes(
         elif body.kind == "lumped":
             out[body.name] = np.arange(body.bases[0].n_modes)
     return out
+
+
+def damper_drag(
+    model: Model, basis: HarmonicBasis, springs: NDArray, ratio: float, drag: float
+) -> dict[Coordinate, float]:
+    """Viscous modal damping of the coordinates of free bodies, rad/s.
+
+    Parameters
+    ----------
+    model : Model
+    basis : HarmonicBasis
+        Of the mean; coordinates without inertia give way to the springs.
+    springs : (n_points, 3) float, N/m
+        Stuck contacts against which the bodies move, none where 0.
+    ratio : float
+        Damping ratio of each motion by itself.
+    drag : float, N s/m
+        On the translation of a body, in proportion to mass on its other motions.
+    """
+    held = springs.ravel() > 0.0
+    G = basis.G.real.reshape(-1, basis.n_modes)[held]
+    free = {i: c for i, c in enumerate(basis.coordinates) if c.body in model.bodies and model.bodies[c.body].kind == "free"}
+    yielding = [i for i, c in enumerate(basis.coordinates) if c.body not in model.bodies]
+    flexibility = np.diag(1.0 / springs.ravel()[held]) + G[:, yielding] / basis.omega2[yielding] @ G[:, yielding].T
+    own = G[:, list(free)]
+    frequency = np.sqrt((own * np.linalg.solve(flexibility, own)).sum(axis=0) + basis.omega2[list(free)])
+    masses = [model.bodies[c.body].mass for c in free.values()]
+    return {c: float(2.0 * ratio * w + drag / m) for c, w, m in zip(free.values(), frequency, masses) if m is not None}

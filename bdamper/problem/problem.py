@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -25,7 +25,7 @@ from bdamper.contact.stiffness import Contact, PerArea, StiffnessReport, check_m
 from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coarsening import unite_contact_points, united_gap, united_stiffness
-from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes, standard_rigid_modes
+from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis, damper_drag, retained_modes, standard_rigid_modes
 from bdamper.model.loads import Excitation, Response, direction_vector
 from bdamper.model.model import ContactStiffness
 from bdamper.problem.effects import Effects
@@ -39,7 +39,6 @@ from bdamper.util.warn import say
 
 SMALLEST_SHARE = 1e-3
 """Share of a damper's load that its rigid-body modes in the study must carry."""
-_SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
 
 
 @brief
@@ -79,18 +78,6 @@ class Problem(Settings):
         method = self.stiffness_method
         stiffness = method if isinstance(method, str) else short(method)
         factor = "" if self.contact_stiffness_factor == 1.0 else f" times {self.contact_stiffness_factor:g}"
-        off = [f.name for f in fields(self) if f.name in _SWITCHES and not getattr(self, f.name)]
-        gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}
-        other = {
-            "rigid_modes": " ".join(self.rigid_modes) if self.rigid_modes != RIGID_NAMES else None,
-            "damping_ratio": self.damping_ratio,
-            "contact_points": self.contact_points,
-            "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
-            "load_history": self.load_history if self.load_history != (1.0,) else None,
-            "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
-            "residual_traction": self.residual_traction if self.residual_traction != "static" else None,
-            "off": ", ".join(off) or None,
-        }
         harmonics, friction = " ".join(map(str, self.harmonic_numbers)), ", ".join(f"{value:g}" for value in mu) or "none"
         lines = [
             f"study of model {self.model.hash}, engine order {self.engine_order}",
@@ -98,7 +85,7 @@ class Problem(Settings):
             f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
             f"{(~self.coupling.spring_points).sum()} contact points",
             f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
-            *(f"  {name.replace('_', ' ')}: {value}" for name, value in other.items() if value is not None),
+            *(f"  {name.replace('_', ' ')}: {value}" for name, value in self.unusual().items()),
         ]
         return "\n".join(lines)
 
@@ -201,9 +188,22 @@ class Problem(Settings):
         bases = [
             self._with_residual(b, l) if l in self.active_harmonics else b for l, b in enumerate(self.modal_bases)
         ]
+        return [self.damped(b) for b in bases]
+
+    def damped(self, basis: HarmonicBasis) -> HarmonicBasis:
+        """The modes of a harmonic with the damping that the settings ask for."""
         if self.damping_ratio is not None:
-            bases = [replace(b, damping_ratio=np.where(b.omega2 > 0.0, self.damping_ratio, 0.0)) for b in bases]
-        return bases
+            basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, self.damping_ratio, 0.0))
+        own = self._damper_drag
+        return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
+
+    @cached_property
+    def _damper_drag(self) -> dict[Coordinate, float]:
+        if not (self.damper_damping_ratio or self.damper_drag):
+            return {}
+        held = (self.friction_points | self.coupling.spring_points)[:, None]
+        springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
+        return damper_drag(self.model, self.static_basis, springs, self.damper_damping_ratio, self.damper_drag)
 
     @cached_property
     def friction(self) -> NDArray:

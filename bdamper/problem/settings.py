@@ -38,6 +38,8 @@ PAPER: Mapping[str, Any] = {
     "contact_stiffness": "eq4", "blade_modes": 10, "damper_modes": 0, "harmonics": 1, "single_basis": True
 }  # fmt: skip
 """Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **PAPER)``, ``study.with_(**PAPER)``."""
+SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
+"""Effects of which a text tells where they are off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,6 +78,12 @@ class Settings:
         Describe every harmonic by the modes of the fundamental's nodal diameter, as the paper does.
     damping_ratio : float, optional
         For all elastic modes, instead of the model's.
+    damper_damping_ratio : float
+        Of every motion of free bodies, rigid and elastic, by itself on the springs of its friction faces while these are
+        closed and stuck and the blades at rest, on top of the model's own; a motion against which nothing acts has none.
+        Modes of the stuck damper, which combine these motions, have 0.7 to 1.7 times that on the shipped models.
+    damper_drag : float, N s/m
+        Viscous force on the translation of free bodies over its velocity, in proportion to mass on all their motions.
     evaluation : {"exact"} or Sampled
         How contact forces are found over a cycle.
     friction_law : {"separable", "coupled", "constant_normal_load", "bonded"} or mapping of interface name to these
@@ -129,6 +137,8 @@ class Settings:
     constraints: bool = True
     single_basis: bool = False
     damping_ratio: float | None = None
+    damper_damping_ratio: float = 0.0
+    damper_drag: float = 0.0
     evaluation: str | Sampled = "exact"
     friction_law: str | Mapping[str, str] = "separable"
     friction_axes: str = "contact"
@@ -177,6 +187,11 @@ class Settings:
             raise SettingError(f"load_history: expected 1.0 at its end, found {self.load_history}")
         if self.damping_ratio is not None:
             validate.fields(self, validate.number, "damping_ratio", least=0.0, below=1.0)
+        validate.fields(self, validate.number, "damper_damping_ratio", least=0.0, below=1.0)
+        validate.fields(self, validate.number, "damper_drag", least=0.0, unit="N s/m")
+        for name in ("damper_damping_ratio", "damper_drag"):
+            if getattr(self, name) and not any(body.kind == "free" for body in self.model.bodies.values()):
+                raise SettingError(f"{name}: expected 0, since the model has no free body, found {getattr(self, name):g}")
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
         self._check_held()
 
@@ -318,6 +333,24 @@ class Settings:
         """Harmonics that have unknowns, the mean counted as 0."""
         return {*self.harmonic_numbers, *([0] if self.bias else [])}
 
+    def unusual(self) -> dict[str, Any]:
+        """Values of settings that are told only where they are not the usual ones, by name."""
+        off = [f.name for f in fields(self) if f.name in SWITCHES and not getattr(self, f.name)]
+        gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}
+        other: dict[str, Any] = {
+            "rigid_modes": " ".join(self.rigid_modes) if self.rigid_modes != RIGID_NAMES else None,
+            "damping_ratio": self.damping_ratio,
+            "damper_damping_ratio": self.damper_damping_ratio or None,
+            "damper_drag": f"{self.damper_drag:g} N s/m" if self.damper_drag else None,
+            "contact_points": self.contact_points,
+            "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
+            "load_history": self.load_history if self.load_history != (1.0,) else None,
+            "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
+            "residual_traction": self.residual_traction if self.residual_traction != "static" else None,
+            "off": ", ".join(off) or None,
+        }
+        return {name: value for name, value in other.items() if value is not None}
+
     def record(self, options: Any = None) -> dict[str, Any]:
         """All settings as results keep them: numbers, texts, lists and mappings of these.
 
@@ -347,6 +380,8 @@ class Settings:
             "constraints": self.constraints,
             "single_basis": self.single_basis,
             "damping_ratio": self.damping_ratio,
+            "damper_damping_ratio": self.damper_damping_ratio,
+            "damper_drag": self.damper_drag,
             "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
             "friction_axes": self.friction_axes,
             "major_frequency": self.major_frequency,

@@ -35,11 +35,15 @@ _KEPT = {
     "excitation.amplitude": _EXCITATION,
     "excitation.phase": _EXCITATION,
     "damping_ratio": ("coupling", "friction", *_CONTACT),
+    "damper_damping_ratio": ("coupling", "friction", *_CONTACT),
+    "damper_drag": ("coupling", "friction", *_CONTACT),
     "contact_stiffness_factor": ("coupling", "friction", "contact"),
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
 }
 """Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
+_VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damper_damping_ratio", "damper_drag")
+"""Settings that static states do not depend on."""
 
 
 def setting_names(problem: Problem) -> list[str]:
@@ -98,7 +102,7 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
     for part in kept:
         if part in old.__dict__:
             new.__dict__.setdefault(part, old.__dict__[part])
-    if all(name in ("excitation.amplitude", "excitation.phase", "damping_ratio") for name in names):
+    if all(name in _VIBRATION for name in names):
         new.share_static_states(old)
     return new
 

@@ -446,10 +446,7 @@ def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[i
     for l in range(-highest, highest + 1):
         order = (d + l * int(problem.engine_order)) % problem.model.n_blades
         if problem.model.folded_nodal_diameter(order)[0] in have:
-            basis = waves.basis(order)
-            if problem.damping_ratio is not None:
-                basis = replace(basis, damping_ratio=np.where(basis.omega2 > 0.0, problem.damping_ratio, 0.0))
-            out[l] = basis
+            out[l] = problem.damped(waves.basis(order))
     if 0 not in out:
         raise SettingError(f"nodal_diameters: expected those whose modes the model has, {sorted(have)}, found {d}")
     return out
