@@ -18,7 +18,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to.md"
 @pytest.mark.slow
 def test_recipes(tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 13 and max(len(block.splitlines()) for block in blocks) <= 10
+    assert len(blocks) == 14 and max(len(block.splitlines()) for block in blocks) <= 10
     monkeypatch.chdir(tmp_path)
     seen = []
     space = {"__name__": "__main__"}

@@ -100,7 +100,7 @@ def test_what_does_not_fit_is_refused_and_what_is_set_is_told(plain):
     assert "damper drag: 5 N s/m" in str(plain.with_(damper_drag=5.0)) and "drag" not in str(plain)
     with pytest.raises(bd.BdamperError, match="damper_drag: expected a finite number >= 0 N s/m, found -1"):
         plain.with_(damper_drag=-1.0)
-    with pytest.raises(bd.BdamperError, match="damper_damping_ratio: expected .* < 1, found 1"):
+    with pytest.raises(bd.BdamperError, match=r"damper_damping_ratio: expected .* < 1, found 1"):
         plain.with_(damper_damping_ratio=1.0)
     fixed = plain_study(bd.reference_model("blade_to_ground"), bd.Excitation("tip"))
     with pytest.raises(bd.BdamperError, match="damper_drag: expected 0, since the model has no free body, found 5"):
