@@ -67,10 +67,16 @@ def interface(
 
 
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:
-    """Nodes of the blade at which it is excited and observed: "tip" and "platform", on the mean line of the airfoil."""
+    """Nodes of the blade at which it is excited and observed: "tip" and "platform" in the middle of the chord,
+    "tip_trailing_edge" and "tip_leading_edge" at its ends (toward +Z and -Z), on the mean line of the airfoil.
+    """
     top = g.ridge_radius + g.platform_edge_thickness
+    c, s, x, z = np.cos(g.twist), np.sin(g.twist), -2.0 * g.camber / 3.0, 0.5 * g.tip_chord
     heights = {"tip": top + g.airfoil_height, "platform": top}
-    return {name: body.nearest_node(np.array([g.camber / 3.0, y, 0.0])) for name, y in heights.items()}
+    places = {name: [g.camber / 3.0, y, 0.0] for name, y in heights.items()}
+    for name, end in (("tip_trailing_edge", z), ("tip_leading_edge", -z)):
+        places[name] = [c * x + s * end, heights["tip"], c * end - s * x]
+    return {name: body.nearest_node(np.array(place)) for name, place in places.items()}
 
 
 def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict[str, Location]:

@@ -553,7 +553,7 @@ def _read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
 # -----------------------------------------------------------------------------------------------------------
 # Models that come with the package
 
-CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "blade_to_ground": (24,), "test_rig": (24,)}
+CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "paper_disk": (24, 9, 48), "blade_to_ground": (24,), "test_rig": (24,)}
 
 
 def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
@@ -564,11 +564,15 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     name : str
         "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
         harmonic; mode shapes for pictures are those of nodal diameter 5.
+        "paper_disk": another such disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
+        driven at "tip_trailing_edge") finds the numbers of the paper's Figs 8 and 9.  Its 9, 24 and 48 points are 3, 4 and
+        4 rows along the slope; with 9 and 48 it has the modes of one harmonic only.
         "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
         prescribed (:func:`bdamper.prescribe_preload`).
         "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
     contact_points : int, optional
-        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 for the others.
+        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48 for "paper_disk", 24 for
+        the others.
 
     Raises
     ------

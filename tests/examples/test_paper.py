@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import bdamper as bd
 from bdamper.io.measured import Measured
 from bdamper.plot import plot_over_measurement
 
@@ -46,6 +47,41 @@ def test_every_example_has_a_test():
     text = Path(__file__).read_text()
     for path in EXAMPLES.glob("fig*.py"):
         assert f'load("{path.stem}")' in text, path.name
+
+
+@pytest.fixture(scope="module", params=[("tangential", 1.0), ("radial", 12.0)], ids=["mode 1", "mode 2"])
+def paper(request):
+    """The method of the paper on its body: mode 1 driven tangentially, mode 2 radially."""
+    direction, amplitude = request.param
+    excitation = bd.Excitation("tip_trailing_edge", direction=direction, amplitude=amplitude)
+    model = bd.reference_model("paper_disk")
+    return bd.Study(model, excitation, engine_order=5, friction_coefficient=0.46, **bd.PAPER)
+
+
+def test_numbers_of_the_paper(paper):
+    """Section 4.1.1: stuck over optimum amplitude 4.4 and 5.5, frequency shifts of 17.2 and 3.4 %."""
+    first = paper.excitation.direction == "tangential"
+    ratio, shift, band = (4.4, 17.2, (250.0, 355.0)) if first else (5.5, 3.4, (442.0, 502.0))
+    curve = paper.optimal_curve((20.0, 25e3), 25, frequency=band, check=False)
+    assert curve.optimum.kind == "smooth"
+    assert curve.ratio == pytest.approx(ratio, rel=0.05)
+    assert curve.stuck_shift_percent == pytest.approx(shift, rel=0.05)
+    # section 4.1.3: 308.3 Hz at 5 kN in mode 1
+    if first:
+        assert paper.track(5000.0, band).peak.frequency == pytest.approx(308.3, rel=0.02)
+
+
+def test_folds_of_the_paper(paper):
+    """Section 4.1.1 and Fig. 14: several solutions in mode 1 alone, and none without rotation of the damper."""
+    first = paper.excitation.direction == "tangential"
+    optimum, band, folds = (209.6, (240.0, 330.0), 2) if first else (233.6, (445.0, 490.0), 0)
+    for factor in (0.5, 1.0, 2.0, 5.0, 10.0):
+        if first or factor >= 1.0:
+            curve = paper.track(factor * optimum, band)
+            assert curve.complete and len(curve.folds) == folds, factor
+        if factor >= 1.0:
+            curve = paper.with_(rigid_modes=("TX", "TY", "TZ")).track(factor * optimum, band)
+            assert curve.complete and not curve.folds, factor
 
 
 def test_tracking(tmp_path):
