@@ -122,3 +122,40 @@ def evaluate_contact(
     n_time: int = 0,
     load: float = ...,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...
+
+class Ring:
+    def __init__(
+        self,
+        n_sector: int,
+        n_mode: NDArray[np.intc],
+        diameter: NDArray[np.intc],
+        stiffness: NDArray[np.float64],
+        mass: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        G: NDArray[np.complex128],
+        kt: NDArray[np.float64],
+        kn: NDArray[np.float64],
+        mu: NDArray[np.float64],
+        n0: NDArray[np.float64],
+        load: NDArray[np.float64],
+        shift: NDArray[np.float64],
+        law: NDArray[np.intc],
+        held: NDArray[np.intc],
+        order: NDArray[np.intc],
+        force: NDArray[np.float64],
+        row: NDArray[np.float64],
+    ) -> None: ...
+    def march(
+        self,
+        q: NDArray[np.float64],
+        v: NDArray[np.float64],
+        w: NDArray[np.float64],
+        n_step: int,
+        per_period: int,
+        omega: float,
+        omega_end: float,
+        harmonic: NDArray[np.complex128] | None = None,
+        trace: NDArray[np.float64] | None = None,
+        first: int = 0,
+    ) -> None: ...
+    def follow(self, q: NDArray[np.float64], w: NDArray[np.float64]) -> None: ...

@@ -23,7 +23,7 @@ from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import Motion, Ring
 from bdamper.util.cost import CostMeter
 from bdamper.util.estimates import percent
 from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
@@ -270,28 +270,23 @@ def time_integration() -> str:
     rest[: system.n_mean] = study.static(PRELOAD_9).q[: system.n_mean]
     q, v = ring.state(rest, omega, 0.0)
     w = np.tile(system.points.slider, (ring.n, 1, 1)).astype(float)
-    row = ring.response_row()
-
-    def amplitude(x: np.ndarray) -> float:
-        return float(abs(np.exp(-2j * np.pi * np.arange(len(x)) / len(x)) @ x) * 2.0 / len(x))
-
+    motion = Motion(q, v, w)
     marched = []
     begin = time.process_time()
     for _ in range(14):
-        q, v, w, _ = ring.march(q, v, w, omega, steps, 24)
-        q, v, w, x = ring.march(q, v, w, omega, steps, 1, row)
-        marched.append((amplitude(x), time.process_time() - begin))
+        motion, amplitudes, *_ = ring.march(motion, omega, steps, 25)
+        marched.append((float(abs(amplitudes[-1, 1])), time.process_time() - begin))
     settled = marched[-1][0]
     rests = np.isfinite(resting.slider_interval(own[:-1])[..., 0])
     scale = peak_scale(resting, own, own[-1])
     given = []
-    for sector in w:
+    for sector in motion.w:
         system = resting.with_sliders(np.where(rests, sector, resting.points.slider))
         c = system.correct_at(own[:-1], omega, scale, 1e-9, 60, True)
         assert c.status == OK
         given.append(float(abs(system.response(c.y[:-1])[1])))
-    finer = [ring.march(q, v, w, omega, k * steps, 20, row)[3][-k * steps :] for k in (1, 2)]
-    step_error = amplitude(finer[0]) / amplitude(finer[1]) - 1.0
+    finer = [abs(ring.march(motion, omega, k * steps, 20).harmonics[-1, 1]) for k in (1, 2)]
+    step_error = float(finer[0] / finer[1]) - 1.0
     lines = ["| harmonic balance | error of amplitude | time (ms) |", "|---|---|---|"]
     lines += [f"| {_harmonics(n)} | {a / limit - 1.0:+.1e} | {1e3 * t:.3g} |" for n, a, t in balance]
     lines += ["", "| periods | error of amplitude | time (s) | as good | times slower |", "|---|---|---|---|---|"]

@@ -13,6 +13,7 @@
 #include <numpy/arrayobject.h>
 
 #include "bd_newton.h"
+#include "bd_time.h"
 
 typedef struct {
     bd_lapack lapack;
@@ -27,7 +28,7 @@ typedef struct {
     struct {
         const char *name, *start, *end;
         int output;
-    } array[16]; /* as many as System() has */
+    } array[18]; /* as many as Ring() has */
 } core_arguments;
 
 typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range;
@@ -62,6 +63,7 @@ int core_check_status(bd_status status);
 /* ---- parts of the module ---- */
 
 extern PyType_Spec core_system_spec; /* bd_core_system.c */
+extern PyType_Spec core_ring_spec;   /* bd_core_time.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
 

@@ -99,11 +99,14 @@ static int core_exec(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
     if (core_add_results(module, state) < 0) return -1;
-    PyObject *type = PyType_FromModuleAndSpec(module, &core_system_spec, NULL);
-    if (!type) return -1;
-    const int failed = PyModule_AddType(module, (PyTypeObject *)type);
-    Py_DECREF(type);
-    return failed;
+    PyType_Spec *const spec[] = {&core_system_spec, &core_ring_spec};
+    for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
+        PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);
+        const int failed = type ? PyModule_AddType(module, (PyTypeObject *)type) : -1;
+        Py_XDECREF(type);
+        if (failed) return -1;
+    }
+    return 0;
 }
 
 static int core_traverse(PyObject *module, visitproc visit, void *arg) {

@@ -204,6 +204,8 @@ void BD_JOIN(bd_slide_, BD_VARIANT)(bd_slide *lanes, int kept, int tangent);
 void BD_JOIN(bd_slide_ways_, BD_VARIANT)(bd_slide *lanes, int tangent);
 double BD_JOIN(bd_worst_, BD_VARIANT)(int n, const double *x, const double *y, const double *R, const double *s,
                                       int *which);
+void BD_JOIN(bd_time_march_, BD_VARIANT)(struct bd_time *time, const struct bd_time_path *path);
+void BD_JOIN(bd_time_press_, BD_VARIANT)(struct bd_time *time);
 
 extern const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT);
 const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
@@ -221,5 +223,7 @@ const bd_kernel BD_JOIN(bd_kernel_, BD_VARIANT) = {
     .lane_contact = BD_JOIN(bd_lanes_contact_, BD_VARIANT),
     .slide = BD_JOIN(bd_slide_, BD_VARIANT),
     .slide_ways = BD_JOIN(bd_slide_ways_, BD_VARIANT),
+    .time_march = BD_JOIN(bd_time_march_, BD_VARIANT),
+    .time_press = BD_JOIN(bd_time_press_, BD_VARIANT),
     .worst = BD_JOIN(bd_worst_, BD_VARIANT),
 };

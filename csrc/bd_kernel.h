@@ -50,6 +50,9 @@ typedef struct {
     unsigned char *kind;        /* (n_time, BD_LANES) */
 } bd_slide;
 
+struct bd_time;
+struct bd_time_path;
+
 typedef struct {
     const char *name;
     /* C (m, n) += A^T B with A (k, m), B (k, n); row strides m, stride_b, stride_c. */
@@ -79,6 +82,9 @@ typedef struct {
     /* One period of coupled friction; `kept` stores the steps, with their derivatives if `tangent`. */
     void (*slide)(bd_slide *lanes, int kept, int tangent);
     void (*slide_ways)(bd_slide *lanes, int tangent); /* before it: way */
+    /* March in time, and the contacts at one instant: see bd_time_loop.c. */
+    void (*time_march)(struct bd_time *time, const struct bd_time_path *path);
+    void (*time_press)(struct bd_time *time);
     /* Largest of |c - s| - R over n disks, n a multiple of 8, and which of them has it. */
     double (*worst)(int n, const double *x, const double *y, const double *R, const double *s, int *which);
 } bd_kernel;

@@ -55,7 +55,7 @@ from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import SLIP_MINUS, SLIP_PLUS, STICK, TWO_PI, slope_at
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import Motion, Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -289,13 +289,14 @@ def shooting_monodromy(
     scale = np.concatenate([np.full(n, size), np.full(n, size * omega), np.full(w.size, size)])
     scale[2 * n :] *= np.abs(system.bases[0].G).max()
     total = int(state.sum())
-    moved = np.diag(scale)[:, state]
-    start = np.concatenate([q[:n], v[:n], w.ravel()])[:, None] + np.hstack([np.zeros((len(scale), 1)), moved, -moved])
-    zero = np.zeros((n, start.shape[1]))
-    q0, v0 = np.vstack([start[:n], zero]), np.vstack([start[n : 2 * n], zero])
-    q_end, v_end, w_end, _ = ring.march(q0, v0, start[2 * n :].reshape(*w.shape, -1), omega, n_steps, 1)
-    end = np.vstack([q_end[:n], v_end[:n], w_end.reshape(w.size, -1)])[state]
-    return (end[:, 1 : total + 1] - end[:, total + 1 :]) / (2.0 * scale[state]), end[:, 0] - start[state, 0]
+    moved = np.diag(scale)[state]
+    start = np.concatenate([q[:n], v[:n], w.ravel()]) + np.vstack([np.zeros((1, len(scale))), moved, -moved])
+    zero = np.zeros((len(start), n))
+    given = np.hstack([start[:, :n], zero]), np.hstack([start[:, n : 2 * n], zero]), start[:, 2 * n :].reshape(-1, *w.shape)
+    marched = ring.march(Motion(*given), omega, n_steps).motion
+    end = np.hstack([marched.q[:, :n], marched.v[:, :n], marched.w.reshape(len(start), -1)])[:, state]
+    differences = (end[1 : total + 1] - end[total + 1 :]) / (2.0 * scale[state, None])
+    return differences.T, end[0] - start[0, state]
 
 
 def stability_of_points(

@@ -25,7 +25,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
-from bdamper.stability.time_integration import TWO_PI, Motion, Ring, amplitudes_of, ring_and_steps
+from bdamper.stability.time_integration import TWO_PI, Motion, Ring, ring_and_steps
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -210,14 +210,12 @@ def march_until_settled(
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY,
         None if isinstance(start, Motion) else start)
     motion = _fitting(ring, start) if isinstance(start, Motion) else ring.start(start, omega, n)
-    row = ring.response_row()
     found: list[NDArray] = []
     stopped = False
     try:
         for _ in each(range(periods), progress, "marching", "period"):
-            *state, response = ring.march(*motion, omega, n, 1, row)
-            motion = Motion(*state)
-            found.append(amplitudes_of(response, system.n_harmonics))
+            motion, amplitudes, *_ = ring.march(motion, omega, n)
+            found.append(amplitudes[0])
     except KeyboardInterrupt:
         if len(found) < FEWEST or passes_interrupts_on():
             raise

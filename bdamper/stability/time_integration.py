@@ -26,7 +26,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC, LAW_NORMAL
+from bdamper import _core
+from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
@@ -64,7 +65,7 @@ class Verification(Plottable, Tabular):
     drift : float
         Change of the response over the last period, relative to its size: zero once the motion has settled.
     cost : Cost
-        Seconds for contact forces, and for the modal sums and products; an evaluation is one of all sectors.
+        The march counts as contact forces; an evaluation is one of all sectors.
     interrupted : bool
         Whether Ctrl-C has ended the march before all periods that were asked for.
     """
@@ -123,6 +124,26 @@ class Motion(NamedTuple):
     w: NDArray
 
 
+class Marched(NamedTuple):
+    """Where a march has come to.
+
+    Parameters
+    ----------
+    motion : Motion
+    harmonics : (n_periods, n_harmonics + 1) complex, m
+        Amplitudes of the response in each whole period; the first column is the mean.
+    trace : (n_steps, 2 n_coordinates) float
+        Coordinates at the start of each step, if they were asked for; their response is that of ``Ring.response_row``.
+    first : int
+        Step of the period at which the motion stands.
+    """
+
+    motion: Motion
+    harmonics: NDArray
+    trace: NDArray
+    first: int
+
+
 class Ring:
     """All sectors with their contacts: the equations of motion in time.
 
@@ -157,7 +178,7 @@ class Ring:
             reach = np.abs(system.contact(like)[0][self.cubic, :2]).sum(axis=2)
             self.springs[self.cubic, :2] = 3.0 * arrays["kt"][self.cubic] * reach**2
         bonded = np.asarray(system.points.law)[:, None] == LAW_BONDED
-        self.held = bonded if held is None else bonded | held
+        self.held = np.broadcast_to(bonded if held is None else bonded | held, (system.n_points, 2))
         if (np.asarray(arrays["mass"]) <= 0.0).any():
             raise SettingError("verify: expected inertia in every coordinate, found coordinates without")
         self.system = system
@@ -189,39 +210,49 @@ class Ring:
             self.blocks.append((l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor))
             start += m
         self.n_coordinates = start
-        self.real = np.concatenate(
-            [np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks]
-        )
-        mass = np.concatenate([system.bases[l].mass for l, *_ in self.blocks])
-        self.mass = np.tile(mass, 2)
-        self.omega2 = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks]) / mass
-        self.damping = np.concatenate([system.bases[l].damping for l, *_ in self.blocks]) / mass
-        # one matrix from all coordinates to all points of all sectors, and back
-        n_rows = 3 * system.n_points
-        out = np.zeros((self.n * n_rows, start), complex)
-        for l, s, phases, _ in self.blocks:
-            G = np.asarray(system.bases[l].G).reshape(n_rows, -1)
-            out[:, s] = (phases[:, None, None] * G).reshape(self.n * n_rows, -1)
-        factors = np.concatenate([np.full(s.stop - s.start, f) for _, s, _, f in self.blocks])
-        # real arithmetic: x = A [Re eta; Im eta], modal force = B F
-        self.A = np.ascontiguousarray(np.hstack([out.real, -out.imag]))
-        scaled = (factors / mass)[:, None] / self.n * out.conj().T
-        self.B = np.ascontiguousarray(np.vstack([scaled.real, scaled.imag]))
-        self.B[start:][self.real] = 0.0
+        self.real = np.concatenate([np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks])
+        self.mass = np.concatenate([system.bases[l].mass for l, *_ in self.blocks])
+        self.omega2 = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks]) / self.mass
+        self.damping = np.concatenate([system.bases[l].damping for l, *_ in self.blocks]) / self.mass
+        self.core = self._core()
 
-    def forcing(self, omega: float, t: float) -> NDArray:
-        """(2 n_coordinates,) real and imaginary modal excitation over the modal mass."""
-        out = np.zeros(2 * self.n_coordinates)
-        for l, s, _, _ in self.blocks:
-            for harmonic in range(self.system.n_harmonics + 1):
-                if self._family(harmonic)[0] != l or not len(self.system.bases[harmonic].omega2):
-                    continue
-                e = self.system.amplitudes(self.system.force, harmonic) * np.exp(1j * harmonic * omega * t)
-                e = e.conj() if self._family(harmonic)[1] else e
-                out[s] += e.real
-                out[s.start + self.n_coordinates : s.stop + self.n_coordinates] += e.imag
-        out[self.n_coordinates :][self.real] = 0.0
-        return out / self.mass
+    def _core(self) -> _core.Ring:
+        """What marches: modes, points, excitation and response in arrays."""
+        bases = [self.system.bases[l] for l, *_ in self.blocks]
+        orders, force = self.forcing()
+        points = {name: self.system.arrays[name] for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")}
+        return _core.Ring(
+            self.n,
+            np.array([len(b.omega2) for b in bases], np.intc),
+            np.array(list(self.families), np.intc),
+            np.concatenate([b.omega2 for b in bases]),
+            self.mass,
+            np.concatenate([b.damping for b in bases]),
+            np.concatenate([np.ascontiguousarray(b.G, complex).ravel() for b in bases]),
+            held=np.ascontiguousarray(self.held, np.intc),
+            order=orders,
+            force=force,
+            row=self.response_row(),
+            **points,
+        )
+
+    def forcing(self) -> tuple[NDArray, NDArray]:
+        """Harmonics (n,) of the excitation, and the factors (n, 2, 2 n_coordinates) of their cosines and sines."""
+        where = {l: s for l, s, *_ in self.blocks}
+        orders, factors = [], []
+        for harmonic in range(self.system.n_harmonics + 1):
+            if not len(self.system.bases[harmonic].omega2):
+                continue
+            l, reversed_ = self._family(harmonic)
+            e = np.zeros((2, self.n_coordinates), complex)  # e exp(i harmonic theta), conjugated if it travels backwards
+            e[0, where[l]] = self.system.amplitudes(self.system.force, harmonic)
+            e[1] = 1j * e[0]
+            e = e.conj() if reversed_ else e
+            e[:, self.real] = e[:, self.real].real
+            if e.any():
+                orders.append(harmonic)
+                factors.append(np.concatenate([e.real, e.imag], axis=1))
+        return np.array(orders, np.intc), np.array(factors).reshape(len(orders), 2, 2 * self.n_coordinates)
 
     def _family(self, harmonic: int) -> tuple[int, bool]:
         """Harmonic whose modes describe this one, and whether it travels in the opposite direction."""
@@ -250,60 +281,16 @@ class Ring:
         """The motion of a harmonic-balance solution at t = 0, with the sliders that it leads to."""
         return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
 
-    def contact(self, q: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
-        """Modal contact force (2 n_coordinates, ...) and slider at coordinates q, timed."""
-        begin = time.perf_counter()
-        x = self.motion(q)
-        moved = time.perf_counter()
-        F, w = self.force(x, w)
-        pressed = time.perf_counter()
-        modal = self.B @ F.reshape(-1, *q.shape[1:])
-        cost = self.cost
-        self.cost = replace(
-            cost,
-            contact=cost.contact + pressed - moved,
-            assembly=cost.assembly + moved - begin + time.perf_counter() - pressed,
-            evaluations=cost.evaluations + 1,
-        )
-        return modal, w
-
-    def motion(self, q: NDArray) -> NDArray:
-        """(n_sectors, n_points, 3, ...) relative motion."""
-        x = (self.A @ q).reshape(self.n, self.system.n_points, 3, *q.shape[1:])
-        shift = self.system.points.shift
-        return x + shift.reshape(shift.shape + (1,) * (q.ndim - 1))
-
-    def force(self, x: NDArray, w: NDArray) -> tuple[NDArray, NDArray]:
-        """Contact force and slider after the law was applied, for motion x and slider w before."""
-        p = self.system.points
-        extra = (1,) * (x.ndim - 3)
-        kt, kn = p.kt.reshape(p.kt.shape + extra), p.kn.reshape(p.kn.shape + extra)
-        n0, law = p.n0.reshape(p.n0.shape + extra), np.asarray(p.law).reshape(p.kn.shape + extra)
-        mu = np.where(law == LAW_NORMAL, 0.0, p.mu.reshape(p.mu.shape + extra))
-        constant = (law == LAW_CONSTANT) | (law == LAW_COUPLED_CONSTANT)
-        normal = n0 + kn * x[:, :, 2]
-        normal = np.where(constant | (law == LAW_BONDED), normal, np.maximum(normal, 0.0))
-        load = p.n0 if p.load is None else p.load
-        reach = mu * np.where(constant, np.maximum(load, 0.0).reshape(p.n0.shape + extra), normal)
-        u = x[:, :, :2]
-        limit = np.where(kt > 0.0, reach[:, :, None] / np.where(kt > 0.0, kt, 1.0), 0.0)
-        moved = np.clip(w, u - limit, u + limit)
-        if self.coupled:
-            pull = kt * (u - w)
-            size = np.sqrt((pull**2).sum(axis=2))
-            share = np.where(size > reach, reach / np.where(size > 0.0, size, 1.0), 1.0)
-            coupled = ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT))[:, None]
-            moved = np.where(coupled & (kt > 0.0), u - share[:, :, None] * (u - w), moved)
-        w = np.where(self.held.reshape(self.held.shape + extra), w, moved)
-        F = np.concatenate([kt * (u - w), normal[:, :, None]], axis=2)
-        F[:, self.cubic, :2] = kt[self.cubic] * u[:, self.cubic] ** 3
-        return F, w
-
     def highest_frequency(self) -> float:
-        """rad/s, with every contact closed and stuck."""
-        k = np.tile(self.springs.ravel(), self.n)
-        stiffness = np.diag(np.tile(self.omega2, 2)) + self.B @ (k[:, None] * self.A)
-        return float(np.sqrt(np.abs(np.linalg.eigvals(stiffness)).max()))
+        """rad/s, with every contact closed and stuck; the nodal diameters are then independent of each other."""
+        highest = 0.0
+        for l, s, *_ in self.blocks:
+            G = np.asarray(self.system.bases[l].G).reshape(-1, s.stop - s.start)
+            G = G.real if self.real[s].any() else G
+            contact = (G.conj().T * self.springs.ravel()) @ G / self.mass[s, None]
+            values = np.linalg.eigvals(np.diag(self.omega2[s]) + contact)
+            highest = max(highest, float(np.abs(values).max(initial=0.0)))
+        return float(np.sqrt(highest))
 
     def steps_for(self, omega: float, accuracy: float = 0.1) -> int:
         """Steps per period, so that ``step * highest frequency`` stays below ``accuracy`` (2 is the limit of stability)."""
@@ -311,47 +298,66 @@ class Ring:
 
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
         """Sliders at t = 0 of the solution: its motion marched over periods from the given ones until they settle."""
-        p = self.system.points
-        w = np.tile(p.slider, (self.n, 1, 1)).astype(float)
-        times = np.arange(n_steps) * (TWO_PI / omega / n_steps)
-        x = [self.motion(self.state(u, omega, t)[0]) for t in times]
-        size = max(float(np.abs(np.ptp(np.array(x)[:, :, :, :2], axis=0)).max()), 1e-300)
+        w = np.tile(self.system.points.slider, (self.n, 1, 1)).astype(float)
+        x, _, _ = self.system.contact(np.asarray(u))
+        size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
+        q = np.array([self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)])
         for _ in range(MOST_PERIODS if self.coupled else 2):
-            before = w
-            for now in x:
-                _, w = self.force(now, w)
-            if np.abs(w - before).max() <= 1e-9 * size:
+            before = w.copy()
+            self.core.follow(q, w)
+            if np.abs(w - before).max(initial=0.0) <= 1e-9 * size:
                 break
-        _, w = self.force(x[0], w)
+        self.core.follow(q[:1], w)
         return w
 
     def march(
-        self, q: NDArray, v: NDArray, w: NDArray, omega: float, n_steps: int, n_periods: int, row: NDArray | None = None
-    ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Integrate whole periods; q, v (2 n_coordinates, ...), w (n_sectors, n_points, 2, ...).
+        self,
+        motion: Motion,
+        omega: float,
+        n_steps: int,
+        periods: int = 1,
+        *,
+        steps: int | None = None,
+        first: int = 0,
+        omega_end: float | None = None,
+        trace: bool = False,
+    ) -> Marched:
+        """March a state, or several, over whole periods of the excitation or any number of steps.
 
-        Returns
-        -------
-        q, v, w at the end, and the response ``row @ q`` at every step (empty without a row).
+        The steps are equal in the angle of the excitation; that of the first is ``2 pi first/n_steps``.
+
+        Parameters
+        ----------
+        motion : Motion
+            Its arrays may have one dimension more in front, for several states that are marched one after the other.
+        omega : float, rad/s
+        n_steps : int
+            Steps per period.
+        periods : int
+        steps : int, optional
+            In place of periods.
+        first : int
+        omega_end : float, rad/s, optional
+            The frequency goes there linearly in time: a sweep.
+        trace : bool
+            Keep the coordinates at the start of each step.
         """
-        h = TWO_PI / omega / n_steps
-        column = (slice(None),) + (None,) * (q.ndim - 1)
-        forcing = np.array([self.forcing(omega, k * h) for k in range(n_steps)])
-        omega2 = np.tile(self.omega2, 2)[column]
-        damping = np.tile(self.damping, 2)[column]
-        pressed, w = self.contact(q, w)
-        a = forcing[0][column] - omega2 * q - damping * v - pressed
-        response = []
-        for k in range(n_steps * n_periods):
-            if row is not None:
-                response.append(row @ q)
-            half = v + 0.5 * h * a
-            q = q + h * half
-            pressed, w = self.contact(q, w)
-            rest = forcing[(k + 1) % n_steps][column] - omega2 * q - pressed
-            v = (half + 0.5 * h * rest) / (1.0 + 0.5 * h * damping)
-            a = rest - damping * v
-        return q, v, w, np.array(response)
+        count = n_steps * periods if steps is None else steps
+        started = time.perf_counter()
+        batch = motion.q.ndim > 1
+        q, v, w = (np.array(x if batch else x[None], float, order="C") for x in motion)
+        harmonics = np.zeros((len(q), count // n_steps, self.system.n_harmonics + 1), complex)
+        path = np.zeros((len(q), count, q.shape[1])) if trace else None
+        self.core.march(
+            q, v, w, count, n_steps, omega, omega if omega_end is None else omega_end, harmonics, path, first
+        )
+        cost = self.cost
+        self.cost = replace(
+            cost, contact=cost.contact + time.perf_counter() - started, evaluations=cost.evaluations + len(q) * (count + 1)
+        )
+        out = (q, v, w, harmonics, np.zeros((len(q), 0, q.shape[1])) if path is None else path)
+        q, v, w, harmonics, path = out if batch else (x[0] for x in out)
+        return Marched(Motion(q, v, w), harmonics, path, (first + count) % n_steps)
 
     def response_row(self) -> NDArray:
         """(2 n_coordinates,) row of the response on the reference sector."""
@@ -370,14 +376,6 @@ def _same_basis(a: HarmonicBasis, b: HarmonicBasis, conjugate: bool) -> bool:
         return False
     Gb = Gb.conj() if conjugate else Gb
     return bool(np.allclose(Ga, Gb, rtol=1e-12, atol=1e-12 * np.abs(Ga).max(initial=0.0)))
-
-
-def amplitudes_of(response: NDArray, n_harmonics: int) -> NDArray:
-    """(n_harmonics + 1,) complex amplitudes of one period, sampled at equal steps from its start."""
-    n = len(response)
-    out = 2.0 / n * np.exp(-1j * np.outer(np.arange(n_harmonics + 1), TWO_PI * np.arange(n) / n)) @ response
-    out[0] *= 0.5
-    return np.asarray(out)
 
 
 def ring_and_steps(
@@ -441,28 +439,28 @@ def verify_solution(
     watch = Stopwatch()
     ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1, u)
     motion = ring.start(u, omega, n)
-    row = ring.response_row()
     marched = 0
     with LongWork() as work:
         for marched, _ in enumerate(each(range(periods - 1), progress, "marching", "period")):
-            *state, _ = ring.march(*motion, omega, n, 1)
-            motion = Motion(*state)
+            motion = ring.march(motion, omega, n).motion
         marched = periods - 1
     if work.interrupted and not marched:
         raise KeyboardInterrupt
-    *state, response = ring.march(*motion, omega, n, 1, row)
+    last = ring.march(motion, omega, n, trace=True)
+    row = ring.response_row()
+    response = last.trace @ row
     expected = np.asarray(system.response(np.asarray(u)[None])[0])
     size = max(float(np.abs(response).max()), 1e-300)
     return Verification(
         frequency=omega / TWO_PI,
         expected=expected,
-        settled=amplitudes_of(response, system.n_harmonics),
+        settled=last.harmonics[-1],
         time=TWO_PI / omega * np.arange(n) / n,
         response=response,
         periods=marched + 1,
         steps_per_period=n,
         sectors=ring.n,
-        drift=float(abs(row @ (state[0] - motion.q))) / size,
+        drift=float(abs(row @ (last.motion.q - motion.q))) / size,
         cost=replace(ring.cost, **watch.read()),
         interrupted=work.interrupted,
     )

@@ -1,6 +1,7 @@
 /* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
  * allocations of the core to the functions here. */
 #include "bd_newton.h"
+#include "bd_time.h"
 #include "check.h"
 
 #include <limits.h>
@@ -34,6 +35,7 @@ typedef struct {
     bd_evaluator evaluator;
     bd_hbm hbm;
     bd_newton_work newton;
+    bd_time time;
 } workspaces;
 
 static bd_status create_evaluator(workspaces *w) { return bd_evaluator_create(&w->evaluator, w->evaluation, 2, 64); }
@@ -72,6 +74,32 @@ static bd_status create_newton(workspaces *w) {
 
 static void destroy_newton(workspaces *w) { bd_newton_destroy(&w->newton); }
 
+static bd_status create_time(workspaces *w) {
+    const int one = 1, none[2] = {0};
+    const double unit[6] = {1.0, 1.0, 1.0, 1.0, 1.0, 1.0};
+    const bd_time_input input = {.n_sector = 1,
+                                 .n_point = 1,
+                                 .n_family = 1,
+                                 .n_mode = &one,
+                                 .diameter = none,
+                                 .stiffness = unit,
+                                 .mass = unit,
+                                 .damping = unit,
+                                 .G = unit,
+                                 .kt = unit,
+                                 .kn = unit,
+                                 .mu = unit,
+                                 .n0 = unit,
+                                 .load = unit,
+                                 .shift = unit,
+                                 .law = none,
+                                 .held = none,
+                                 .row = unit};
+    return bd_time_create(&w->time, &input);
+}
+
+static void destroy_time(workspaces *w) { bd_time_destroy(&w->time); }
+
 static void test_each_allocation(bd_evaluation evaluation, bd_status (*create)(workspaces *),
                                  void (*destroy)(workspaces *)) {
     workspaces w = {.evaluation = evaluation};
@@ -101,5 +129,6 @@ int main(void) {
         test_each_allocation(evaluation[i], create_hbm, destroy_hbm);
     }
     test_each_allocation(BD_EXACT, create_newton, destroy_newton);
+    test_each_allocation(BD_EXACT, create_time, destroy_time);
     return check_result();
 }

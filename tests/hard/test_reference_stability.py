@@ -5,7 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.stability.disturbances import WaveDisturbances
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import Motion, Ring
 from tests.plain import plain_study
 
 DRAG = 4.0 * 2.0 * np.pi * 350.0
@@ -47,9 +47,7 @@ def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequenc
     q, v = ring.state(u, omega, 0.0)
     place = next(s.start for l, s, *_ in ring.blocks if l == 0)  # the first mode of nodal diameter 0
     q[place] += 2e-7
-    row = np.zeros(len(q))
-    row[place] = 1.0
-    *_, response = ring.march(q, v, w, omega, steps, periods, row)
+    response = ring.march(Motion(q, v, w), omega, steps, periods, trace=True).trace[:, place]
     t = 2 * np.pi * np.arange(window * steps) / steps
     waves = np.column_stack([np.ones_like(t), np.cos(critical.imag * t), np.sin(critical.imag * t)])
     parts = response.reshape(-1, window * steps)

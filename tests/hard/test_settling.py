@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 import bdamper as bd
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.stability.steady_state import FEWEST, march_until_settled, repeats_after, to_come
-from bdamper.stability.time_integration import Ring, amplitudes_of
+from bdamper.stability.time_integration import Ring
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
 from tests.oscillators import oscillator
@@ -100,12 +100,6 @@ def test_a_transient_is_not_taken_for_the_end():
     assert found.status == "still moving"
     assert found.memory == pytest.approx(2.0 / (np.pi * 2e-4))
     assert found.to_come > 1.0
-
-
-def test_amplitudes_of_a_period():
-    theta = 2.0 * np.pi * np.arange(64) / 64
-    found = amplitudes_of(3.0 + 2.0 * np.cos(theta) - 0.5 * np.sin(2.0 * theta), 2)
-    np.testing.assert_allclose(found, [3.0, 2.0, 0.5j], atol=1e-14)
 
 
 def test_judgements_of_sequences():

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
-from bdamper.stability.time_integration import Ring, verify_solution
+from bdamper.stability.time_integration import Motion, Ring, verify_solution
 from tests.event_march import Marcher
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model
@@ -161,7 +161,7 @@ def test_both_verdicts_of_shooting_as_time_integration_has_them(path):
         q, v = ring.state(u, omega, 0.0)
         first, size = q, 1e-3 * np.abs(q).max()
         q = q + size * np.repeat([1.0, 0.0], n)
-        q, *_ = ring.march(q, v, ring.initial_slider(u, omega, 256), omega, 256, 30)
+        q = ring.march(Motion(q, v, ring.initial_slider(u, omega, 256)), omega, 256, 30).motion.q
         away = np.abs(q - first).max()
         assert away < size if stable else away > 20.0 * size
 

@@ -60,7 +60,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert "distance" in str(result) and "evaluations" in str(result)
     cost = result.cost
     assert cost.evaluations >= 20 * result.steps_per_period
-    assert cost.contact > 0.0 and cost.assembly > 0.0 and cost.core < cost.seconds == result.seconds
+    assert cost.contact > 0.0 and cost.core < cost.seconds == result.seconds
     assert result.plot().get_xlabel() == "Time (periods)"
 
 
@@ -144,11 +144,11 @@ def test_interrupted_verification_keeps_the_periods(monkeypatch):
     p = followed(system, 1.5, 2.2, STUCK).points[3]
     march, calls = Ring.march, []
 
-    def stopped(ring, *args):
+    def stopped(ring, *args, **options):
         calls.append(1)
         if len(calls) == 5:
             raise KeyboardInterrupt
-        return march(ring, *args)
+        return march(ring, *args, **options)
 
     monkeypatch.setattr(Ring, "march", stopped)
     found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)

@@ -138,13 +138,11 @@ def test_that_disturbance_grows_in_time(curve):
     grows = np.exp(2 * np.pi / omega * roots[np.abs(roots.imag) < 4 * omega].real.max())
     ring = Ring(s, 8, 2)
     n = 256
-    w = ring.initial_slider(u, omega, n)
-    q, v = ring.state(u, omega, 0.0)
-    q, v, w, _ = ring.march(q, v, w, omega, n, 160)  # what decays has decayed
+    motion = ring.march(ring.start(u, omega, n), omega, n, 160).motion  # what decays has decayed
     sizes = []
     for _ in range(2):
-        q, v, w, response = ring.march(q, v, w, omega, n, 60, np.eye(len(q)))
-        every = response.reshape(60, n, -1)
+        marched = ring.march(motion, omega, n, 60, trace=True)
+        motion, every = marched.motion, marched.trace.reshape(60, n, -1)
         away = np.abs(np.diff(every, axis=0)).max(axis=(1, 2))
         sizes.append(away[-20:].max())
     assert 1.0 < grows < 1.1

@@ -1,0 +1,188 @@
+/* March in time: one oscillator against its recursion, a slider against the clip, all builds of the loop alike. */
+#include "bd_time.h"
+#include "check.h"
+
+#include <string.h>
+
+enum { SECTORS = 5, POINTS = 11, FAMILIES = 2, MODES = 12, FORCES = 2 };
+
+/* A mass on a spring with a unilateral stop, no friction: N_s = 1, real coordinate. */
+static void test_oscillator(void) {
+    const int one = 1, zero = 0, law = BD_LAW_NORMAL, held[2] = {0, 0}, order = 1;
+    const double k = 2.0, m = 0.5, c = 0.1, G[6] = {0.0, 0.0, 0.0, 0.0, 1.0, 0.0}, kt[2] = {0.0, 0.0}, kn = 3.0,
+                 none[3] = {0.0};
+    const double n0 = 0.2, force[4] = {1.0, 0.0, 0.0, 0.0}, row[2] = {1.0, 0.0};
+    const bd_time_input in = {.n_sector = 1,
+                              .n_point = 1,
+                              .n_family = 1,
+                              .n_mode = &one,
+                              .diameter = &zero,
+                              .stiffness = &k,
+                              .mass = &m,
+                              .damping = &c,
+                              .G = G,
+                              .kt = kt,
+                              .kn = &kn,
+                              .mu = none,
+                              .n0 = &n0,
+                              .load = &n0,
+                              .shift = none,
+                              .law = &law,
+                              .held = held,
+                              .n_force = 1,
+                              .order = &order,
+                              .force = force,
+                              .row = row};
+    bd_time t;
+    CHECK(bd_time_create(&t, &in) == BD_OK);
+    double q[2] = {0.3, 0.0}, v[2] = {-0.2, 0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[2 * 150];
+    const bd_time_path path = {.n_step = 150,
+                               .first = 10,
+                               .per_period = 70,
+                               .n_harm = 2,
+                               .omega = 1.7,
+                               .omega_end = 1.7,
+                               .harmonic = X,
+                               .trace = trace};
+    bd_time_march(&t, &path, q, v, w);
+    const double h = BD_TWO_PI / 1.7 / 70;
+    double x = 0.3, y = -0.2, mean = 0.0;
+    double a = (cos(BD_TWO_PI * 10 / 70) - k * x - c * y - fmax(n0 + kn * x, 0.0)) / m;
+    int open = 0;
+    for (int i = 0; i < 150; ++i) {
+        CHECK_NEAR(trace[2 * i], x, 1e-12);
+        if (i >= 70 && i < 140) mean += x / 70;
+        y += 0.5 * h * a;
+        x += h * y;
+        open += n0 + kn * x < 0.0;
+        const double rest = cos(BD_TWO_PI * (11 + i) / 70) - k * x - fmax(n0 + kn * x, 0.0);
+        y = (y + 0.5 * h * rest / m) / (1.0 + 0.5 * h * c / m);
+        a = (rest - c * y) / m;
+    }
+    CHECK(open > 10 && open < 140);
+    CHECK_NEAR(q[0], x, 1e-12);
+    CHECK_NEAR(v[0], y, 1e-12);
+    CHECK_NEAR(X[6], mean, 1e-13);
+    CHECK(q[1] == 0.0 && v[1] == 0.0 && w[0] == 0.0);
+    bd_time_destroy(&t);
+}
+
+/* The slider of a point that is moved back and forth is u clipped; a bonded one and a held one stay. */
+static void test_sliders(void) {
+    const int one = 1, zero = 0, order = 0;
+    const int law[POINTS] = {0, BD_LAW_BONDED, 0, BD_LAW_CONSTANT}, held[2 * POINTS] = {0, 0, 0, 0, 1, 0};
+    const double unit = 1.0, row[2] = {1.0, 0.0}, none[3 * POINTS] = {0.0};
+    double G[6 * POINTS] = {0.0}, kt[2 * POINTS], kn[POINTS], mu[POINTS], n0[POINTS], load[POINTS];
+    for (int p = 0; p < POINTS; ++p) {
+        G[6 * p] = 1.0;
+        kt[2 * p] = kt[2 * p + 1] = 2.0, kn[p] = 1.0, mu[p] = 0.5, n0[p] = 1.0, load[p] = 4.0;
+    }
+    const bd_time_input in = {.n_sector = 1,
+                              .n_point = POINTS,
+                              .n_family = 1,
+                              .n_mode = &one,
+                              .diameter = &zero,
+                              .stiffness = &unit,
+                              .mass = &unit,
+                              .damping = &unit,
+                              .G = G,
+                              .kt = kt,
+                              .kn = kn,
+                              .mu = mu,
+                              .n0 = n0,
+                              .load = load,
+                              .shift = none,
+                              .law = law,
+                              .held = held,
+                              .n_force = 0,
+                              .order = &order,
+                              .force = none,
+                              .row = row};
+    bd_time t;
+    CHECK(bd_time_create(&t, &in) == BD_OK);
+    const double q[3 * 2] = {0.2, 0.0, 3.0, 0.0, -0.1, 0.0};
+    double w[2 * POINTS] = {0.0};
+    bd_time_follow(&t, 1, q, w);
+    CHECK_NEAR(w[0], 0.0, 1e-15); /* half width mu N/kt = 1/4 */
+    bd_time_follow(&t, 2, q, w);
+    CHECK_NEAR(w[0], 2.75, 1e-15);
+    CHECK_NEAR(w[6], 2.0, 1e-15); /* mu load/kt = 1 */
+    bd_time_follow(&t, 3, q, w);
+    CHECK_NEAR(w[0], 0.15, 1e-15);
+    CHECK_NEAR(w[2 * POINTS - 2], 0.15, 1e-15);
+    CHECK_NEAR(w[6], 0.9, 1e-15);
+    CHECK(w[2] == 0.0 && w[4] == 0.0 && w[1] == 0.0);
+    bd_time_destroy(&t);
+}
+
+/* Many points under all laws, on two families. */
+static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) {
+    static double G[2 * 3 * POINTS * MODES], stiffness[MODES], mass[MODES], damping[MODES], kt[2 * POINTS], kn[POINTS],
+        mu[POINTS], n0[POINTS], load[POINTS], shift[3 * POINTS], force[FORCES * 4 * MODES], row[2 * MODES];
+    static int law[POINTS], held[2 * POINTS];
+    const int n_mode[FAMILIES] = {3, 9}, diameter[FAMILIES] = {0, 2}, order[FORCES] = {0, 1};
+    unsigned long long seed = 11;
+    for (int i = 0; i < 2 * 3 * POINTS * MODES; ++i) G[i] = uniform(&seed);
+    for (int j = 0; j < MODES; ++j) {
+        stiffness[j] = 3.0 + 2.0 * uniform(&seed), mass[j] = 1.5 + uniform(&seed), damping[j] = 0.1;
+        row[j] = uniform(&seed), row[MODES + j] = j < 3 ? 0.0 : uniform(&seed);
+        for (int i = 0; i < FORCES * 4; ++i) force[i * MODES + j] = j < 3 && i % 2 ? 0.0 : uniform(&seed);
+    }
+    for (int p = 0; p < POINTS; ++p) {
+        kt[2 * p] = 1.0, kt[2 * p + 1] = 1.5, kn[p] = p % BD_N_LAW == BD_LAW_CUBIC ? 0.0 : 1.2, mu[p] = 0.4;
+        n0[p] = 0.5 * uniform(&seed), load[p] = 0.5 + uniform(&seed), law[p] = p % BD_N_LAW;
+        held[2 * p] = p == 8;
+        for (int d = 0; d < 3; ++d) shift[3 * p + d] = 0.2 * uniform(&seed);
+    }
+    const bd_time_input in = {.n_sector = SECTORS,
+                              .n_point = POINTS,
+                              .n_family = FAMILIES,
+                              .n_mode = n_mode,
+                              .diameter = diameter,
+                              .stiffness = stiffness,
+                              .mass = mass,
+                              .damping = damping,
+                              .G = G,
+                              .kt = kt,
+                              .kn = kn,
+                              .mu = mu,
+                              .n0 = n0,
+                              .load = load,
+                              .shift = shift,
+                              .law = law,
+                              .held = held,
+                              .n_force = FORCES,
+                              .order = order,
+                              .force = force,
+                              .row = row};
+    bd_time t;
+    CHECK(bd_time_create(&t, &in) == BD_OK);
+    t.kernel = kernel;
+    const bd_time_path path = {.n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3};
+    for (int j = 0; j < 2 * MODES; ++j) q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
+    for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);
+    bd_time_march(&t, &path, q, v, w);
+    bd_time_destroy(&t);
+}
+
+static void test_kernels(void) {
+    static double q[BD_MOST_KERNELS][2 * MODES], v[BD_MOST_KERNELS][2 * MODES], w[BD_MOST_KERNELS][2 * SECTORS * POINTS];
+    const bd_kernel *kernel[BD_MOST_KERNELS];
+    const int n = bd_kernel_all(kernel);
+    for (int i = 0; i < n; ++i) {
+        march_all(kernel[i], q[i], v[i], w[i]);
+        for (int j = 0; j < 2 * MODES; ++j) {
+            CHECK_NEAR(q[i][j], q[0][j], 1e-12);
+            CHECK_NEAR(v[i][j], v[0][j], 1e-12);
+        }
+        for (int j = 0; j < 2 * SECTORS * POINTS; ++j) CHECK_NEAR(w[i][j], w[0][j], 1e-12);
+        for (int j = MODES; j < MODES + 3; ++j) CHECK(q[i][j] == 0.0); /* real coordinates stay real */
+    }
+}
+
+int main(void) {
+    test_oscillator();
+    test_sliders();
+    test_kernels();
+    return check_result();
+}

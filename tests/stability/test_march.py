@@ -1,0 +1,165 @@
+"""The march in time of the core beside the plain one, and what is exact about it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_CUBIC,
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    Sampled,
+)
+from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.model.coupling import HarmonicBasis
+from bdamper.stability.time_integration import Motion, Ring
+from tests.stability import plain_march
+
+LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
+ALL_SECTORS = {"n_blades": 6, "engine_order": 1}  # families of 0, 1, 2, and 3 = 6/2
+
+
+def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, damping=0.02):
+    """Random modes on every nodal diameter; eleven points under all laws, some of them open at rest."""
+    rng = np.random.default_rng(seed)
+    bases = []
+    for l, m in enumerate(n_modes):
+        G = 0.4 * (rng.standard_normal((n_points, 3, m)) + 1j * (l > 0) * rng.standard_normal((n_points, 3, m)))
+        omega2 = rng.uniform(0.5, 8.0, m)
+        bases.append(HarmonicBasis((), omega2, np.full(m, damping), G, l, rng.uniform(0.5, 2.0, m)))
+    law = np.resize(laws, n_points).astype(np.intc)
+    kt = rng.uniform(0.5, 2.0, (n_points, 2))
+    kt[-1, 1] = 0.0
+    cubic = law == LAW_CUBIC
+    points = PointArrays(
+        kt=kt,
+        kn=np.where(cubic, 0.0, rng.uniform(0.5, 2.0, n_points)),
+        mu=rng.uniform(0.2, 0.6, n_points),
+        n0=np.where(cubic, 0.0, rng.uniform(-0.5, 1.5, n_points)),
+        slider=0.3 * rng.standard_normal((n_points, 2)) * (law[:, None] != LAW_CUBIC),
+        law=law,
+        shift=0.2 * rng.standard_normal((n_points, 3)),
+        load=rng.uniform(-0.2, 1.0, n_points),
+    )
+    n = n_modes[0] + 2 * sum(n_modes[1:])
+    force = size * rng.standard_normal(n)
+    rows = [rng.standard_normal(m) + 1j * (l > 0) * rng.standard_normal(m) for l, m in enumerate(n_modes)]
+    return HarmonicSystem(bases, points, force, rows, Sampled(64))
+
+
+def state(ring, seed=1, size=1.0):
+    rng = np.random.default_rng(seed)
+    q, v = size * rng.standard_normal((2, 2, ring.n_coordinates))
+    q[1, ring.real] = v[1, ring.real] = 0.0
+    return Motion(q.ravel(), v.ravel(), np.tile(ring.system.points.slider, (ring.n, 1, 1)))
+
+
+def close(found, expected, tolerance=1e-10):
+    for a, b in zip(found, expected):
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max())
+
+
+@pytest.mark.parametrize("sectors", [6, 9, 1])
+def test_all_laws_beside_the_plain_march(sectors):
+    system = structure(n_modes=(3, 9, 2, 4) if sectors > 1 else (3, 3))
+    if sectors == 1:
+        bases = [system.bases[0]] * 2
+        system = HarmonicSystem(bases, system.points, system.force, system.response_rows, Sampled(64))
+    ring = Ring(system, sectors, int(sectors > 1),
+                held=np.arange(22).reshape(11, 2) % 7 == 0)  # fmt: skip
+    assert ring.n == sectors and ring.real.sum() == {6: 7, 9: 3, 1: 3}[sectors]
+    start = state(ring)
+    expected, trace = plain_march.march(ring, start, 1.3, 300, 450, first=120)
+    found = ring.march(start, 1.3, 300, steps=450, first=120, trace=True)
+    close(found.motion, expected)
+    np.testing.assert_allclose(found.trace, trace, rtol=0.0, atol=1e-10 * np.abs(trace).max())
+    assert found.first == 270 and found.harmonics.shape == (1, ring.system.n_harmonics + 1)
+
+
+def test_a_sweep_beside_the_plain_march():
+    ring = Ring(structure(), **ALL_SECTORS)
+    start = state(ring)
+    expected, _ = plain_march.march(ring, start, 1.3, 200, 600, omega_end=1.6)
+    close(ring.march(start, 1.3, 200, 3, omega_end=1.6).motion, expected)
+
+
+def test_pieces_and_batches_are_the_same_march():
+    ring = Ring(structure(), **ALL_SECTORS)
+    first, other = state(ring), state(ring, 2)
+    whole = ring.march(first, 1.3, 240, 2)
+    both = ring.march(Motion(*(np.array(pair) for pair in zip(other, first))), 1.3, 240, 2)
+    for a, b in zip(whole.motion, both.motion):
+        np.testing.assert_array_equal(a, b[1])
+    np.testing.assert_array_equal(whole.harmonics, both.harmonics[1])
+    motion, step = first, 0
+    for _ in range(12):
+        motion, _, _, step = ring.march(motion, 1.3, 240, steps=40, first=step)
+    assert step == 0
+    close(motion, whole.motion, 1e-12)
+
+
+def test_harmonics_are_those_of_the_samples():
+    ring = Ring(structure(), **ALL_SECTORS)
+    found = ring.march(state(ring), 1.3, 250, 2, trace=True)
+    response = (found.trace @ ring.response_row()).reshape(2, 250)
+    angle = 2.0 * np.pi * np.arange(250) / 250
+    for l in range(4):
+        expected = (1.0 if l == 0 else 2.0) * (response @ np.exp(-1j * l * angle)) / 250
+        np.testing.assert_allclose(found.harmonics[:, l], expected, atol=1e-12)
+
+
+def test_error_of_second_order():
+    """Smooth motion (cubic springs): half the step, a quarter of the difference."""
+    ring = Ring(structure(laws=[LAW_CUBIC, LAW_BONDED]), **ALL_SECTORS)
+    start = state(ring, size=0.3)
+    ends = [ring.march(start, 1.3, n, omega_end=1.5).motion.q for n in (400, 800, 1600)]
+    assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
+
+
+def test_energy_is_kept_without_friction_and_damping():
+    """Bonded points, no excitation: what a step of central differences keeps exactly stays within rounding."""
+    system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0)
+    system = HarmonicSystem(system.bases, replace(system.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)),
+                            n0=np.zeros(11)), system.force, system.response_rows, Sampled(64))  # fmt: skip
+    ring = Ring(system, **ALL_SECTORS)
+    A, B = plain_march.matrices(ring)
+    springs = np.tile(np.column_stack([system.points.kt, system.points.kn]).ravel(), ring.n)
+    weight = np.tile(ring.mass / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
+    stiffness = weight[:, None] * (np.diag(np.tile(ring.omega2, 2)) + B @ (springs[:, None] * A))
+    h = 2.0 * np.pi / 1.3 / 400
+
+    def energy(motion):
+        before = motion.v - 0.5 * h * np.linalg.solve(np.diag(weight), stiffness @ motion.q)  # velocity half a step later
+        q = motion.q + h * before
+        return before @ (weight * before) + motion.q @ stiffness @ q
+
+    start = state(ring)
+    assert energy(ring.march(start, 1.3, 400, 20).motion) == pytest.approx(energy(start), rel=1e-11)
+
+
+def test_highest_frequency_is_that_of_the_dense_matrix():
+    system = structure()
+    ring = Ring(system, **ALL_SECTORS)
+    A, B = plain_march.matrices(ring)
+    dense = np.diag(np.tile(ring.omega2, 2)) + B @ (np.tile(ring.springs.ravel(), ring.n)[:, None] * A)
+    assert ring.highest_frequency() ** 2 == pytest.approx(np.abs(np.linalg.eigvals(dense)).max(), rel=1e-10)
+
+
+def test_sliders_after_a_given_motion():
+    ring = Ring(structure(), **ALL_SECTORS)
+    q = np.array([state(ring, seed).q for seed in range(20)])
+    A, _ = plain_march.matrices(ring)
+    w = expected = state(ring).w
+    for now in q:
+        x = (A @ now).reshape(ring.n, -1, 3) + ring.system.points.shift
+        _, expected = plain_march.force(ring, x, expected)
+    w = w.copy()
+    ring.core.follow(q, w)
+    slides = ring.system.points.law != LAW_CUBIC
+    np.testing.assert_allclose(w[:, slides], expected[:, slides], atol=1e-12)
