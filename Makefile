@@ -3,6 +3,7 @@
 #   make test      test suite (make test-slow: the tests that take minutes)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html
+#   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
 #   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
@@ -25,7 +26,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs accuracy hard fuzz lint sanitize kernels nastran oldest wheel clean prerequisites
+.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest wheel clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -46,6 +47,10 @@ docs: $(VENV)/docs.stamp
 	$(call step,examples,$(PY) tools/run_examples.py)
 	$(call step,documentation,$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html)
 	@echo "docs/_build/html/index.html"
+
+links: $(VENV)/docs.stamp
+	$(call step,external links of the documentation,$(PY) -m sphinx -q -b linkcheck -D nb_execution_mode=off docs docs/_build/linkcheck >/dev/null 2>&1 \
+	  || true; $(PY) tools/check_links.py docs/_build/linkcheck/output.json)
 
 kernels: $(VENV)/dev.stamp
 	$(call step,tests under other kernels,sh tools/test_kernels.sh)

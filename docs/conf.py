@@ -11,7 +11,7 @@ sys.path.insert(0, str(DOCS))
 project = "bdamper"
 author = "the authors of bdamper"
 release = bdamper.__version__
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_member_order = "bysource"
@@ -19,10 +19,15 @@ autodoc_typehints = "none"
 napoleon_use_ivar = True
 napoleon_use_rtype = False
 exclude_patterns = ["_build"]
+nb_execution_mode = "cache"  # a notebook runs again when one of its cells has changed
+nb_execution_cache_path = str(DOCS / "_build" / "notebooks")
+nb_execution_in_temp = True
+nb_execution_timeout = 300
+nb_execution_raise_on_error = True
+linkcheck_timeout = 10
+linkcheck_retries = 1
 html_theme = "alabaster"
 html_theme_options = {"page_width": "1080px", "description": "Forced response of structures with friction contacts"}
-# pages link to files of the repository, which are not part of the built documentation
-suppress_warnings = ["myst.xref_missing"]
 
 from gallery_pages import write_gallery  # noqa: E402
 
