@@ -64,7 +64,7 @@ static int read_families(core_arguments *arguments, const ring_objects *o, bd_ti
     }
     const npy_intp n_G = 3 * n_point * n, n_row = 2 * n;
     if (!(in->stiffness = core_numbers(arguments, o->stiffness, "stiffness", 1, &n, BD_NON_NEGATIVE))) return 0;
-    if (!(in->mass = core_numbers(arguments, o->mass, "mass", 1, &n, BD_POSITIVE))) return 0;
+    if (!(in->mass = core_numbers(arguments, o->mass, "mass", 1, &n, BD_NON_NEGATIVE))) return 0;
     if (!(in->damping = core_numbers(arguments, o->damping, "damping", 1, &n, BD_NON_NEGATIVE))) return 0;
     if (!(in->G = core_array(arguments, o->G, "G", NPY_CDOUBLE, "complex128", 1, &n_G, BD_INPUT))) return 0;
     if (!core_check_numbers(in->G, 2 * n_G, "G", BD_FINITE)) return 0;
@@ -145,6 +145,7 @@ static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) 
     const npy_intp periods = path.n_step / path.per_period, by_trace[3] = {m, path.n_step, n};
     npy_intp n_harmonic = 0;
     double *X = NULL, *x = NULL;
+    bd_time_effort effort = {0};
     if (harmonic != Py_None) {
         if (!PyArray_Check(harmonic) || PyArray_NDIM((PyArrayObject *)harmonic) != 3) {
             PyErr_SetString(PyExc_TypeError, "harmonic: expected a numpy array of three dimensions");
@@ -163,11 +164,11 @@ static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) 
     for (npy_intp i = 0; i < m; ++i) {
         path.harmonic = X ? X + 2 * i * periods * n_harmonic : NULL;
         path.trace = x ? x + i * path.n_step * n : NULL;
-        bd_time_march(&self->time, &path, q + i * n, v + i * n, w + i * n_w);
+        bd_time_march(&self->time, &path, q + i * n, v + i * n, w + i * n_w, &effort);
     }
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS;
-    Py_RETURN_NONE;
+    return Py_BuildValue("lll", effort.n_solved, effort.n_iteration, effort.n_unsolved);
 }
 
 static PyObject *Ring_follow(RingObject *self, PyObject *args) {
@@ -190,13 +191,13 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
 
 static PyMethodDef Ring_methods[] = {
     {"march", (PyCFunction)(void (*)(void))Ring_march, METH_VARARGS | METH_KEYWORDS,
-     "march(q, v, w, n_step, per_period, omega, omega_end, harmonic=None, trace=None, first=0)\n\n"
+     "march(q, v, w, n_step, per_period, omega, omega_end, harmonic=None, trace=None, first=0) -> (int, int, int)\n\n"
      "March m states q, v (m, 2 n), w (m, n_sector, n_point, 2) in place over n_step steps of equal angle from step "
      "`first` "
      "of a period on, at a frequency that goes from omega to omega_end linearly in time.  Fill the harmonics of the "
      "response "
      "in each whole period (m, n_step // per_period, n_harm + 1) and the coordinates at the start of each step (m, n_step, "
-     "2 n)."},
+     "2 n).  Return how often coordinates without mass were solved for, with how many evaluations, and how often in vain."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
      "follow(q, w)\n\nMove the sliders w (n_sector, n_point, 2) along a given motion q (n_step, 2 n)."},
     {NULL, NULL, 0, NULL}};

@@ -9,6 +9,7 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import multipliers, stability_of_points
+from bdamper.stability.steady_state import march_until_settled
 from bdamper.stability.time_integration import Ring, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
@@ -157,6 +158,28 @@ def test_interrupted_verification_keeps_the_periods(monkeypatch):
     whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
     assert not whole.interrupted
     np.testing.assert_array_equal(found.response, whole.response)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frequency", [340.0, 357.0])
+def test_residual_modes_march_like_many_modes(frequency):
+    """Six patterns beside ten blade modes, and forty modes with the flexibility that these leave out at each point: either
+    march keeps to its own curve, and they differ as the curves do (by 16 and 30 %)."""
+    settings = {"engine_order": 5, "friction_coefficient": 0.4, "damping_ratio": 0.005, "harmonics": 1,
+                "excitation": bd.Excitation("tip", "tangential", 1.0)}  # fmt: skip
+    model = bd.reference_model("bladed_disk", 9)
+    expected, found = [], []
+    for more in ({}, {"blade_modes": 40, "contact_stiffness": "unit_traction"}):
+        study = bd.Study(model, **settings, **more)
+        curve = study.track(2000.0, (frequency - 2.0, frequency + 2.0))
+        i = int(np.abs(curve.frequency - frequency).argmin())
+        assert ((np.concatenate([b.mass for b in study.bases]) == 0.0).any()) == (not more)
+        system, omega = study.system(2000.0), 2 * np.pi * curve.frequency[i]
+        settled = march_until_settled(system, omega, 65, 5, curve.unknowns[i], preload=2000.0, periods=80)
+        expected.append(curve.amplitude[i])
+        found.append(settled.amplitude[-20:].mean())
+    np.testing.assert_allclose(found, expected, rtol=0.01)
+    assert abs(np.diff(found)[0]) == pytest.approx(abs(np.diff(expected)[0]), abs=0.01 * max(expected))
 
 
 def test_what_cannot_be_integrated_is_refused():

@@ -25,14 +25,16 @@ LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTAN
 ALL_SECTORS = {"n_blades": 6, "engine_order": 1}  # families of 0, 1, 2, and 3 = 6/2
 
 
-def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, damping=0.02):
+def structure(seed=0, n_points=11, n_modes=(3, 9, 2, 4), laws=LAWS, size=1.0, damping=0.02, light=0):
     """Random modes on every nodal diameter; eleven points under all laws, some of them open at rest."""
     rng = np.random.default_rng(seed)
     bases = []
     for l, m in enumerate(n_modes):
         G = 0.4 * (rng.standard_normal((n_points, 3, m)) + 1j * (l > 0) * rng.standard_normal((n_points, 3, m)))
         omega2 = rng.uniform(0.5, 8.0, m)
-        bases.append(HarmonicBasis((), omega2, np.full(m, damping), G, l, rng.uniform(0.5, 2.0, m)))
+        mass = rng.uniform(0.5, 2.0, m)
+        mass[1 : 1 + light] = 0.0
+        bases.append(HarmonicBasis((), omega2, np.full(m, damping), G, l, mass))
     law = np.resize(laws, n_points).astype(np.intc)
     kt = rng.uniform(0.5, 2.0, (n_points, 2))
     kt[-1, 1] = 0.0
@@ -80,6 +82,20 @@ def test_all_laws_beside_the_plain_march(sectors):
     close(found.motion, expected)
     np.testing.assert_allclose(found.trace, trace, rtol=0.0, atol=1e-10 * np.abs(trace).max())
     assert found.first == 270 and found.harmonics.shape == (1, ring.system.n_harmonics + 1)
+
+
+@pytest.mark.parametrize(("laws", "light"), [(LAWS[:3], 2), (LAWS[:-2], 1)])
+def test_coordinates_without_mass_beside_the_plain_march(laws, light):
+    """Those of the plain one are found by chord iterations; points stick, slip, open and close."""
+    ring = Ring(structure(laws=laws, light=light), **ALL_SECTORS)
+    assert (ring.mass == 0.0).sum() > 3
+    start = state(ring)
+    expected, trace = plain_march.march(ring, start, 1.3, 120, 60)
+    found = ring.march(start, 1.3, 120, steps=60, trace=True)
+    close(found.motion, expected)
+    np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-10 * np.abs(trace).max())
+    solved, evaluations, failed = ring.effort
+    assert (solved, failed) == (61, 0) and evaluations < 6 * solved
 
 
 def test_a_sweep_beside_the_plain_march():
