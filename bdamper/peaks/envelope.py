@@ -10,6 +10,9 @@ of the interval, or did not at a preload beside it, the whole tracking curve is 
 :func:`bdamper.continuation.track.track` gives by default: in a tangle of folds a coarse curve takes as long and gets lost
 more often.
 
+Where a scan shows that the damper rattles (:mod:`bdamper.continuation.rattle`), and none at a lower preload says otherwise,
+the range ends: nothing is scanned or followed further down.
+
 A preload has a value if a scan there was complete, or if the nearest scans on both sides were: the highest peak is then
 the value of the optimal curve.  What an incomplete scan finds is a lower bound: branches are followed from it, but nothing
 is concluded from it.
@@ -25,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.rattle import OPEN
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.branch import Branch
 from bdamper.peaks.follower import LOST, PeakFollower
@@ -72,6 +76,8 @@ class Scanned:
         The highest response where it was not that of a peak, NaN otherwise.
     isolated : frozenset of int
         Numbers of the branches whose peak does not lie on the response curve that a sweep of frequency follows.
+    rattles : str
+        Why no steady periodic response is expected, if the curve shows the sign.
     """
 
     ending: str
@@ -79,6 +85,7 @@ class Scanned:
     whole: bool = False
     bound: float = np.nan
     isolated: frozenset[int] = frozenset()
+    rattles: str = ""
 
 
 class PeakEnvelope:
@@ -155,6 +162,21 @@ class PeakEnvelope:
         """What the scan at a preload has told, if one was made."""
         return self.scanned.get(float(self.preload[k]))
 
+    @property
+    def no_steady_below(self) -> float:
+        """The highest preload (N) at and below which all scans show that the damper rattles; 0 if the lowest does not."""
+        out = 0.0
+        for p in sorted(self.scanned):
+            if not self.scanned[p].rattles:
+                break
+            out = p
+        return out
+
+    @property
+    def first(self) -> int:
+        """Index of the lowest preload above those at which the damper rattles."""
+        return int(np.searchsorted(self.preload, self.no_steady_below, side="right"))
+
     def isolated(self, branch: Branch, k: int) -> bool:
         """Whether the peak of a branch is known to lie off the response curve that a sweep of frequency follows."""
         there = self.scan_at(k)
@@ -167,6 +189,8 @@ class PeakEnvelope:
     def trusted(self, k: int) -> bool:
         """Whether the scan at a preload was complete, or the nearest ones on both sides were and no other is called for."""
         there, p = self.scan_at(k), self.preload[k]
+        if k < self.first:
+            return False
         if there is not None or not self.finished:
             return there is not None and there.ending == COMPLETE
         below = max((q for q in self.scanned if q < p), default=None)
@@ -215,7 +239,7 @@ class PeakEnvelope:
                         "index": self.scans, "preload": self.preload[k], "asked_whole": whole, "scanned": told.ending,
                         "quick": told.quick, "whole": told.whole, "bound": told.bound, "isolated": sorted(told.isolated),
                         "events": self.events[n_events:], "branches": [b.record() for b in self.branches[n_branches:]],
-                        "cost": spent,
+                        "rattles": told.rattles, "cost": spent,
                     }
                 )  # fmt: skip
         self.scans += 1
@@ -233,7 +257,8 @@ class PeakEnvelope:
             )
         bound = np.nan if record["bound"] is None else record["bound"]
         self.scanned[float(self.preload[k])] = Scanned(
-            record["scanned"], record["quick"], record["whole"], bound, frozenset(record["isolated"])
+            record["scanned"], record["quick"], record["whole"], bound, frozenset(record["isolated"]),
+            record["rattles"],
         )
         self.events += record["events"]
         self.branches += [Branch.of(item) for item in record["branches"]]
@@ -245,7 +270,7 @@ class PeakEnvelope:
         if self.report is None:
             return
         n = len(self.preload)
-        todo = {k for k in (0, n - 1) if self.scan_at(k) is None}.union(() if self.finished else self.suspicious())
+        todo = {k for k in (min(self.first, n - 1), n - 1) if self.scan_at(k) is None}.union(() if self.finished else self.suspicious())
         self.report(stage, self.scans, self.scans + max(1, len(todo)))
 
     def _scan(self, k: int, whole: bool) -> Scanned:
@@ -284,14 +309,16 @@ class PeakEnvelope:
         self.events.append(
             f"{p:.6g} N: scan over frequency ({told.ending}) found {len(peaks)} peaks, {len(new)} of them new"
         )
-        told = replace(told, isolated=frozenset(isolated))
+        told = replace(told, isolated=frozenset(isolated), rattles=found.rattles)
+        lowest = bool(told.rattles) and all(self.scanned[q].rattles for q in self.scanned if q < p)
         top = max([q.amplitude for q in peaks], default=0.0)
         for q in new[:FOLLOWED]:
             if q.amplitude < SIGNIFICANT * top:
                 continue
             branch = Branch(len(self.branches), {k: q})
             self.branches.append(branch)
-            self.follow(branch, k, -1)
+            if not lowest:
+                self.follow(branch, k, -1)
             self.follow(branch, k, +1)
         return told
 
@@ -316,7 +343,7 @@ class PeakEnvelope:
         ended = ""
         while True:
             k += step
-            if not 0 <= k < len(self.preload) or (last is not None and k == last + step):
+            if not self.first <= k < len(self.preload) or (last is not None and k == last + step):
                 break
             self.tell(f"peak followed to {self.preload[k]:.4g} N")
             peak = follower.go(float(self.preload[k]))
@@ -355,11 +382,11 @@ class PeakEnvelope:
         """The preload that is to be scanned next: ends of the range, some between, and where what is known asks for it."""
         n = len(self.preload)
         first = [n - 1, *(int(i) for i in np.round(np.linspace(0, n - 1, checks + 2))[1:-1])]
-        todo = next((k for k in first if self.scan_at(k) is None), None)
+        todo = next((k for k in first if self.scan_at(k) is None and k >= self.first), None)
         if todo is None:
             todo = self.without_peak()
-        if todo is None and self.scan_at(0) is None:
-            return 0
+        if todo is None:
+            todo = self.low_end()
         if todo is None:
             todo = next(self.suspicious(), None)
         return self.beside_incomplete() if todo is None else todo
@@ -413,21 +440,33 @@ class PeakEnvelope:
         """The highest preload without a peak.
 
         The one beside it is taken first, where a scan is cheap, and the low end of the range, which is scanned in any case:
-        a branch found there may reach up to it.
+        a branch found there may reach up to it.  The low end is left for later if the contacts are open most of the time
+        beside the preload, since the range may end between the two.
         """
-        for k in reversed(range(len(self.preload))):
+        low = self.first
+        for k in reversed(range(low, len(self.preload))):
             if self.highest(k) is None and self.scan_at(k) is None:
-                beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and self.highest(j) is not None]
-                first = [*beside, 0] if self.highest(0) is None else beside
+                beside = [j for j in (k + 1, k - 1) if low <= j < len(self.preload) and self.highest(j) is not None]
+                near = [self.highest(j) for j in beside]
+                seated = not any(item is not None and item[1].shares[2] > OPEN for item in near)
+                first = [*beside, 0] if seated and low == 0 and self.highest(0) is None else beside
                 return next((j for j in first if self.scan_at(j) is None), k)
         return None
 
+    def low_end(self) -> int | None:
+        """The low end of the range, or halfway between preloads at which the damper rattles and the lowest scan above."""
+        k = self.first
+        if k == 0 or k == len(self.preload) or self.scan_at(k) is not None:
+            return 0 if k == 0 and self.scan_at(0) is None else None
+        above = next(j for j in range(k, len(self.preload)) if self.scan_at(j) is not None)
+        return (k - 1 + above) // 2
+
     def beside_incomplete(self) -> int | None:
         """A preload beside one without a complete scan, so that every value lies between complete ones."""
-        for k in reversed(range(len(self.preload))):
+        for k in reversed(range(self.first, len(self.preload))):
             there = self.scan_at(k)
             if there is not None and there.ending != COMPLETE:
-                beside = [j for j in (k + 1, k - 1) if 0 <= j < len(self.preload) and self.scan_at(j) is None]
+                beside = [j for j in (k + 1, k - 1) if self.first <= j < len(self.preload) and self.scan_at(j) is None]
                 if beside:
                     return beside[0]
         return None
@@ -435,7 +474,7 @@ class PeakEnvelope:
     def suspicious(self) -> Iterator[int]:
         """Preloads to which a high peak of a neighbour does not reach, or beside one where the highest is isolated."""
         n = len(self.preload)
-        for i, j in [pair for k in range(n - 1) for pair in ((k, k + 1), (k + 1, k))]:
+        for i, j in [pair for k in range(self.first, n - 1) for pair in ((k, k + 1), (k + 1, k))]:
             top = self.highest(i)
             if top is None:
                 continue

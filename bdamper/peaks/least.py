@@ -212,7 +212,8 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
             return at_grid, best.parameter
         width = float(abs(x[k + side] - x[k]))
         if not np.isfinite(height[k + side]):
-            why = f"{NOT_VERIFIED}the amplitude falls toward {known.preload[k + side]:.6g} N, where no value is known"
+            what = "no steady response is expected" if k + side < known.first else "no value is known"
+            why = f"{NOT_VERIFIED}the amplitude falls toward {known.preload[k + side]:.6g} N, where {what}"
             return replace(at_grid, uncertainty=width, status=why), best.parameter
         out = search.between(near, search.at(float(x[k + side])))
         return out, out.preload * (1.0 - side * BESIDE if out.kind == "jump" else 1.0)
@@ -342,7 +343,7 @@ def _whole(known: PeakEnvelope, k: int) -> bool:
 def _could_be_lower(known: PeakEnvelope, found: OptimumPoint) -> list[int]:
     """Preloads without a value of which nothing known says that they are higher than the optimum."""
     least = (1.0 - AGREES) * found.amplitude
-    return [k for k in range(len(known.preload)) if known.value(k) is None and not known.lower_bound(k) >= least]
+    return [k for k in range(known.first, len(known.preload)) if known.value(k) is None and not known.lower_bound(k) >= least]
 
 
 def _judged(known: PeakEnvelope, found: OptimumPoint) -> OptimumPoint:

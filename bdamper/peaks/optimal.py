@@ -21,7 +21,7 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.envelope import PeakEnvelope
 from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
-from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
+from bdamper.peaks.optimal_curve import NO_STEADY, OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
@@ -106,12 +106,13 @@ def optimal_curve(
     known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
     optimum = _search(known, checks, verify, progress, resume)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
-    for k in range(len(known.preload) - 1):
+    for k in range(known.first, len(known.preload) - 1):
         known.note_change(k)
     columns = _columns(known, problem.n_unknowns)
     return OptimalCurve(
         **columns, free=free, stuck=stuck, optimum=optimum, events=tuple(known.events),
         cost=meter.read(time.perf_counter()), settings=settings, model_hash=problem.model.hash,
+        no_steady_below=known.no_steady_below,
     )  # fmt: skip
 
 
@@ -174,6 +175,9 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
 def _status(known: PeakEnvelope, k: int) -> str:
     """What is known at a preload, with the ending of the scan over frequency if one was made there."""
     there = known.scan_at(k)
+    if k < known.first:
+        edge = known.no_steady_below
+        return f"{NO_STEADY} below {edge:.6g} N: {known.scanned[edge].rattles}"
     if known.value(k) is not None:
         return "followed" if there is None else "scanned"
     what = "no peak found" if known.highest(k) is None else "lower bound"

@@ -19,6 +19,8 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
+NO_STEADY = "no steady periodic response"
+"""Status of preloads at which the damper rattles."""
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
@@ -145,6 +147,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     goes_on : (n,) bool
         Whether the peak is that of the preload before, followed from there, also where its branch joins another; False
         beside a preload without a value.
+    no_steady_below : float, N
+        No steady periodic response is expected up to this preload, by the sign of :mod:`bdamper.continuation.rattle`: the
+        damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
     """
 
     preload: NDArray
@@ -173,6 +178,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     ladder: Ladder | None = None
     lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
+    no_steady_below: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:  # in files of versions before 0.3
@@ -197,7 +203,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     @property
     def warnings(self) -> tuple[str, ...]:
         """What the curve and its optimum leave open: preloads without a value, an optimum that is not verified."""
-        out = [f"{p:.6g} N: {s}" for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned")]
+        low = self.status[0] if self.no_steady_below else ""
+        gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned", low)]
+        out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
         o = self.optimum
         if o.kind == "end":
             out.append(f"optimum: least value at the {AT_END}")
@@ -333,7 +341,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
                 below, above = self.preloads_within(high)
                 note += f"\n  from {below:.4g} to {above:.4g} N the amplitude is at most {high:.4g} m"
             lines += [f"  {line}" for line in (note, *table)]
-        open_ = [w for w in self.warnings if not w.startswith("optimum")]
+        if self.no_steady_below:
+            lines.append(f"  {self.status[0]}")
+        open_ = [w for w in self.warnings if not w.startswith(("optimum", NO_STEADY))]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
         return "\n".join(lines)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.coverage import SHARE, Coverage, Piece
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.continuation.rattle import rattles
 from bdamper.continuation.track import track
 from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
 from bdamper.harmonic_balance.system import HarmonicSystem
@@ -84,6 +85,8 @@ class Scan:
         The highest point within the interval, if it is higher than all peaks.
     limited : bool
         A path may have ended since the budget of evaluations that was asked for was used up.
+    rattles : str
+        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.continuation.rattle`).
     """
 
     peaks: tuple[Peak, ...]
@@ -91,6 +94,7 @@ class Scan:
     points: NDArray
     above: Above | None = None
     limited: bool = False
+    rattles: str = ""
 
     @property
     def whole(self) -> bool:
@@ -194,7 +198,8 @@ def scan(
     if above is not None and curve.point_kind[i] in CORNERS:
         above = above._replace(corner=_corner(curve, points, preload, i))
     ending = COMPLETE if curve.complete else f"{curve.status} ({curve.reason})"
-    return Scan(peaks, ending, points, above, _limited(curve, continuation))
+    why = rattles(curve.frequency, curve.amplitude, curve.shares[:, 2], curve.branch)
+    return Scan(peaks, ending, points, above, _limited(curve, continuation), why)
 
 
 def _limited(curve: Curve, continuation: ContinuationOptions | None) -> bool:
@@ -277,7 +282,8 @@ def scan_from(
         ending = f"incomplete ({'; '.join(f'{piece.path.status}: {piece.path.reason}' for piece in pieces)})"
     y = np.array([p.y for p in points]).reshape(-1, len(start))
     found = _above(peaks, y[:, -1] / (2.0 * np.pi), height, [p.kind for p in points])
-    return Scan(peaks, ending, y, found and found[1])
+    why = rattles(y[:, -1], height, [p.shares[2] for p in points])
+    return Scan(peaks, ending, y, found and found[1], rattles=why)
 
 
 def _end(piece: Piece) -> str:

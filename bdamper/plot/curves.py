@@ -18,7 +18,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
-from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.peaks.optimal_curve import NO_STEADY, OptimalCurve
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification
@@ -224,12 +224,14 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
         return
     edges = np.exp(np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]]))
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
-    looks = {1: ("////", "no peak found"), 2: ("....", "curve not followed to its ends")}
+    kind[missing & (result.preload <= result.no_steady_below)] = 3
+    looks = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
+             3: ("xxxx", f"{NO_STEADY} below {newtons(float(f'{result.no_steady_below:.3g}'))}")}  # fmt: skip
     for first, last in runs(kind):
         if not missing[first]:
             continue
         hatch, reason = looks[int(kind[first])]
-        label = f"no value: {reason}" if first == np.argmax(kind == kind[first]) else None
+        label = reason if first == np.argmax(kind == kind[first]) else None
         ax.axvspan(edges[first], edges[last + 1], facecolor="none", edgecolor="0.75", linewidth=0.0, zorder=0, hatch=hatch,
                    label=label)
     if np.isfinite(result.lower_bound).any():
