@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+NO_STEADY = "no steady periodic response"
 FOLDS = 12
 """Turning points of a curve in frequency from which on it is a tangle."""
 OPEN = 0.5

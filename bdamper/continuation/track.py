@@ -19,6 +19,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.follower import OUT_OF_BUDGET
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
+from bdamper.continuation.rattle import NO_STEADY, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances
@@ -175,19 +176,26 @@ def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], 
     return out
 
 
-def _ending(problem: Problem, search: Coverage, preload: float) -> tuple[str, str, tuple[LeftOut, ...]]:
+def _ending(search: Coverage) -> tuple[str, str, tuple[LeftOut, ...]]:
     """Status and reason of the curve, with advice where it is not complete, and what is left out."""
     status, reason, left_out = ending(search.pieces, *search.limits)
+    if why := _rattles(search):
+        reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if status not in ("incomplete", "no start"):
         return status, reason, left_out
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
     if any(DRIFTED_AWAY in line for line in search.log):
         reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
-    if 0.0 < preload < 2.0 * problem.excitation.amplitude:
-        ratio = preload / problem.excitation.amplitude
-        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
     return status, f"{reason}; study.settle marches in time where no solution was found", left_out
+
+
+def _rattles(search: Coverage) -> str:
+    """Why no steady periodic response is expected, if the pieces show the sign."""
+    ordered = in_order(search.pieces)
+    y = np.array([p.y for p, _ in ordered]).reshape(-1, search.system.n_unknowns + 1)
+    height = np.abs(search.system.response(y[:, :-1])[:, 1])
+    return rattles(y[:, -1], height, [p.shares[2] for p, _ in ordered], [way.branch for _, way in ordered])
 
 
 def _without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
@@ -214,7 +222,7 @@ def _without_points(problem: Problem, preload: float, reason: str, options: Cont
 
 
 def _curve(problem: Problem, search: Coverage, preload: float) -> Curve:
-    status, reason, left_out = _ending(problem, search, preload)
+    status, reason, left_out = _ending(search)
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)

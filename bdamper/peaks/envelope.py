@@ -270,7 +270,8 @@ class PeakEnvelope:
         if self.report is None:
             return
         n = len(self.preload)
-        todo = {k for k in (min(self.first, n - 1), n - 1) if self.scan_at(k) is None}.union(() if self.finished else self.suspicious())
+        ends = {min(self.first, n - 1), n - 1}
+        todo = {k for k in ends if self.scan_at(k) is None}.union(() if self.finished else self.suspicious())
         self.report(stage, self.scans, self.scans + max(1, len(todo)))
 
     def _scan(self, k: int, whole: bool) -> Scanned:

@@ -343,7 +343,8 @@ def _whole(known: PeakEnvelope, k: int) -> bool:
 def _could_be_lower(known: PeakEnvelope, found: OptimumPoint) -> list[int]:
     """Preloads without a value of which nothing known says that they are higher than the optimum."""
     least = (1.0 - AGREES) * found.amplitude
-    return [k for k in range(known.first, len(known.preload)) if known.value(k) is None and not known.lower_bound(k) >= least]
+    unknown = (k for k in range(known.first, len(known.preload)) if known.value(k) is None)
+    return [k for k in unknown if not known.lower_bound(k) >= least]
 
 
 def _judged(known: PeakEnvelope, found: OptimumPoint) -> OptimumPoint:

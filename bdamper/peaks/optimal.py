@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.rattle import NO_STEADY
 from bdamper.peaks.envelope import PeakEnvelope
 from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
-from bdamper.peaks.optimal_curve import NO_STEADY, OptimalCurve, OptimumPoint
+from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.rattle import NO_STEADY
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -19,8 +20,6 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
-NO_STEADY = "no steady periodic response"
-"""Status of preloads at which the damper rattles."""
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""

@@ -15,10 +15,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.rattle import NO_STEADY
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
-from bdamper.peaks.optimal_curve import NO_STEADY, OptimalCurve
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_integration import Verification

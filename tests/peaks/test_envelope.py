@@ -327,3 +327,36 @@ def test_a_maximum_below_the_flank_of_another_resonance_is_seen():
     assert (i, above.amplitude, above.what) == (3, 3.0, "at a maximum without a smooth peak")
     assert _above((peak(1.0, 3.0),), frequency, amplitude, kinds) is None
     assert _above((), frequency[:3], amplitude[:3], kinds[:3]) is None
+
+
+def test_the_range_ends_where_the_damper_rattles():
+    """Scans at the two lowest preloads show it: no value there, nothing to do, and the optimum is not questioned by it."""
+    peaks = known([valley], GRID)
+    for k in (0, 1):
+        peaks.scanned[float(GRID[k])] = Scanned("complete", rattles="12 folds")
+    peaks.scanned[float(GRID[2])] = Scanned("complete")
+    assert (peaks.no_steady_below, peaks.first) == (GRID[1], 2)
+    assert [peaks.value(k) is None for k in range(4)] == [True, True, False, False]
+    assert peaks.next_scan(0) is None
+    assert _status(peaks, 0) == _status(peaks, 1) == f"no steady periodic response below {GRID[1]:.6g} N: 12 folds"
+    least_of_all = peaks.highest(4)[1]
+    found = OptimumPoint(1.0, 2.0 * least_of_all.amplitude, 100.0, "smooth", 0.0)
+    assert not search._could_be_lower(peaks, found)
+
+
+def test_a_lower_preload_without_the_sign_contradicts_it():
+    peaks = known([valley], GRID)
+    peaks.scanned[float(GRID[3])] = Scanned("complete", rattles="12 folds")
+    assert (peaks.no_steady_below, peaks.first) == (0.0, 0)
+    assert peaks.value(3) is not None
+
+
+def test_the_edge_is_found_by_halving():
+    """The lowest preload rattles, the highest does not; both neighbours of the edge are scanned in the end."""
+    peaks, asked = known([valley], GRID), []
+    peaks.scanned = scans(peaks, {len(GRID) - 1: "complete"})
+    while (k := peaks.next_scan(0)) is not None:
+        asked.append(k)
+        peaks.scanned[float(GRID[k])] = Scanned("complete", rattles="" if k > 2 else "12 folds")
+    assert asked == [0, 3, 1, 2]
+    assert peaks.first == 3
