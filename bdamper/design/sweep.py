@@ -209,7 +209,14 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     def _grid(self) -> dict[str, Any]:
         if len(self.shape) != len(self.names) or any(isinstance(v, (list, dict)) for p in self.points for v in p.values()):
             return {}
-        return {name: list(dict.fromkeys(point[name] for point in self.points)) for name in self.names}
+        grid = {name: list(dict.fromkeys(point[name] for point in self.points)) for name in self.names}
+        for (name, values), n in zip(grid.items(), self.shape):
+            if len(values) != n:
+                raise SettingError(
+                    f"to_xarray of a sweep: expected each value of '{name}' once, as coordinates are, found {n} values of "
+                    f"which {len(values)} differ; to_pandas takes them all"
+                )
+        return grid
 
     def columns(self) -> dict[str, Column]:
         """A row for each point: its settings, its answers, status and time; answers that are lists for xarray."""

@@ -269,6 +269,8 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
     for column, known in (("frequency", ("", "hz")), ("phase", tuple(ANGLES))):
         if column in columns and units[column][1] not in known:
             raise mismatch(where, f"the {column} in one of {[u for u in known if u]}", f"'{units[column][1]}'")
+    if second == "imag" and units["real"][1] != units["imag"][1]:
+        raise mismatch(where, "real and imag in the same unit", f"'{units['real'][1]}' and '{units['imag'][1]}'")
     values = []
     for number, row in _rows(path, lines, head):
         texts = [row[units[column][0]] if units[column][0] < len(row) else "" for column in columns]

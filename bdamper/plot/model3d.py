@@ -23,6 +23,8 @@ from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
 """Points (n, 3) in m, quadrilaterals (m, 4), and a colour, alone or with its opacity, or a value (n,) for each point."""
+MOST_FACES = 100_000
+"""Of more quadrilaterals matplotlib draws every second, third ...: so many take 0.9 s."""
 
 
 def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
@@ -102,14 +104,6 @@ def _surfaces_matplotlib(
     with plt.rc_context(FIXED):
         figure = plt.figure(figsize=(4.2, 5.0))
         ax: Any = figure.add_axes((0.0, 0.16, 1.0, 0.79), projection="3d")
-        top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
-        for place, quads, colour in surfaces:
-            corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
-            values = isinstance(colour, np.ndarray)
-            face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top) if values else colour
-            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
-        if points is not None and len(points):
-            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
         every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
         low, high = every.min(axis=0), every.max(axis=0)
         _box(ax, low, high, "ZXY")
@@ -117,7 +111,17 @@ def _surfaces_matplotlib(
         ax.view_init(elev=18.0, azim=-40.0)
         if title:
             ax.set_title(title, fontsize=9.0)
-        _room_for_ticks(ax)
+        _room_for_ticks(ax)  # before there are faces, as it draws many times
+        top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0) or 1.0
+        step = max(1, -(-sum(len(quads) for _, quads, _ in surfaces) // MOST_FACES))
+        for place, every_quad, colour in surfaces:
+            quads = every_quad[::step]
+            corner = 1e3 * np.asarray(place, float)[:, [2, 0, 1]][quads]
+            values = isinstance(colour, np.ndarray)
+            face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top) if values else colour
+            ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
+        if points is not None and len(points):
+            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
         if path is not None:
             save_figure(figure, path)
     return ax
@@ -257,12 +261,8 @@ def plot_import_report(report: ImportReport) -> Figure:
             values = [report.frequencies[d][mode] for d in diameters]
             left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
         left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
+        left.xaxis.set_major_locator(MaxNLocator(integer=True))
         left.set_title("sector", fontsize=9.0)
-        for k, mesh in enumerate(report.model.meshes.values()):
-            edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
-            edges = np.unique(np.sort(edges, axis=1), axis=0)
-            edges = edges[edges[:, 0] != edges[:, 1]]
-            right.add_collection3d(Line3DCollection(1e3 * mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
         points = [1e3 * face.points for face in report.model.interfaces.values()]
         for k, (name, face) in enumerate(report.model.interfaces.items()):
             right.scatter(*(1e3 * face.points).T, s=6, color=colours(max(len(points), 2))[k], label=name, depthshade=False)
@@ -272,5 +272,10 @@ def plot_import_report(report: ImportReport) -> Figure:
             _box(right, low, high, "XYZ")
             right.set_box_aspect(np.maximum(high - low, 1e-3 * np.ptp([low, high])))
         right.legend(loc="upper left", bbox_to_anchor=(0.9, 1.0), fontsize=7.0)
-        _room_for_ticks(right)
+        _room_for_ticks(right)  # before there are edges, as it draws many times
+        for k, mesh in enumerate(report.model.meshes.values()):
+            edges = np.concatenate([mesh.quads[:, [i, (i + 1) % 4]] for i in range(4)])
+            edges = np.unique(np.sort(edges, axis=1), axis=0)
+            edges = edges[edges[:, 0] != edges[:, 1]]
+            right.add_collection3d(Line3DCollection(1e3 * mesh.points[edges], colors=["0.6", "0.2"][k % 2], linewidths=0.4))
     return figure

@@ -12,7 +12,7 @@ from bdamper.design.compare import DesignComparison
 from bdamper.effects.hysteresis import Dissipation, Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import MARKERS, colours, drawing
+from bdamper.plot.axes import MARKERS, colours, drawing, length
 from bdamper.plot.curves import PRELOAD, plot_curves, plot_measurement
 from bdamper.util import validate
 from bdamper.util.plotting import draws
@@ -75,12 +75,14 @@ def plot_together(
         for one in measured:
             plot_measurement(one, ax)
         return ax
+    loops = [result.loop()[0] for result in results.values() if isinstance(result, Hysteresis)]
+    factor, unit = length(*loops) if loops else (1.0, "m")
     with drawing(ax, title=title, legend=7.0) as ax:
         for i, ((name, result), colour) in enumerate(zip(results.items(), colours(len(results)))):
             x, y = _values(result, quantity)
             known = np.flatnonzero(np.isfinite(y))
             if kind is Hysteresis:
-                ax.plot(1e6 * x, y, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
+                ax.plot(factor * x, y, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
                 continue
             ax.plot(x, y, linestyle=STYLES[i % len(STYLES)], color=colour, marker=MARKERS[i % len(MARKERS)], markersize=3.0,
                     markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)  # fmt: skip
@@ -89,7 +91,7 @@ def plot_together(
                 ax.plot(o.preload, o.amplitude, "*", color=colour, markersize=8.0,
                         markerfacecolor=colour if o.verified else "w")  # fmt: skip
         if kind is Hysteresis:
-            ax.set(xlabel="Response (µm)", ylabel="Contact force at the response (N)")
+            ax.set(xlabel=f"Response ({unit})", ylabel="Contact force at the response (N)")
             return ax
         ax.set(xlabel=PRELOAD if kind is OptimalCurve else "Response amplitude (m)", ylabel=QUANTITIES[quantity])
         ax.set(xscale="log", yscale="log" if quantity == "amplitude" else "linear")

@@ -102,10 +102,13 @@ class Tabular:
     def to_xarray(self) -> Any:
         """An xarray.Dataset with units in the attributes of its variables, arrays of more dimensions included.
 
+        Harmonics are complex, which netCDF has no type for: ``data.to_netcdf(path, engine="h5netcdf",
+        invalid_netcdf=True)`` writes them as HDF5 does, and xarray and h5py read them.
+
         Raises
         ------
         BdamperError
-            If xarray is not installed.
+            If xarray is not installed, or a sweep has the same value of a setting twice, which is no coordinate.
         """
         xarray = _optional("xarray", "to_xarray")
         own, grid = self._dimension(), self._grid()

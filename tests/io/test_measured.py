@@ -106,6 +106,7 @@ def test_a_response_that_was_written_is_read(tmp_path):
     [
         ("amplitude\n1\n", r"line 1: expected the columns frequency and amplitude, or frequency, real and imag, found"),
         ("frequency (rpm),amplitude\n1,2\n", r"line 1: expected the frequency in one of \['hz'\], found 'rpm'"),
+        ("frequency,real (m),imag (mm)\n1,2,3\n", "line 1: expected real and imag in the same unit, found 'm' and 'mm'"),
         ("frequency,amplitude\n1,2\n2,x\n", "line 3: expected a finite number in column 'amplitude', found 'x'"),
         ("frequency,amplitude\n1\n", "line 2: expected a finite number in column 'amplitude', found ''"),
         ("frequency,amplitude\n1,2,3\n", "line 2: expected 2 values separated by commas"),

@@ -11,6 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from PIL import Image
 
 import bdamper as bd
@@ -18,7 +19,7 @@ from bdamper.accuracy.ladders import AccuracyCost, Run
 from bdamper.effects.advice import Advice, EffectAdvice
 from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
-from bdamper.plot import damper_picture, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
+from bdamper.plot import damper_picture, model3d, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
 from bdamper.plot.motion import contact_status
 from bdamper.problem.effects import Effects
 
@@ -74,6 +75,16 @@ def test_models_have_pictures(tmp_path, name):
     model.plot_mode(2, tmp_path / "mode.png", backend="matplotlib")
     assert_picture(tmp_path / "model.png")
     assert_picture(tmp_path / "mode.png")
+
+
+def test_large_models_are_thinned(monkeypatch):
+    model = bd.reference_model("blade_to_ground")
+    quads = len(model.meshes["blade"].quads)
+    monkeypatch.setattr(model3d, "MOST_FACES", quads // 2)
+    ax = model.plot(backend="matplotlib")
+    ax.figure.draw_without_rendering()
+    (faces,) = (c for c in ax.collections if isinstance(c, Poly3DCollection))
+    assert len(faces.get_paths()) == quads // 2
 
 
 def test_pyvista(tmp_path):

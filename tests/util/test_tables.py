@@ -67,6 +67,22 @@ class TestTables:
         assert float(grid["amplitude"].sel(mu=0.4, preload=3.0)) == pytest.approx(1.2)
         assert grid["curve_amplitude"].shape == (2, 3, 2)
 
+    @pytest.mark.filterwarnings("ignore:You are writing invalid netcdf features")
+    def test_complex_values_in_a_file(self, curve, tmp_path):
+        xarray = pytest.importorskip("xarray")
+        pytest.importorskip("h5netcdf")
+        data = curve.to_xarray()
+        data.to_netcdf(tmp_path / "curve.nc", engine="h5netcdf", invalid_netcdf=True)
+        with xarray.open_dataset(tmp_path / "curve.nc", engine="h5netcdf") as found:
+            assert np.array_equal(found["harmonics"], data["harmonics"]) and np.iscomplexobj(found["harmonics"])
+
+    def test_a_value_twice_is_no_coordinate(self, swept):
+        pytest.importorskip("xarray")
+        twice = replace(swept, points=tuple({**point, "mu": 0.4} for point in swept.points))
+        with pytest.raises(bd.BdamperError, match="expected each value of 'mu' once, as coordinates are, found 2 values"):
+            twice.to_xarray()
+        assert len(twice.to_pandas()) == len(swept)
+
     @pytest.mark.parametrize("module", ["pandas", "xarray"])
     def test_what_is_not_installed_is_named(self, curve, module, monkeypatch):
         monkeypatch.setitem(sys.modules, module, None)
