@@ -95,6 +95,9 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
         Whether small disturbances die out; see :mod:`bdamper.stability.floquet`.
     stability_note : str
         Which disturbances, and what it cost.
+    in_time : (n,) float or None
+        Mean amplitude of the motion in time that starts at a point over that of the point, NaN where it is not known
+        (:mod:`bdamper.stability.in_time`); where it was asked for.
     error_estimates : ErrorEstimates or None
         Of the highest peak, by source, where they were asked for.
     ladder : Ladder or None
@@ -122,6 +125,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     notes: tuple[str, ...] = ()
     stable: NDArray | None = None
     stability_note: str = ""
+    in_time: NDArray | None = None
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
 
@@ -187,6 +191,16 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
             return False
         return bool(self.frequency[i] in (self.frequency.min(), self.frequency.max()))
 
+    @property
+    def labels(self) -> NDArray:
+        """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell"; empty where nothing was judged."""
+        if self.stable is None:
+            return np.full(len(self), "", object)
+        n = self.harmonics.shape[1] - 1
+        so_far = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}"
+        proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
+        return np.where(self.stable, np.where(proven, "stable", so_far), "unstable")
+
     def facts(self) -> tuple[Fact, ...]:
         """What the curve is of, where it is highest, and how it was found."""
         head = (Fact("preload", self.preload, "N"), Fact(f"{self.kind} curve", f"{self.status}, {len(self)} points"))
@@ -210,6 +224,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     def columns(self) -> dict[str, Column]:
         """Points of the curve in the order of its path; the harmonics of the response for xarray."""
         judged = {} if self.stable is None else {"stable": Column(np.asarray(self.stable, bool))}
+        judged |= {} if self.in_time is None else {"in_time": Column(self.in_time)}
         shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
         return {
             "frequency": Column(self.frequency, "Hz"),

@@ -55,10 +55,12 @@ from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import SLIP_MINUS, SLIP_PLUS, STICK, TWO_PI, slope_at
+from bdamper.stability.in_time import STABLE, TOLERANCE, UNDECIDED, InTimeJudge
 from bdamper.stability.time_integration import Motion, Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.cost import Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -391,6 +393,7 @@ def with_stability(
     nodal_diameters: Sequence[int] = (),
     oscillating: bool = False,
     every_point: bool = False,
+    in_time: bool = False,
 ) -> Curve:
     """The same tracking curve with the stability of every point; see :mod:`bdamper.stability.floquet` for what it
     covers.
@@ -410,11 +413,17 @@ def with_stability(
         the same modes and without residual modes: all disturbances are judged then.  The note of the curve says which
         were.
     every_point : bool
-        Count oscillating growth at every point, instead of only where :mod:`bdamper.stability.wave` asks for it.
+        Count oscillating growth at every point, instead of only where :mod:`bdamper.stability.wave` asks for it; with
+        ``in_time`` march from every point.
+    in_time : bool
+        Ask the motion in time which solutions a blade keeps (:mod:`bdamper.stability.in_time`): a point is stable if the
+        motion that starts there keeps its amplitude to 5 %.  Some seconds for each point that is judged.  Where it remains
+        undecided what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
     """
     problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
+    in_time = validate.flag("in_time", in_time)
     others = {int(d): bases_beside(problem, int(d)) for d in validate.wholes("nodal_diameters", nodal_diameters)}
     omega = 2.0 * np.pi * curve.frequency
     result = stability_of_points(
@@ -426,7 +435,25 @@ def with_stability(
         None if every_point else curve.branch,
     )
     note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
-    return replace(curve, stable=result.stable, stability_note=note)
+    judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
+    return _judged_in_time(problem, judged, every_point) if in_time else judged
+
+
+def _judged_in_time(problem: Problem, curve: Curve, every_point: bool) -> Curve:
+    """A curve with stability from the harmonics, judged by the motion in time as well."""
+    watch = Stopwatch()
+    system, omega = problem.system(curve.preload), TWO_PI * curve.frequency
+    judge = InTimeJudge(system, curve.unknowns, omega, problem.model.n_blades, int(problem.engine_order))
+    moving = np.array([not rests(system, u) for u in curve.unknowns], bool).reshape(len(curve))
+    branch = np.arange(len(curve)) if every_point else np.asarray(curve.branch)
+    verdicts, _ = judged_along(judge, lambda i: _positive_determinant(system, curve.unknowns[i], omega[i]), moving, branch)
+    assert curve.stable is not None
+    stable = np.where(verdicts == UNDECIDED, curve.stable, verdicts == STABLE)
+    note = (
+        f"motion in time, amplitude kept to {100.0 * TOLERANCE:g} %: {len(judge.known)} of {len(curve)} points judged, "
+        f"{int((~moving).sum())} rest, {int((verdicts == UNDECIDED).sum())} undecided; {watch.read()['seconds']:.3g} s"
+    )
+    return replace(curve, stable=stable, stability_note=note, in_time=judge.ratios(verdicts, curve.branch))
 
 
 def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:

@@ -47,8 +47,8 @@ WINDOW = 40
 """Periods over which amplitudes are averaged at a time."""
 FEWEST, MOST = 6, 25
 """Windows of a march."""
-OPEN = 1e-4
-"""The same over a period, where the other sliders are free."""
+OPEN = 1e-3
+"""The same over a period, where the other sliders are free; 1e-4 to 3e-4 on the shipped disk."""
 ITERATIONS = 8
 DIFFERENCE = 1e-6
 """Disturbances of differences, relative to the state."""
@@ -255,7 +255,7 @@ def marched(sector: SectorMap, motion: Motion, expected: float, fewest: int = FE
 
 
 class InTimeJudge:
-    """Verdicts on points of one system for :func:`bdamper.stability.wave.judged_along`; arguments as for these."""
+    """Verdicts on points of one system for :func:`~bdamper.stability.wave.judged_along`; arguments as for these."""
 
     def __init__(
         self, system: HarmonicSystem, unknowns: NDArray, omega: NDArray, n_blades: int, engine_order: int
@@ -268,3 +268,20 @@ class InTimeJudge:
             self.known[i] = judge_in_time(self.system, self.unknowns[i], float(self.omega[i]), *self.ring, seed=i)
         found = self.known[i]
         return Verdict((found.verdict,), abs(found.ratio - 1.0) - TOLERANCE)
+
+    def ratios(self, verdicts: NDArray, branch: NDArray) -> NDArray:
+        """(n,) amplitude in time over that of the solution; 1 where nothing slips or opens, by interpolation between stable
+        points that were judged, NaN at other points that were not judged and at those that are undecided.
+        """
+        out = np.ones(len(verdicts))
+        judged = np.array(sorted(self.known), int)
+        ratio = np.array([self.known[int(i)].ratio for i in judged])
+        for b in np.unique(branch):
+            own = branch[judged] == b
+            inside = np.flatnonzero(branch == b)
+            if own.any():
+                inside = inside[(inside >= judged[own].min()) & (inside <= judged[own].max())]
+                out[inside] = np.interp(inside, judged[own], ratio[own])
+        out[verdicts != STABLE] = np.nan
+        out[judged] = np.where(verdicts[judged] == UNDECIDED, np.nan, ratio)
+        return out

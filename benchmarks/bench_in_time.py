@@ -1,0 +1,109 @@
+"""Labels of ``with_stability(in_time=True)`` against long marches: 50 points that are drawn before any of them is marched.
+
+Three preloads, one and three harmonics, on the shipped disk with nine contact points, unit tractions and ten blade modes.
+Half of the points lie within 2 % of a peak or fold; two are those at 351.1 and 352.8 Hz on the upper branch at 2 kN with
+one harmonic.  The marches have half the step of the labels, another disturbance, and last until the mean amplitude changes
+by less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
+last 80 (of half the periods, where the drift never ends) is within 5 % of that of the point.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.stability.in_time import TOLERANCE, SectorMap, disturbed
+
+SEED, POINTS = 20261121, 50
+BANDS = {200.0: (290.0, 345.0), 500.0: (310.0, 355.0), 2000.0: (340.0, 365.0)}
+KNOWN = (351.1, 352.8)
+STORED = Path(__file__).parent / "results" / "in_time.json"
+WINDOW, FEWEST, MOST, DRIFT = 80, 3, 12, 0.01
+
+
+def study(harmonics: int) -> bd.Study:
+    return bd.Study(
+        bd.reference_model("bladed_disk", 9),
+        bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.4,
+        contact_stiffness="unit_traction",
+        blade_modes=10,
+        harmonics=harmonics,
+    )
+
+
+def drawn(curves: dict[tuple[float, int], bd.Curve]) -> list[tuple[float, int, int]]:
+    """Preload, harmonics and index of each point."""
+    rng = np.random.default_rng(SEED)
+    out = []
+    first = curves[2000.0, 1]
+    for frequency in KNOWN:
+        upper = np.flatnonzero(first.amplitude > 0.9 * first.amplitude.max())
+        out.append((2000.0, 1, int(upper[np.abs(first.frequency[upper] - frequency).argmin()])))
+    keys = list(curves)
+    while len(out) < POINTS:
+        key = keys[len(out) % len(keys)]
+        curve = curves[key]
+        marks = np.array([curve.peak.frequency, *(fold.frequency for fold in curve.folds)])
+        distance = np.abs(curve.frequency[:, None] / marks - 1.0).min(axis=1)
+        near = (len(out) // len(keys)) % 2 == 0
+        place = (*key, int(rng.choice(np.flatnonzero((distance < 0.02) == near))))
+        if place not in out:
+            out.append(place)
+    return out
+
+
+def long_march(made: bd.Study, curve: bd.Curve, i: int) -> tuple[bool, float, int]:
+    """Whether the motion stays, its mean amplitude over that of the point, and the periods marched."""
+    omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
+    sector = SectorMap(made.system(curve.preload), omega, made.model.n_blades, int(made.engine_order), u, 0.25)
+    motion = disturbed(sector.ring, sector.ring.start(u, omega, sector.steps), SEED + i)
+    ratios: list[float] = []
+    while len(ratios) < MOST:
+        found = sector.ring.march(motion, omega, sector.steps, WINDOW)
+        motion = found.motion
+        ratios.append(float(np.abs(found.harmonics[:, 1]).mean() / curve.amplitude[i]))
+        if len(ratios) >= FEWEST and abs(ratios[-1] - ratios[-2]) < DRIFT * ratios[-1]:
+            break
+    else:
+        ratios.append(float(np.mean(ratios[MOST // 2 :])))
+    return abs(ratios[-1] - 1.0) <= TOLERANCE, ratios[-1], WINDOW * min(len(ratios), MOST)
+
+
+def main() -> None:
+    studies = {h: study(h) for h in (1, 3)}
+    curves = {(p, h): studies[h].track(p, band) for p, band in BANDS.items() for h in studies}
+    places = drawn(curves)
+    table, seconds = [], {}
+    for (preload, h), curve in curves.items():
+        watch = time.process_time()
+        curve = studies[h].with_stability(curve, in_time=True)
+        seconds[f"{preload:g} N, {h}"] = round(time.process_time() - watch, 1)
+        print(curve.stability_note, flush=True)
+        for p, n, i in places:
+            if (p, n) != (preload, h):
+                continue
+            watch = time.process_time()
+            stays, ratio, periods = long_march(studies[h], curve, i)
+            row = {
+                "preload": preload, "harmonics": h, "frequency": round(float(curve.frequency[i]), 3),
+                "amplitude": float(curve.amplitude[i]), "label": str(curve.labels[i]),
+                "ratio": round(float(curve.in_time[i]), 4), "march": "stays" if stays else "leaves",
+                "march ratio": round(ratio, 4), "periods": periods, "seconds": round(time.process_time() - watch, 1),
+            }  # fmt: skip
+            table.append(row)
+            print(row, flush=True)
+        STORED.write_text(json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1) + "\n")
+    decided = [row for row in table if "tell" not in row["label"]]
+    agree = sum((row["label"] == "stable") == (row["march"] == "stays") for row in decided)
+    left = len(table) - len(decided)
+    print(f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the march")
+
+
+if __name__ == "__main__":
+    main()

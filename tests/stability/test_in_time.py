@@ -1,0 +1,130 @@
+"""Stability from the motion in time: shooting against exact multipliers, marches against known solutions."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.stability.floquet import multipliers
+from bdamper.stability.in_time import STABLE, UNSTABLE, SectorMap, disturbed, judge_in_time, marched
+from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def path():
+    return followed(two_oscillators(15), 1.0, 3.5, STUCK)
+
+
+@pytest.fixture(scope="module")
+def disk():
+    model = bd.reference_model("bladed_disk", 9)
+    study = plain_study(model, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    return study, study.track(2000.0, (346.0, 358.0))
+
+
+def at(curve, frequency, highest):
+    """Index of the point of the highest, or of a middle or lower, branch at a frequency."""
+    crossing = np.flatnonzero(np.diff(np.sign(curve.frequency - frequency)))
+    return int(crossing[np.argsort(curve.amplitude[crossing])[highest]])
+
+
+def moving(system, u):
+    return system.contact(u)[2][:, [0, 2]] < 1.0 - 1e-12
+
+
+def test_the_map_of_a_sector_taken_once_for_each_is_the_march_over_a_period(disk):
+    study, curve = disk
+    u, omega = curve.unknowns[-1], 2 * np.pi * curve.frequency[-1]
+    sector = SectorMap(study.system(2000.0), omega, 65, 5, u)
+    motion = disturbed(sector.ring, sector.ring.start(u, omega, sector.steps), 7)
+    assert sector.ring.n == 13
+    mapped = motion
+    for _ in range(13):
+        mapped = sector(mapped)
+    marched_on = sector.ring.march(motion, omega, sector.steps).motion
+    # 13 turns by s sectors are a whole number of turns of the ring
+    for one, other in zip(mapped, marched_on):
+        np.testing.assert_allclose(one, other, atol=1e-6 * np.abs(other).max())
+    assert np.abs(sector(motion).q - motion.q).max() > 1e-4 * np.abs(motion.q).max()  # the disturbance is no such wave
+
+
+def test_shooting_finds_the_exact_multipliers(path):
+    """Of the motion with 15 harmonics, whose events it knows; where it separates that is no exact motion."""
+    system, found = two_oscillators(15), set()
+    for p in [p for p in path.points if p.shares[0] < 0.45][::28]:
+        u, omega = p.y[:-1], p.y[-1]
+        expected = multipliers(system, u, omega)[0]
+        errors = []
+        for accuracy in (0.04, 0.01):
+            sector = SectorMap(system, omega, 1, 0, u, accuracy)
+            motion, values = sector.periodic(sector.ring.start(u, omega, sector.steps), moving(system, u))
+            errors.append(np.abs(values - expected).min())
+            assert sector.amplitude(motion) == pytest.approx(np.abs(system.response(u[None])[0, 1]), rel=2e-3)
+        assert errors[1] < 0.015 if p.shares[2] else errors[1] < 0.3 * errors[0] < 5e-4
+        found.add(bool(np.abs(expected) > 1.0))
+        assert (np.abs(values[0]) > 1.0) == (np.abs(expected) > 1.0)
+    assert found == {True, False}
+
+
+@pytest.mark.slow
+def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
+    """At 351.1 and 352.8 Hz exponents of one harmonic say stable; 0.82 to 0.88 of the amplitude are left in time."""
+    study, curve = disk
+    by_harmonic = study.with_stability(curve)
+    i = at(curve, 352.3, -1)
+    assert by_harmonic.stable[i] and by_harmonic.labels[i] == "stable as far as 1 harmonic tells"
+    found = judge_in_time(study.system(2000.0), curve.unknowns[i], 2 * np.pi * curve.frequency[i], 65, 5)
+    assert found.verdict == UNSTABLE and 0.8 < found.ratio < 0.93
+    # a damper with damping of its own stays
+    damped = study.with_(damper_drag=8800.0 * study.model.bodies["damper"].mass)
+    curve = damped.track(2000.0, (346.0, 358.0))
+    i = at(curve, 352.3, -1)
+    found = judge_in_time(damped.system(2000.0), curve.unknowns[i], 2 * np.pi * curve.frequency[i], 65, 5)
+    assert found.verdict == STABLE and found.ratio == pytest.approx(1.0, abs=0.02)
+
+
+@pytest.mark.slow
+def test_shooting_between_two_folds(disk):
+    """The middle branch has one multiplier outside the unit circle, a real one; the lower branch has none."""
+    study, curve = disk
+    system = study.system(2000.0)
+    for highest, outside in ((1, True), (0, False)):
+        i = at(curve, 352.3, highest)
+        u, omega = curve.unknowns[i], 2 * np.pi * curve.frequency[i]
+        sector = SectorMap(system, omega, 65, 5, u)
+        motion, values = sector.periodic(sector.ring.start(u, omega, sector.steps), moving(system, u))
+        assert sector.amplitude(motion) == pytest.approx(curve.amplitude[i], rel=0.01)
+        assert (np.abs(values[0]) > 1.01) == outside and np.abs(values[1]) < 1.0
+        assert not outside or abs(values[0].imag) < 1e-6
+
+
+@pytest.mark.slow
+def test_labels_of_a_curve(disk):
+    study, curve = disk
+    judged = study.with_stability(curve, in_time=True)
+    labels, ratio = judged.labels, judged.in_time
+    assert "points judged" in judged.stability_note and "in_time" in judged.to_dataframe().columns
+    assert labels[at(curve, 352.3, 0)] == "stable" and ratio[at(curve, 352.3, 0)] == pytest.approx(1.0, abs=1e-3)
+    assert labels[at(curve, 352.3, 1)] == labels[at(curve, 352.3, 2)] == "unstable"
+    assert labels[at(curve, 356.5, 0)] == "stable"
+    decided = np.isfinite(ratio)
+    np.testing.assert_array_equal(judged.stable[decided], labels[decided] == "stable")
+    # every point for itself: the same
+    some = np.arange(0, len(curve), 9)
+    for i in some:
+        sector = SectorMap(study.system(2000.0), 2 * np.pi * curve.frequency[i], 65, 5, curve.unknowns[i])
+        start = disturbed(sector.ring, sector.ring.start(curve.unknowns[i], sector.omega, sector.steps), 99)
+        if decided[i]:
+            assert (marched(sector, start, curve.amplitude[i]).verdict == STABLE) == judged.stable[i]
+
+
+def test_labels_of_a_few_masses():
+    """Without sectors, a mass that meets a stop: between the folds the motion leaves."""
+    study = bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+    )
+    curve = study.track(0.0, (0.1, 0.35))
+    judged = study.with_stability(curve, in_time=True)
+    assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
+    assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
+    assert study.with_stability(curve).in_time is None
