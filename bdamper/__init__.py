@@ -96,7 +96,7 @@ _SUCCESSORS = {
     "SourceError": "bdamper.util.estimates.SourceError",
     "SweepResult": "bdamper.design.sweep.SweepResult",
     "UncertainCurve": "bdamper.design.uncertainty.UncertainCurve",
-    "Verification": "bdamper.stability.time_integration.Verification",
+    "Verification": "bdamper.stability.verification.Verification",
     "WedgeFriction": "bdamper.contact.wedge.WedgeFriction",
     "load_accuracy": "bdamper.load",
     "load_advice": "bdamper.load",

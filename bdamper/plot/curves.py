@@ -22,7 +22,7 @@ from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
 from bdamper.stability.steady_state import SettledResponse
-from bdamper.stability.time_integration import Verification
+from bdamper.stability.verification import Verification
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
@@ -323,7 +323,8 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     l = np.arange(len(verification.expected))
     expected = (np.exp(1j * np.outer(theta, l)) @ verification.expected).real
     dark, light = colours(2)
-    with drawing(ax, title=f"{verification.frequency:.6g} Hz", legend=7.0) as ax:
+    within = f"{verification.verdict} within {100.0 * verification.tolerance:g} %"
+    with drawing(ax, title=f"{verification.frequency:.6g} Hz: {within}", legend=7.0) as ax:
         label = f"time integration, {verification.periods} periods"
         ax.plot(theta / (2.0 * np.pi), 1e6 * verification.response, color=light, linewidth=2.4, label=label)
         ax.plot(theta / (2.0 * np.pi), 1e6 * expected, "--", color=dark, label="harmonic balance")

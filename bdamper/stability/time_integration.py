@@ -22,7 +22,7 @@ contact.  The start is the harmonic-balance solution, so what is measured is whe
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import gcd
 from typing import NamedTuple
 
@@ -31,19 +31,11 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
-from bdamper.continuation.curve import Curve
-from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
-from bdamper.util.plotting import Plottable
-from bdamper.util.progress import LongWork, each
-from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
 
 TWO_PI = 2.0 * np.pi
 QUICK = 200.0
@@ -52,67 +44,6 @@ the third harmonic is off by 2e-4, and on the shipped disk (residual modes, 356.
 those with mass, in steps 1.6 to 2.6 times as long."""
 MOST_PERIODS = 100
 """Periods of a given motion within which sliders must settle; those of the coupled laws need many."""
-
-
-@brief
-@dataclass(frozen=True)
-class Verification(Plottable, Tabular):
-    """Settled time response beside a harmonic-balance solution.
-
-    ``plot`` draws the last period in time and the harmonic-balance solution (:func:`bdamper.plot.plot_verification`).
-
-    Parameters
-    ----------
-    frequency : float, Hz
-    expected, settled : (n_harmonics + 1,) complex, m
-        Response amplitudes of the solution, and of the last period in time.
-    time, response : (n,) float, s and m
-        The last period of the response.
-    periods, steps_per_period, sectors : int
-    drift : float
-        Change of the response over the last period, relative to its size: zero once the motion has settled.
-    cost : Cost
-        The march counts as contact forces; an evaluation is one of all sectors.
-    interrupted : bool
-        Whether Ctrl-C has ended the march before all periods that were asked for.
-    """
-
-    frequency: float
-    expected: NDArray
-    settled: NDArray
-    time: NDArray
-    response: NDArray
-    periods: int
-    steps_per_period: int
-    sectors: int
-    drift: float
-    cost: Cost
-    interrupted: bool = False
-
-    def columns(self) -> dict[str, Column]:
-        """The last period in time, and the harmonic-balance solution at the same instants."""
-        turns = np.exp(2j * np.pi * self.frequency * np.outer(self.time, np.arange(len(self.expected))))
-        response, expected = Column(self.response, "m"), Column((turns @ self.expected).real, "m")
-        return {"time": Column(self.time, "s"), "response": response, "expected": expected}
-
-    @property
-    def seconds(self) -> float:
-        """Wall-clock time in all."""
-        return self.cost.seconds
-
-    @property
-    def distance(self) -> float:
-        """Distance of the vibration (all harmonics of the response besides the mean), relative to its size."""
-        size = float(np.linalg.norm(self.expected[1:]))
-        return float(np.linalg.norm((self.settled - self.expected)[1:])) / max(size, 1e-300)
-
-    def __str__(self) -> str:
-        ended = ", interrupted by the user" if self.interrupted else ""
-        return (
-            f"time integration at {self.frequency:.6g} Hz{ended}: distance {self.distance:.2e} from harmonic balance "
-            f"(|X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m); {self.periods} periods of "
-            f"{self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a period\n  {self.cost}"
-        )
 
 
 class Motion(NamedTuple):
@@ -423,114 +354,3 @@ def ring_and_steps(
     if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
         raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
     return ring, n
-
-
-def verify_solution(
-    system: HarmonicSystem,
-    u: NDArray,
-    omega: float,
-    n_blades: int,
-    engine_order: int,
-    *,
-    periods: int = 100,
-    steps_per_period: int | None = None,
-    progress: bool = False,
-) -> Verification:
-    """March from a harmonic-balance solution and compare the last period with it.
-
-    Parameters
-    ----------
-    system : HarmonicSystem
-    u : (n_unknowns,) float
-    omega : float, rad/s
-    n_blades, engine_order : int
-    periods : int
-    steps_per_period : int, optional
-        By default such that the step resolves the stiffest contact.
-    progress : bool
-        Show a bar of the periods.
-
-    Returns
-    -------
-    Verification
-        After Ctrl-C that of the periods marched by then.
-    """
-    periods = validate.whole("periods", periods, least=1)
-    watch = Stopwatch()
-    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, 0.1, u)
-    motion = ring.start(u, omega, n)
-    marched = 0
-    with LongWork() as work:
-        for marched, _ in enumerate(each(range(periods - 1), progress, "marching", "period")):
-            motion = ring.march(motion, omega, n).motion
-        marched = periods - 1
-    if work.interrupted and not marched:
-        raise KeyboardInterrupt
-    last = ring.march(motion, omega, n, trace=True)
-    row = ring.response_row()
-    response = last.trace @ row
-    expected = np.asarray(system.response(np.asarray(u)[None])[0])
-    size = max(float(np.abs(response).max()), 1e-300)
-    return Verification(
-        frequency=omega / TWO_PI,
-        expected=expected,
-        settled=last.harmonics[-1],
-        time=TWO_PI / omega * np.arange(n) / n,
-        response=response,
-        periods=marched + 1,
-        steps_per_period=n,
-        sectors=ring.n,
-        drift=float(abs(row @ (last.motion.q - motion.q))) / size,
-        cost=replace(ring.cost, **watch.read()),
-        interrupted=work.interrupted,
-    )
-
-
-@one_thread
-def verify(
-    problem: Problem,
-    curve: Curve,
-    index: int | None = None,
-    *,
-    periods: int = 100,
-    steps_per_period: int | None = None,
-    progress: bool = False,
-) -> Verification:
-    """March in time from a point of a tracking curve and compare where the motion settles.
-
-    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
-    (:mod:`bdamper.stability.time_integration`).  A period takes some ten thousand steps: seconds on a reference bladed
-    disk, so that the default of 100 takes minutes.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : Curve
-        Tracked with this problem.
-    index : int, optional
-        Of the point; the largest response by default.
-    periods : int
-        Periods of the excitation to march.
-    steps_per_period : int, optional
-        By default what the stiffest contact asks for.
-    progress : bool
-        Show a bar of the periods, with the time left.
-
-    Returns
-    -------
-    Verification
-        After Ctrl-C that of the periods marched by then.
-    """
-    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
-    check_curve(problem, curve)
-    i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
-    return verify_solution(
-        problem.system(curve.preload),
-        curve.unknowns[i],
-        2.0 * np.pi * float(curve.frequency[i]),
-        problem.model.n_blades,
-        int(problem.engine_order),
-        periods=periods,
-        steps_per_period=steps_per_period,
-        progress=progress,
-    )

@@ -9,7 +9,8 @@ import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
-from bdamper.stability.time_integration import Motion, Ring, verify_solution
+from bdamper.stability.time_integration import Motion, Ring
+from bdamper.stability.verification import verify_solution
 from tests.event_march import Marcher
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model

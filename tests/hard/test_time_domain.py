@@ -10,7 +10,8 @@ from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.floquet import multipliers, stability_of_points
 from bdamper.stability.steady_state import march_until_settled
-from bdamper.stability.time_integration import Ring, verify_solution
+from bdamper.stability.time_integration import Ring
+from bdamper.stability.verification import AGREES, DIFFERS, UNDECIDED, judged, verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
@@ -33,9 +34,11 @@ def test_linear_motion_to_second_order():
     """Fully stuck: harmonic balance is exact, so the distance is the error of the integration."""
     system = two_oscillators(1)
     p = followed(system, 1.0, 1.02, STUCK).points[0]
-    errors = [
-        verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=150, steps_per_period=n).distance for n in (100, 200)
-    ]
+    errors = []
+    for n in (100, 200):
+        ring = Ring(system, 1, 0)
+        settled = ring.march(ring.start(p.y[:-1], p.y[-1], n), p.y[-1], n, 150).harmonics[-1, 1]
+        errors.append(abs(settled / system.response(p.y[None, :-1])[0, 1] - 1.0))
     assert 3.5 < errors[0] / errors[1] < 4.5
     assert errors[1] < 1e-3
 
@@ -137,7 +140,35 @@ def test_verification_can_fail():
     p = followed(system, 1.5, 2.2, STUCK).points[3]
     wrong = p.y[:-1].copy()
     wrong[2:] *= 1.3
-    assert verify_solution(system, wrong, p.y[-1], 1, 0, periods=60, steps_per_period=400).distance > 0.1
+    found = verify_solution(system, wrong, p.y[-1], 1, 0, periods=48, steps_per_period=400)
+    assert found.distance > 0.1 and found.tolerance == 0.05 and found.verdict != AGREES
+    right = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
+    assert right.verdict == AGREES and right.distance < 0.02 and right.periods == len(right.amplitude) == 96
+    assert "agrees within 5 %" in str(right) and "agrees within 5 %" in right.plot().get_title()
+    assert verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400).verdict == UNDECIDED
+
+
+def test_what_decides():
+    """Amplitudes made up, for a memory of 200 periods and a tolerance of 5 %."""
+    k = np.arange(400.0)
+    noise = np.random.default_rng(0).uniform(-1.0, 1.0, 400)
+    cases = {
+        "stays": (1.0 + 1e-6 * k, AGREES, 96),
+        "leaves": (1.0 + 1e-4 * np.exp(k / 20.0), DIFFERS, None),
+        "settles elsewhere": (1.0 - 0.2 * (1.0 - np.exp(-k / 10.0)), DIFFERS, 48),
+        "settles just outside": (1.06 + 0.0 * k, DIFFERS, 96),
+        "settles within": (1.0 + 0.03 * (1.0 - np.exp(-k / 200.0)), AGREES, None),
+        "creeps out of the tolerance": (1.0 + 0.08 * (1.0 - np.exp(-k / 200.0)), DIFFERS, None),
+        "scatters a little": (1.0 + 0.04 * noise, AGREES, None),
+        "scatters": (1.0 + 0.4 * noise, DIFFERS, None),
+        "comes back": (1.0 + 0.5 * np.exp(-k / 60.0), AGREES, None),
+        "breaks down": (np.full(400, np.nan), UNDECIDED, None),
+    }
+    for name, (amplitude, expected, after) in cases.items():
+        looks = [judged(amplitude[:n], 1.0, 0.05, 200.0) for n in range(16, 401, 16)]
+        first = next((i for i, look in enumerate(looks) if look[0] != UNDECIDED), len(looks) - 1)
+        assert looks[first][0] == expected, (name, looks[first])
+        assert after is None or 16 * (first + 1) == after, name
 
 
 def test_interrupted_verification_keeps_the_periods(monkeypatch):
@@ -153,9 +184,9 @@ def test_interrupted_verification_keeps_the_periods(monkeypatch):
 
     monkeypatch.setattr(Ring, "march", stopped)
     found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)
-    assert found.interrupted and found.periods == 5 and "interrupted by the user" in str(found)
+    assert found.interrupted and found.periods == 4 and "interrupted by the user" in str(found)
     monkeypatch.setattr(Ring, "march", march)
-    whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400)
+    whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=4, steps_per_period=400)
     assert not whole.interrupted
     np.testing.assert_array_equal(found.response, whole.response)
 
