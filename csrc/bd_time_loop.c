@@ -30,7 +30,8 @@
 #include "bd_time.h"
 #include "bd_vector.h"
 
-enum { PART = 8 / BD_WIDTH }; /* vectors in a block of 8 */
+/* Vectors in a block of 8, and those that are summed side by side, so that sums need not wait for each other. */
+enum { PART = 8 / BD_WIDTH, SUMS = BD_WIDTH == 8 ? 2 : PART };
 
 typedef struct {
     bd_vec kt[2], ease[2], cubic[2], held[2], shift[3], kn, n0, floor, r0, r1, coupled;
@@ -119,17 +120,19 @@ BD_INLINE void press_family(const bd_time *t, int f, const double *G, size_t fro
     const size_t wide = ((size_t)t->n_mode[f] + 7) / 8 * 8, rows = 3 * t->stride, first = (size_t)t->first[f];
     G += from / 8 * 16 * rows;
     for (size_t j = from / 8 * 8; j < to; j += 8, G += 16 * rows) {
-        bd_vec rr[PART], ri[PART], ir[PART], ii[PART];
-        for (int v = 0; v < PART; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
+        bd_vec rr[SUMS], ri[SUMS], ir[SUMS], ii[SUMS];
+        for (int v = 0; v < SUMS; ++v) rr[v] = ri[v] = ir[v] = ii[v] = bd_all(0.0);
         for (size_t d = 0; d < 3; ++d)
-            for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point; ++row) {
-                const bd_vec a = bd_all(z[row]), b = bd_all(z[rows + row]);
-                for (int v = 0; v < PART; ++v) {
-                    const bd_vec gr = bd_load(G + 16 * row + v * BD_WIDTH), gi = bd_load(G + 16 * row + 8 + v * BD_WIDTH);
+            for (size_t row = d * t->stride; row < d * t->stride + (size_t)t->n_point; row += SUMS / PART)
+                for (size_t v = 0; v < SUMS; ++v) { /* behind the last point there is room, and no force */
+                    const double *g = G + 16 * (row + v / PART) + v % PART * BD_WIDTH;
+                    const bd_vec a = bd_all(z[row + v / PART]), b = bd_all(z[rows + row + v / PART]);
+                    const bd_vec gr = bd_load(g), gi = bd_load(g + 8);
                     rr[v] += gr * a, ii[v] += gi * b;
                     ri[v] += gr * b, ir[v] += gi * a;
                 }
-            }
+        for (int v = PART; v < SUMS; ++v)
+            rr[v - PART] += rr[v], ri[v - PART] += ri[v], ir[v - PART] += ir[v], ii[v - PART] += ii[v];
         for (int v = 0; v < PART; ++v) {
             const size_t at = first + j + (size_t)(v * BD_WIDTH);
             bd_store(t->pressed + at, rr[v] + ii[v]);
@@ -146,19 +149,22 @@ enum { SLIDES_IN_PLANE = 18, UNKNOWN = -1 };
  * derivative changes continuously. */
 BD_INLINE bd_vec state_of(const bd_time *t, const points *at, const bd_vec *x, const double *w) {
     const bd_vec zero = bd_all(0.0), normal = at->n0 + at->kn * x[2], r = at->r0 + at->r1 * bd_max(normal, at->floor);
-    bd_vec state = bd_select(bd_above(normal, at->floor), bd_all(1.0), zero), T[2];
+    const bd_mask closed = bd_above(normal, at->floor);
+    bd_vec state = bd_select(closed, bd_all(1.0), zero), T[2];
     for (size_t d = 0; d < 2; ++d) {
         const bd_vec before = bd_load(w + d * t->stride), reach = r * at->ease[d];
-        const bd_mask free = ~bd_above(at->held[d], zero) & ~bd_above(at->coupled, zero);
+        const bd_mask free = closed & ~bd_above(at->held[d], zero) & ~bd_above(at->coupled, zero);
         const bd_vec plus = bd_all(d ? 6.0 : 2.0), minus = bd_all(d ? 12.0 : 4.0);
         state += bd_select(free & bd_above(x[d] - reach, before), plus, zero);
         state += bd_select(free & bd_above(before, x[d] + reach), minus, zero);
         T[d] = at->kt[d] * (x[d] - before);
     }
-    const bd_mask slides = bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
+    const bd_mask slides = closed & bd_above(at->coupled, zero) & bd_above(T[0] * T[0] + T[1] * T[1], r * r);
     const bd_mask cubic = bd_differ(at->cubic[0], zero) | bd_differ(at->cubic[1], zero);
     return state + bd_select(slides | cubic, bd_all(SLIDES_IN_PLANE), zero);
 }
+
+BD_INLINE double larger(double a, double b) { return a > b ? a : b; }
 
 /* Derivative D (3, 3) of the forces of one point at motion x with slider w before. */
 static void differentiate(const bd_time *t, size_t p, const double *x, const double *w, double *D) {
@@ -198,8 +204,8 @@ BD_NOT_INLINE void update_points(bd_time *t, size_t k, size_t p, const bd_vec *x
         differentiate(t, p + i, at, before, D);
         for (int j = 0; j < 9; ++j) {
             D[j] -= known[j];
-            change = fmax(change, fabs(D[j]));
-            largest = fmax(largest, fabs(known[j]));
+            change = larger(fabs(D[j]), change);
+            largest = larger(fabs(known[j]), largest);
         }
         if (!(change > 0.05 * largest)) continue;
         for (int j = 0; j < 9; ++j) known[j] += D[j];
@@ -287,13 +293,13 @@ static double condition(bd_time *t, double angle) {
     for (size_t i = 0; i < n; ++i) {
         const double held = t->stiffness[i] * t->q[t->slack[i]], pressed = t->part[i] * t->pressed[t->slack[i]];
         t->residual[i] = held + pressed;
-        t->largest = fmax(t->largest, fmax(fabs(held), fabs(pressed)));
+        t->largest = larger(larger(fabs(held), fabs(pressed)), t->largest);
     }
     for (size_t f = 0; f < (size_t)t->n_force; ++f) {
         const double c = cos(t->order[f] * angle), s = sin(t->order[f] * angle), *C = t->push + 2 * f * n, *S = C + n;
         for (size_t i = 0; i < n; ++i) t->residual[i] -= c * C[i] + s * S[i];
     }
-    for (size_t i = 0; i < n; ++i) worst = fmax(worst, fabs(t->residual[i]));
+    for (size_t i = 0; i < n; ++i) worst = larger(fabs(t->residual[i]), worst);
     return worst;
 }
 
