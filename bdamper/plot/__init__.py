@@ -25,6 +25,7 @@ from bdamper.plot.curves import (
     plot_optimal,
     plot_over_measurement,
     plot_settled,
+    plot_slow_sweep,
     plot_verification,
 )
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
@@ -58,6 +59,7 @@ __all__ = [
     "plot_optimal",
     "plot_over_measurement",
     "plot_settled",
+    "plot_slow_sweep",
     "plot_status_bars",
     "plot_status_map",
     "plot_stiffness",

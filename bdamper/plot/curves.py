@@ -21,6 +21,7 @@ from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
+from bdamper.stability.slow_sweep import SlowSweep
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.verification import Verification
 from bdamper.util import validate
@@ -355,4 +356,17 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
     with drawing(ax, legend=7.0):
         ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
                     capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
+    return ax
+
+
+@draws(SlowSweep)
+def plot_slow_sweep(sweep: SlowSweep, ax: Axes | None = None, *, label: str | None = None, **style: Any) -> Axes:
+    """Amplitude over frequency of a sweep in time; ``ax`` may be those of tracking curves, ``style`` is for the line."""
+    over, way = ax is not None, "up" if sweep.up else "down"
+    title = "" if over else f"{abs(sweep.rate):.3g} Hz/s, preload {newtons(sweep.preload)}"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9} | style
+        ax.plot(sweep.frequency, sweep.amplitude, label=label or f"sweep {way}, marched in time", **line)
+        if not over:
+            ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
     return ax

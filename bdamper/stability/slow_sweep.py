@@ -1,0 +1,386 @@
+"""Slow sweeps of frequency, marched in time: what a test rig would see.
+
+The equations of all sectors (:mod:`bdamper.stability.time_integration`) are marched while the frequency of the excitation
+goes linearly in time from one end of an interval to the other.  Each turn of the excitation has response amplitudes of its
+own, as in :mod:`bdamper.stability.steady_state`.  Where several stable solutions exist, the sweep stays on the one on which
+it is until that ends, and then jumps; what is unstable it leaves.
+
+A transient of the least damped mode, whose half bandwidth is ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The rate
+says how far the frequency goes meanwhile: ``rate = RATE b 2 pi b``.  A sweep at twice the rate goes beside it, and the
+difference of the two is the error that is stated; it is about that of the slower sweep, as the lag of a response behind
+its steady value grows in proportion to the rate.  Where the response jumps two sweeps are far apart for a moment, and the
+frequencies of their jumps are compared instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve, track
+from bdamper.problem.problem import Problem
+from bdamper.stability.time_integration import TWO_PI, Motion, Ring, ring_and_steps
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Plottable
+from bdamper.util.progress import LongWork, counter
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+ACCURACY = 0.5
+"""Step times the highest frequency of the closed contacts."""
+RATE = 0.1
+"""Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
+SETTLING = 5.0
+"""Memories that are marched at the first frequency before the sweep begins: a transient falls below a hundredth."""
+JUMP = 0.2
+"""Relative change of the amplitude within one memory that counts as a jump; without one a linear resonance makes RATE/2."""
+AFTER_JUMP = 4.0
+"""Memories after a jump within which amplitudes are not compared."""
+NEAR = 1e-4
+"""Half the relative width of the interval in which the first solution is sought."""
+PIECE = 20
+"""Turns of the excitation between two looks at Ctrl-C."""
+
+
+class Jump(NamedTuple):
+    """Where the amplitude changes faster than the frequency could make it.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+        Where it begins.
+    before, after : float, m
+        Amplitudes where it begins, and when the transient has died out.
+    """
+
+    frequency: float
+    before: float
+    after: float
+
+    def __str__(self) -> str:
+        return f"jump at {self.frequency:.6g} Hz from {self.before:.4g} to {self.after:.4g} m"
+
+
+@brief
+@dataclass(frozen=True)
+class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
+    """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
+
+    ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_slow_sweep`).
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+        In the middle of each turn of the excitation, in the order of time.
+    harmonics : (n, n_harmonics + 1) complex, m
+        Response amplitudes of each turn; the first column is the mean.
+    preload : float, N
+    rate : float, Hz/s
+        Positive upward.
+    memory : float, s
+        In which a transient of the least damped mode falls to 1/e.
+    steps_per_period, sectors : int
+    status : {"complete", "interrupted"}
+    reason : str
+    cost : Cost
+        That of the sweep at twice the rate included.
+    beside : tuple of SlowSweep
+        The same sweep at twice the rate, after Ctrl-C so far as it got; empty if there is none.
+    settings : mapping
+    model_hash : str
+    """
+
+    frequency: NDArray
+    harmonics: NDArray
+    preload: float
+    rate: float
+    memory: float
+    steps_per_period: int
+    sectors: int
+    status: str
+    reason: str
+    cost: Cost
+    beside: tuple[SlowSweep, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    def _dimension(self) -> str:
+        return "turn"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each turn of the excitation; the harmonics of the response for xarray."""
+        return {
+            "frequency": Column(self.frequency, "Hz"),
+            "amplitude": Column(self.amplitude, "m"),
+            "mean": Column(self.harmonics[:, 0].real, "m"),
+            "harmonics": Column(self.harmonics, "m", ("turn", "harmonic")),
+        }
+
+    @property
+    def complete(self) -> bool:
+        """Whether it went over the whole interval."""
+        return self.status == "complete"
+
+    @property
+    def up(self) -> bool:
+        """Whether the frequency rises."""
+        return self.rate > 0.0
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C has ended it."""
+        return self.status == "interrupted"
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n,) amplitude of the harmonic of the excitation, m."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def highest(self) -> tuple[float, float]:
+        """Frequency (Hz) and amplitude (m) of the largest response."""
+        i = int(self.amplitude.argmax())
+        return float(self.frequency[i]), float(self.amplitude[i])
+
+    @property
+    def jumps(self) -> tuple[Jump, ...]:
+        """Where the amplitude changes by more than a fifth within the memory of a transient, in the order of time."""
+        a, n = self.amplitude, len(self)
+        return tuple(
+            Jump(float(self.frequency[i]), float(a[i]), float(a[min(j + self._turns(AFTER_JUMP), n - 1)]))
+            for _, i, j in self._jumping()
+        )
+
+    @property
+    def faster(self) -> SlowSweep | None:
+        """The sweep at twice the rate."""
+        return self.beside[0] if self.beside else None
+
+    @property
+    def error(self) -> float:
+        """Largest relative difference from the sweep at twice the rate at the same frequency, jumps aside.
+
+        Relative to the larger of the two; nan where there is no such sweep.
+        """
+        if self.faster is None:
+            return float("nan")
+        f, other = self.faster.frequency, self.faster.amplitude
+        way = slice(None, None, 1 if self.up else -1)
+        own = np.interp(f, self.frequency[way], self.amplitude[way])
+        aside = np.zeros(len(f), bool)
+        ours, theirs = self._settling(), self.faster._settling()
+        if len(ours) == len(theirs):  # between the jump of the one and that of the other they are on two branches
+            ours = theirs = [np.concatenate(pair) for pair in zip(ours, theirs)]
+        for stretch in (*ours, *theirs):
+            aside |= (f >= min(stretch)) & (f <= max(stretch))
+        away = np.abs(own - other) / np.maximum(np.maximum(own, other), 1e-300)
+        return float(away[~aside].max(initial=0.0))
+
+    def _turns(self, memories: float) -> int:
+        return max(1, round(memories * self.memory * float(self.frequency.mean())))
+
+    def _jumping(self) -> list[tuple[int, int, int]]:
+        """Of each jump a turn at most one memory before it, the turn at which it begins, and one after its fast part."""
+        log, m = np.log(np.maximum(self.amplitude, 1e-300)), self._turns(1.0)
+        if len(log) <= m:
+            return []
+        fast = np.flatnonzero(np.abs(log[m:] - log[:-m]) > np.log1p(JUMP))
+        parts = np.split(fast, np.flatnonzero(np.diff(fast) > m) + 1) if len(fast) else []
+        stretches = []
+        for part in parts:
+            changed = np.abs(log[part[0] :] - log[part[0]]) > 0.5 * np.log1p(JUMP)
+            stretches.append((int(part[0]), int(part[0] + changed.argmax()), int(part[-1] + m)))
+        return stretches
+
+    def _settling(self) -> list[NDArray]:
+        """Frequencies between which the amplitude is on the way of each jump, until that has died out."""
+        after, last = self._turns(AFTER_JUMP), len(self) - 1
+        return [self.frequency[[i, min(j + after, last)]] for i, _, j in self._jumping()]
+
+    @property
+    def seconds(self) -> float:
+        """Wall-clock time in all."""
+        return self.cost.seconds
+
+    def __str__(self) -> str:
+        f, a = self.highest
+        lines = [
+            f"sweep in time from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz at {abs(self.rate):.3g} Hz/s, "
+            f"preload {self.preload:g} N: {self.status}{f' ({self.reason})' if self.reason else ''}",
+            f"  highest {a:.6g} m at {f:.6g} Hz",
+            f"  {len(self)} turns of {self.steps_per_period} steps, {self.sectors} sectors",
+            *(f"  {jump}" for jump in self.jumps),
+        ]
+        if self.faster is None:
+            lines.append("  error of the rate not known: no sweep at twice the rate")
+        else:
+            f, b = self.faster.highest
+            there = ", ".join(f"{jump.frequency:.6g}" for jump in self.faster.jumps)
+            lines.append(
+                f"  twice the rate: highest {b:.6g} m at {f:.6g} Hz ({100.0 * (b / a - 1.0):+.2g} %)"
+                + (f", jumps at {there} Hz" if there else "")
+                + f", amplitudes within {100.0 * self.error:.2g} % elsewhere"
+                + (f", {self.faster.status}" if self.faster.interrupted else "")
+            )
+        return "\n".join([*lines, f"  {self.cost}"])
+
+
+@one_thread
+def sweep_in_time(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    up: bool = True,
+    rate: float | None = None,
+    start: Curve | None = None,
+    index: int | None = None,
+    steps_per_period: int | None = None,
+    check: bool = True,
+    progress: bool = False,
+) -> SlowSweep:
+    """March in time while the frequency of the excitation goes slowly over an interval.
+
+    All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed.  The nodal
+    diameters are those of the study's harmonics.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    up : bool
+        From the low end to the high one, or back.
+    rate : float, Hz/s, optional
+        By default a tenth of the half bandwidth of the least damped mode within the memory of its transients.
+    start : Curve, optional
+        A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default a
+        solution is sought at the first frequency.
+    index : int, optional
+        Of the point of that curve; by default the one nearest to the first frequency.  The march settles at the first
+        frequency before the sweep begins.
+    steps_per_period : int, optional
+        By default what the stiffest contact asks for.
+    check : bool
+        March a second time at twice the rate, for the error; costs half as much again.
+    progress : bool
+        Show a bar of the turns of the excitation.
+
+    Returns
+    -------
+    SlowSweep
+        After Ctrl-C the turns marched by then.
+
+    Raises
+    ------
+    SettingError
+        If a number does not fit, no rate is given where nothing is damped, or the settings describe something else than a
+        structure in time.
+    BdamperError
+        If no solution is found at the first frequency, or the march overflows.
+    """
+    preload, (low, high) = problem.check_preload(preload), validate.interval("frequency", frequency)
+    for name, value in (("up", up), ("check", check), ("progress", progress)):
+        validate.flag(name, value)
+    rate = None if rate is None else validate.number("rate", rate, above=0.0, unit="Hz/s")
+    watch = Stopwatch()
+    ends = (low, high) if up else (high, low)
+    problem, u, begin = _start(problem, preload, ends[0], start, index)
+    blades, order = problem.model.n_blades, int(problem.engine_order)
+    ring, n = ring_and_steps(problem.system(preload), TWO_PI * low, blades, order, steps_per_period, ACCURACY, u)
+    least = float(ring.damping[ring.omega2 > 0.0].min(initial=np.inf))  # rad/s, full bandwidth
+    if not 0.0 < least < np.inf:
+        raise SettingError("sweep_in_time: expected damping in every mode of the structure, found a mode without")
+    memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
+    rate = usual if rate is None else rate
+    empty = SlowSweep(
+        frequency=np.zeros(0), harmonics=np.zeros(0), preload=preload, rate=rate if up else -rate, memory=memory,
+        steps_per_period=n, sectors=ring.n, status="complete", reason="", cost=Cost(), settings=problem.record(),
+        model_hash=problem.model.hash,
+    )  # fmt: skip
+    plans = [max(1, round(0.5 * (low + high) * (high - low) / (rate * factor))) for factor in (1, 2)[: 1 + check]]
+    settling = max(1, round(SETTLING * memory * ends[0]))
+    parts = _marched(ring, ring.start(u, TWO_PI * begin, n), n, ends, settling, plans, progress)
+    if not parts or not parts[0]:
+        raise KeyboardInterrupt
+    them = zip((1, 2), parts, plans)
+    sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them if part)
+    return replace(sweep, beside=tuple(beside), cost=replace(ring.cost, **watch.read()))
+
+
+def _start(
+    problem: Problem, preload: float, first: float, start: Curve | None, index: int | None
+) -> tuple[Problem, NDArray, float]:
+    """Problem, solution and its frequency (Hz) from which the march starts."""
+    if start is None:
+        if index is not None:
+            raise validate.unfit("index", "a point of a curve that is given (start)", index)
+        start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
+    else:
+        problem = problem.matching(validate.instance("start", start, Curve, "a tracking curve").settings)
+        check_curve(problem, start)
+        if start.preload != preload:
+            raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
+    if not len(start):
+        raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
+    if index is None:
+        i = int(np.abs(start.frequency - first).argmin())
+    else:
+        i = validate.whole("index", index, -len(start), len(start) - 1)
+    return problem, start.unknowns[i], float(start.frequency[i])
+
+
+def _marched(
+    ring: Ring, motion: Motion, n: int, ends: tuple[float, float], settling: int, plans: list[int], progress: bool
+) -> list[list[NDArray]]:
+    """Harmonics of the turns of each sweep, from the motion that has settled at the first frequency."""
+    parts: list[list[NDArray]] = []
+    with LongWork(), counter(progress, settling + sum(plans), 0, "marching", "turn") as count:
+        for _, settled in _turned(ring, motion, n, (ends[0], ends[0]), settling, count):
+            motion = settled
+        for planned in plans:
+            parts.append([])
+            parts[-1].extend(harmonics for harmonics, _ in _turned(ring, motion, n, ends, planned, count))
+    return parts
+
+
+def _turned(
+    ring: Ring, motion: Motion, n: int, ends: tuple[float, float], turns: int, count: Callable[[], Any]
+) -> Iterator[tuple[NDArray, Motion]]:
+    """Harmonics of some turns after the other, and the motion after them; omega^2 is linear in the angle."""
+    square = np.linspace((TWO_PI * ends[0]) ** 2, (TWO_PI * ends[1]) ** 2, turns + 1)
+    for first in range(0, turns, PIECE):
+        last = min(first + PIECE, turns)
+        marched = ring.march(motion, float(np.sqrt(square[first])), n, last - first, omega_end=float(np.sqrt(square[last])))
+        motion = marched.motion
+        if not np.isfinite(motion.q).all():
+            raise BdamperError(f"the march overflows near {np.sqrt(square[last]) / TWO_PI:g} Hz: raise steps_per_period")
+        for _ in range(last - first):
+            count()
+        yield marched.harmonics, motion
+
+
+def _filled(empty: SlowSweep, factor: int, parts: list[NDArray], turns: int, ends: tuple[float, float]) -> SlowSweep:
+    """The result of the turns that were marched out of those that were meant to be."""
+    harmonics = np.concatenate(parts)
+    done = len(harmonics)
+    along = (np.arange(done) + 0.5) / turns
+    out = replace(
+        empty,
+        frequency=np.sqrt(ends[0] ** 2 + (ends[1] ** 2 - ends[0] ** 2) * along),
+        harmonics=harmonics,
+        rate=factor * empty.rate,
+    )
+    return out if done == turns else replace(out, status="interrupted", reason=f"by the user after {done} of {turns} turns")
