@@ -23,7 +23,7 @@ from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws
 from bdamper.effects import hysteresis as cycles
-from bdamper.peaks import optimal
+from bdamper.peaks import marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import compare_stiffness as methods
@@ -228,6 +228,7 @@ class Study(Problem, Comparable):
 
     peak_sensitivities = sensitivity.peak_sensitivities
     optimum = optimal.optimum
+    with_marched = marched.with_marched
 
     # effects
     advise = advice.advise

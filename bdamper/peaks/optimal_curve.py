@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,34 @@ class Limit:
 
     frequency: float
     amplitude: float
+
+
+class Marched(NamedTuple):
+    """Amplitude of a march in time at one preload, of its second half.
+
+    Parameters
+    ----------
+    preload, frequency : float, N and Hz
+    mean, low, high : float, m
+    status : str
+        As that of :class:`bdamper.stability.steady_state.SettledResponse`.
+    """
+
+    preload: float
+    frequency: float
+    mean: float
+    low: float
+    high: float
+    status: str
+
+    @property
+    def spread(self) -> float:
+        """Range over mean."""
+        return (self.high - self.low) / self.mean
+
+    def __str__(self) -> str:
+        text = f"{self.preload:.6g} N: {self.mean:.4g} m, {self.low:.4g} to {self.high:.4g} m at {self.frequency:.6g} Hz"
+        return f"{text}, {self.status}"
 
 
 @dataclass(frozen=True)
@@ -149,6 +177,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     no_steady_below : float, N
         No steady periodic response is expected up to this preload, by the sign of :mod:`bdamper.continuation.rattle`: the
         damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
+    marched : tuple of Marched
+        What :meth:`bdamper.Study.with_marched` has found at some preloads.
     """
 
     preload: NDArray
@@ -178,6 +208,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
     no_steady_below: float = 0.0
+    marched: tuple[Marched, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:  # in files of versions before 0.3
@@ -342,6 +373,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines += [f"  {line}" for line in (note, *table)]
         if self.no_steady_below:
             lines.append(f"  {self.status[0]}")
+        lines += [f"  marched at {item}" for item in self.marched]
         open_ = [w for w in self.warnings if not w.startswith(("optimum", NO_STEADY))]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")

@@ -178,7 +178,7 @@ def plot_optimal(
     Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
     whole tracking curves have verified, an open one the least value otherwise.  Where there is no value the picture is
     hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude that the ladder of harmonics has
-    found.
+    found; squares with bars mean and range of marches in time.
     """
     dark, light = "0.1", plt.get_cmap("viridis")(0.45)
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -202,6 +202,10 @@ def plot_optimal(
         ax.plot([], [], "-", color=dark, label="amplitude")
         ax.plot([], [], "--", color=light, label="frequency shift")
         _mark_gaps(ax, result)
+        if result.marched:
+            preload, _, mean, low, high = np.array([m[:5] for m in result.marched]).T
+            ax.errorbar(preload, mean, [mean - low, high - mean], fmt="s", color="k", markersize=3.0, markerfacecolor="w",
+                        capsize=2.0, linewidth=0.8, label="time integration, mean and range")
         if result.ladder is not None and result.ladder.ranges:
             preload, low, high = np.array(result.ladder.ranges).T
             ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,

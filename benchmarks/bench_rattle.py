@@ -1,0 +1,131 @@
+"""Where a damper rattles: the sign of harmonic balance beside marches in time.
+
+``python -m benchmarks rattle`` makes ``benchmarks/results/rattle.json`` and prints what it holds.
+
+* Optimal curves of the shipped disk (9 points, three harmonics, engine order 5, friction coefficient 0.4, 1 N) with
+  unit tractions and with residual modes: the band without a steady response, marched at three preloads in it and at two
+  above.
+* Scenes: the shipped disk with unit tractions, mode, direction of the excitation, friction coefficient and harmonics
+  drawn with a stored seed, and lumped wedges between a mass and the ground.  At each preload a tracking curve is
+  followed, which shows the sign or not, and the structure is marched from its highest solution.  The response *moves* if
+  the amplitudes of the periods spread over more than 2 % of their mean in the second half of them.  An alarm is false if
+  the response does not move, a miss is a response that moves without the sign.
+"""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.rattle import NO_STEADY
+from bdamper.peaks.envelope import BUDGET
+from bdamper.peaks.scan import resonance_interval
+from benchmarks import PLAIN
+
+RESULTS = Path(__file__).parent / "results" / "rattle.json"
+MOVES = 0.02
+"""Spread of the amplitudes, relative to their mean, from which on a response moves."""
+PERIODS = 200
+SCENES = 8
+ABOVE = (1.2, 2.0)
+"""Preloads over that of the band at which a steady response is looked for."""
+
+
+def bands() -> Iterator[dict[str, Any]]:
+    """The band without a steady response of two optimal curves, and marches in it and above."""
+    disk = bd.reference_model("bladed_disk", 9)
+    stiffness: dict[str, dict[str, Any]] = {"unit tractions": PLAIN | {"harmonics": 3}, "residual modes": {"harmonics": 3}}
+    for name, settings in stiffness.items():
+        study = bd.Study(disk, bd.Excitation("tip"), 5, friction_coefficient=0.4, **settings)
+        begin = time.process_time()
+        curve = study.optimal_curve(check=False)
+        middle = time.process_time()
+        study.optimal_curve(curve.preload[curve.preload > curve.no_steady_below], check=False)
+        alone = time.process_time() - middle
+        marched = study.with_marched(curve, periods=PERIODS)
+        marched = study.with_marched(marched, np.multiply(ABOVE, curve.no_steady_below), periods=PERIODS)
+        values = [m._asdict() for m in marched.marched]
+        yield {"study": name, "below": curve.no_steady_below, "seconds": middle - begin, "seconds_above": alone,
+               "optimum": str(curve.optimum), "marched": values}  # fmt: skip
+
+
+def wedge(mass: float, harmonics: int) -> bd.Study:
+    """A damper between an oscillator of 100 Hz and the ground, pressed against faces of 45 degrees."""
+    c = np.sqrt(0.5)
+    stiffness = {"kt": 0.8e7, "kn": 1e7, "mu": 0.3}
+    faces = [
+        bd.Contact({1: -c, 0: c, 2: c}, {1: c, 0: -c, 2: c}, **stiffness),
+        bd.Contact({1: c, 2: c}, {1: -c, 2: c}, **stiffness),
+    ]
+    k = (200.0 * np.pi) ** 2
+    return bd.lumped([1.0, mass, mass], [2e-3 * np.sqrt(k), 0.0, 0.0], [k, 0.0, 0.0], contacts=faces, forces={0: 1.0},
+                     loads={2: 1.0}, harmonics=harmonics)  # fmt: skip
+
+
+def scenes() -> Iterator[tuple[str, bd.Study, int]]:
+    """Name, study and mode."""
+    rng, disk = np.random.default_rng(2026), bd.reference_model("bladed_disk", 9)
+    for _ in range(SCENES):
+        harmonics, mode = int(rng.choice([1, 3])), int(rng.integers(1, 5))
+        direction, friction = str(rng.choice(["tangential", "axial"])), float(rng.uniform(0.2, 0.6))
+        study = bd.Study(
+            disk, bd.Excitation("tip", direction), 5, friction_coefficient=friction, **PLAIN | {"harmonics": harmonics}
+        )
+        yield f"mode {mode}, {direction}, mu {friction:.2f}, H = {harmonics}", study, mode
+    for harmonics in (1, 3):
+        for mass in (0.02, 0.1):
+            yield f"lumped wedge of {mass:g} kg, H = {harmonics}", wedge(mass, harmonics), 1
+
+
+def signs() -> Iterator[dict[str, Any]]:
+    """The sign at seven preloads of every scene, and how far the marched amplitudes spread."""
+    for name, study, mode in scenes():
+        frequency = resonance_interval(study, mode)
+        for preload in np.geomspace(4.0, 200.0, 7):
+            curve = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+            top = int(np.argmax(curve.amplitude))
+            settled = study.settle(curve, float(curve.frequency[top]), periods=PERIODS)
+            low, high = settled.range
+            yield {"scene": name, "preload": float(preload), "sign": NO_STEADY in curve.reason,
+                   "spread": (high - low) / settled.mean, "kept": settled.mean / float(curve.amplitude[top])}  # fmt: skip
+
+
+def counts(found: list[dict[str, Any]]) -> str:
+    """False alarms and misses."""
+    alarms = [s for s in found if s["sign"]]
+    false = sum(s["spread"] <= MOVES for s in alarms)
+    quiet = [s for s in found if not s["sign"]]
+    missed = [s for s in quiet if s["spread"] > MOVES]
+    high = sum(s["kept"] > 0.5 for s in missed)
+    return (
+        f"{len(found)} curves of {len({s['scene'] for s in found})} scenes: {len(alarms)} show the sign, {false} of them "
+        f"with a steady response; of the other {len(quiet)} the response moves in {len(missed)}, in {high} of these at "
+        "more than half of the amplitude of harmonic balance"
+    )
+
+
+def main() -> None:
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    for name, make in (("bands", bands), ("signs", signs)):
+        if name not in kept:
+            kept[name] = list(make())
+            RESULTS.write_text(json.dumps(kept, indent=0))
+    for band in kept["bands"]:
+        print(f"{band['study']}: {NO_STEADY} below {band['below']:.4g} N; {band['seconds']:.1f} s of processor time, "
+              f"the curve above alone {band['seconds_above']:.1f} s; {band['optimum']}")  # fmt: skip
+        for m in band["marched"]:
+            spread = 100.0 * (m["high"] - m["low"]) / m["mean"]
+            print(f"  {m['preload']:.4g} N, {m['frequency']:.5g} Hz: {m['mean']:.4g} m, {m['low']:.4g} to "
+                  f"{m['high']:.4g} m, spread {spread:.2g} %")  # fmt: skip
+    print(counts(kept["signs"]))
+
+
+if __name__ == "__main__":
+    main()

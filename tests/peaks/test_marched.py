@@ -1,0 +1,67 @@
+"""Marches in time beside an optimal curve: a wedge between an oscillator and the ground."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+
+
+def wedge(harmonics=1, mass=0.1):
+    """Of 100 Hz without the damper, which is pressed against faces of 45 degrees."""
+    c, k = np.sqrt(0.5), (200.0 * np.pi) ** 2
+    stiffness = {"kt": 0.8e7, "kn": 1e7, "mu": 0.3}
+    faces = [
+        bd.Contact({1: -c, 0: c, 2: c}, {1: c, 0: -c, 2: c}, **stiffness),
+        bd.Contact({1: c, 2: c}, {1: -c, 2: c}, **stiffness),
+    ]
+    return bd.lumped([1.0, mass, mass], [2e-3 * np.sqrt(k), 0.0, 0.0], [k, 0.0, 0.0], contacts=faces, forces={0: 1.0},
+                     loads={2: 1.0}, harmonics=harmonics)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def found():
+    study = wedge()
+    return study, study.optimal_curve((40.0, 60.0, 90.0), frequency=(300.0, 380.0), check=False)
+
+
+def test_mean_and_range_are_those_of_a_march_from_the_highest_solution(found, tmp_path):
+    study, curve = found
+    out = study.with_marched(study.with_marched(curve, [90.0], periods=20), [50.0], periods=20)
+    assert [m.preload for m in out.marched] == [50.0, 90.0]
+    tracked = study.track(50.0, (300.0, 380.0))
+    settled = study.settle(tracked, tracked.peak.frequency, periods=20)
+    there = out.marched[0]
+    assert there.frequency == pytest.approx(tracked.peak.frequency)
+    assert there[2:] == (pytest.approx(settled.mean), *map(pytest.approx, settled.range), settled.status)
+    assert there.low < there.mean < there.high
+    assert there.spread == pytest.approx((there.high - there.low) / there.mean)
+    assert f"marched at {there}" in str(out)
+    out.save(tmp_path / "curve.h5")
+    assert bd.load(tmp_path / "curve.h5").marched == out.marched
+
+
+def test_preloads_that_rattle_are_marched_by_default(found):
+    study, curve = found
+    with pytest.raises(bd.SettingError, match="preload: expected some in N"):
+        study.with_marched(curve)
+    low = replace(curve, no_steady_below=60.0)
+    assert [m.preload for m in study.with_marched(low, periods=16).marched] == [40.0, 60.0]
+
+
+def test_another_model_is_refused(found):
+    with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):
+        wedge(mass=0.2).with_marched(found[1], [50.0])
+
+
+def test_the_band_and_the_marches_are_drawn(found):
+    study, curve = found
+    gone = np.where(curve.preload <= 60.0, np.nan, curve.amplitude)
+    marched = study.with_marched(curve, [50.0], periods=16).marched
+    left, _ = replace(curve, amplitude=gone, no_steady_below=60.0, marched=marched).plot()
+    labels = left.get_legend_handles_labels()[1]
+    assert {"no steady periodic response below 60 N", "time integration, mean and range"} <= set(labels)
+    assert not any(label.startswith("no value") for label in labels)
+    plt.close(left.figure)
