@@ -301,7 +301,7 @@ def time_integration() -> str:
         )
     return (
         f"At {omega / (2.0 * np.pi):.5g} Hz and {PRELOAD_9:g} N, {ring.n} sectors, {steps} steps a period (as few as are "
-        f"stable, central differences in NumPy; twice as many change the amplitude by {abs(step_error):.1e}). Errors of "
+        f"stable, central differences; twice as many change the amplitude by {abs(step_error):.1e}). Errors of "
         f"harmonic balance are those against 20 harmonics, errors in time those against {25 * len(marched)} periods. Both "
         f"limits differ by {abs(settled / limit - 1.0):.1e}: points that never slip in the steady state keep the friction "
         f"force that the transient has left there. With the sliders of these points ({rests.sum()} of {rests.size} a "

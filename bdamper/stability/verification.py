@@ -161,7 +161,7 @@ def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float)
         return DIFFERS, f"wanders, {spread} within {SETTLED_WITHIN} periods"
     return UNDECIDED, (
         f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {SETTLED_WITHIN} periods; a transient takes "
-        f"{memory:.3g} periods to fall to a third"
+        f"{memory:.3g} periods to fall to 1/e"
     )
 
 

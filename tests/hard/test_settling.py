@@ -100,6 +100,9 @@ def test_a_transient_is_not_taken_for_the_end():
     assert found.status == "still moving"
     assert found.memory == pytest.approx(2.0 / (np.pi * 2e-4))
     assert found.to_come > 1.0
+    more = int(found.reason.split("; some ")[1].split(" more")[0])  # until the same exponential leaves 1 %
+    left = found.to_come * np.exp(-more / found.memory)
+    assert 0.0095 < left <= 0.01
 
 
 def test_judgements_of_sequences():
