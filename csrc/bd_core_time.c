@@ -124,6 +124,33 @@ static int check_path(const bd_time_path *path) {
            core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
 }
 
+/* Whole periods at a time, some thousand steps, between which an interruption (Ctrl-C) ends the march. */
+static int march_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *w,
+                          bd_time_effort *effort) {
+    enum { STEPS = 4096 };
+    const long most = path->per_period > STEPS ? path->per_period : STEPS / path->per_period * path->per_period;
+    const double square = path->omega * path->omega, gain = path->omega_end * path->omega_end - square;
+    long done = 0;
+    do {
+        bd_time_path part = *path;
+        const long end = path->n_step - done > most ? done + most : path->n_step;
+        part.n_step = end - done;
+        part.first = (path->first + done) % path->per_period;
+        if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
+        if (end < path->n_step) part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
+        if (path->harmonic) part.harmonic += 2 * (size_t)(path->n_harm + 1) * (size_t)(done / path->per_period);
+        if (path->trace) part.trace += 2 * (size_t)self->time.n_total * (size_t)done;
+        Py_BEGIN_ALLOW_THREADS;
+        PyThread_acquire_lock(self->lock, WAIT_LOCK);
+        bd_time_march(&self->time, &part, q, v, w, effort);
+        PyThread_release_lock(self->lock);
+        Py_END_ALLOW_THREADS;
+        if (PyErr_CheckSignals()) return 0;
+        done = end;
+    } while (done < path->n_step);
+    return 1;
+}
+
 static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"q",         "v",        "w",     "n_step", "per_period", "omega",
                             "omega_end", "harmonic", "trace", "first",  NULL};
@@ -159,15 +186,11 @@ static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) 
         path.n_harm = (int)n_harmonic - 1;
     }
     if (trace != Py_None && !(x = core_doubles(&arguments, trace, "trace", 3, by_trace, BD_OUTPUT))) return NULL;
-    Py_BEGIN_ALLOW_THREADS;
-    PyThread_acquire_lock(self->lock, WAIT_LOCK);
     for (npy_intp i = 0; i < m; ++i) {
         path.harmonic = X ? X + 2 * i * periods * n_harmonic : NULL;
         path.trace = x ? x + i * path.n_step * n : NULL;
-        bd_time_march(&self->time, &path, q + i * n, v + i * n, w + i * n_w, &effort);
+        if (!march_in_parts(self, &path, q + i * n, v + i * n, w + i * n_w, &effort)) return NULL;
     }
-    PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS;
     return Py_BuildValue("lll", effort.n_solved, effort.n_iteration, effort.n_unsolved);
 }
 

@@ -1,5 +1,6 @@
 """The march in time of the core beside the plain one, and what is exact about it."""
 
+import signal
 from dataclasses import replace
 
 import numpy as np
@@ -103,6 +104,33 @@ def test_a_sweep_beside_the_plain_march():
     start = state(ring)
     expected, _ = plain_march.march(ring, start, 1.3, 200, 600, omega_end=1.6)
     close(ring.march(start, 1.3, 200, 3, omega_end=1.6).motion, expected)
+
+
+def test_a_long_sweep_is_that_of_its_periods():
+    """The core looks for an interruption after some thousand steps: none of them is lost, and no period."""
+    ring = Ring(structure(laws=[LAW_BONDED]), **ALL_SECTORS)
+    whole = ring.march(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True)
+    squares = np.linspace(1.3**2, 1.6**2, 21)
+    motion = state(ring)
+    for k in range(20):
+        part = ring.march(motion, np.sqrt(squares[k]), 500, omega_end=np.sqrt(squares[k + 1]), trace=True)
+        motion = part.motion
+        np.testing.assert_allclose(part.harmonics[0], whole.harmonics[k], atol=1e-10 * np.abs(whole.harmonics).max())
+        np.testing.assert_allclose(part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-10 * np.abs(whole.trace).max())
+    close(motion, whole.motion)
+
+
+@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer that interrupts")
+def test_an_interruption_ends_a_long_march():
+    ring = Ring(structure(), **ALL_SECTORS)
+    alarm = signal.signal(signal.SIGALRM, lambda *_: (_ for _ in ()).throw(KeyboardInterrupt()))
+    signal.setitimer(signal.ITIMER_REAL, 0.1)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            ring.march(state(ring), 1.3, 1000, 100_000)  # some hundred seconds
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, alarm)
 
 
 def test_pieces_and_batches_are_the_same_march():
