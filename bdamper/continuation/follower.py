@@ -167,7 +167,7 @@ class Follower:
         self.tangle = min(omega), max(omega)
         low, high = (w / TWO_PI for w in self.tangle)
         return self.path(
-            "tangle", f"{self.options.patience} points of folds between {low:.6g} and {high:.6g} Hz without progress"
+            "many folds", f"{self.options.patience} points of folds between {low:.6g} and {high:.6g} Hz without progress"
         )
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:

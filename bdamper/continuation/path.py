@@ -113,7 +113,7 @@ class Path:
     ----------
     points : tuple of PathPoint
     status : str
-        "complete", "turned back" (to the bound away from which it set off), "closed" (on itself), "tangle" (too many folds
+        "complete", "turned back" (to the bound away from which it set off), "closed" (on itself), "many folds" (too many
         without progress), "drifted off" (a free body that nothing stops), "stalled", "too many points", "out of budget" or
         "interrupted".
     reason : str

@@ -243,7 +243,7 @@ def test_a_path_from_within_makes_progress_to_both_sides(up):
     assert path.status == "closed" and len(path.points) == len(whole.points)
     assert len(path.points) - turned > patience
     short = follow(Ellipse(), start, (5.0, 15.0), up=up, options=ContinuationOptions(patience=patience // 3))
-    assert short.status == "tangle"
+    assert short.status == "many folds"
     assert min(p.y[1] for p in short.points) < 8.1 and max(p.y[1] for p in short.points) > 11.9
     assert short.tangle is not None and 7.99 < short.tangle[0] < short.tangle[1] < 12.01
 
@@ -276,7 +276,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
         return replace(path, points=points, reason="told", **how)
 
     pieces = [
-        Piece(part(1.0, 2.0, status="tangle", tangle=(1.7, 1.9)), True),
+        Piece(part(1.0, 2.0, status="many folds", tangle=(1.7, 1.9)), True),
         Piece(part(2.0 + gap, 3.0, status="stalled"), True, 1, True),
         Piece(part(3.5, 2.9, status="drifted off"), False, 2),
     ]
@@ -284,7 +284,7 @@ def test_what_was_not_followed_is_data(gap, status, tmp_path):
     assert found == status
     hertz = 1.0 / (2.0 * np.pi)
     expected = [
-        (1.7, 1.9, "tangle: told"),
+        (1.7, 1.9, "many folds: told"),
         (2.0, 2.0 + gap, "no solution found"),
         (2.9, 2.9, "drifted off: told"),
         (3.0, 3.0, "stalled: told"),
@@ -415,7 +415,7 @@ class Unsolvable(Ellipse):
 
 def span(low, high, branch):
     points = tuple(PathPoint(np.array([1.0, w]), np.ones(2), np.ones(2), np.zeros(3), 0.0, 1, 0) for w in (low, high))
-    return Piece(Path(points, "tangle", "cut off", 0, 0), True, branch)
+    return Piece(Path(points, "many folds", "cut off", 0, 0), True, branch)
 
 
 def test_places_in_a_gap_are_asked_once_the_widest_gap_first():
