@@ -18,15 +18,16 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to.md"
 @pytest.mark.slow
 def test_recipes(tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 14 and max(len(block.splitlines()) for block in blocks) <= 10
+    assert len(blocks) == 15 and max(len(block.splitlines()) for block in blocks) <= 10
     monkeypatch.chdir(tmp_path)
     seen = []
     space = {"__name__": "__main__"}
     for block in blocks:
         exec(compile(block, str(PAGE), "exec"), space)
         seen.append(dict(space))
-    chosen, swept, dask, resumed = seen[1], seen[2], seen[3], seen[4]
+    chosen, mass, swept, dask, resumed = seen[1:6]
     assert chosen["best"].verified and chosen["low"] < chosen["best"].preload < chosen["high"]
+    assert 0.42 < mass["radius"] < 0.45 and mass["mass"] < mass["damper"].mass, "500 N need less at this speed"
     assert swept["result"].complete and swept["result"].shape == (3, 2)
     assert np.array_equal(dask["again"].array("amplitude"), swept["result"].array("amplitude"))
     assert np.array_equal(resumed["result"].seconds, swept["result"].seconds), "points were computed again"
