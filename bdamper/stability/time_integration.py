@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util import validate
@@ -101,7 +102,7 @@ class Ring:
     ------
     SettingError
         If the settings describe something else than a structure in time: one basis for harmonics of several nodal
-        diameters.
+        diameters, or residual modes that differ between harmonics of one nodal diameter.
     """
 
     def __init__(
@@ -136,7 +137,7 @@ class Ring:
             if same is None:
                 self.families[d] = l
             elif not _same_basis(system.bases[same], basis, conjugate=d not in self.families):
-                raise SettingError("verify: expected each harmonic to have the modes of its own nodal diameter")
+                raise SettingError(_two_sets(system.bases[same], basis, same, l))
         if self.n > 1 and len({b.nodal_diameter for b in system.bases if len(b.omega2)}) == 1 and system.n_harmonics > 0:
             orders = [l * engine_order for l in range(len(system.bases))]
             diameters = {min(order % n_blades, -order % n_blades) for order in orders}
@@ -318,6 +319,16 @@ class Ring:
             out[s] = r.real
             out[s.start + self.n_coordinates : s.stop + self.n_coordinates] = -r.imag
         return out
+
+
+def _two_sets(a: HarmonicBasis, b: HarmonicBasis, first: int, second: int) -> str:
+    """What is wrong where two harmonics of one nodal diameter have different modes."""
+    if RESIDUAL in {c.body for c in a.coordinates + b.coordinates}:
+        return (
+            f"contact_stiffness: expected other than residual modes to integrate in time, as the harmonics {first} and "
+            f"{second} share a nodal diameter and each has residual modes of its own; found residual modes"
+        )
+    return "verify: expected each harmonic to have the modes of its own nodal diameter"
 
 
 def _same_basis(a: HarmonicBasis, b: HarmonicBasis, conjugate: bool) -> bool:

@@ -221,6 +221,9 @@ def test_what_cannot_be_integrated_is_refused():
     )  # fmt: skip
     with pytest.raises(bd.SettingError, match="single_basis"):
         Ring(study.system(100.0), 8, 1)
+    ground = bd.Study(bd.reference_model("blade_to_ground"), bd.Excitation("tip", "tangential", 1.0), engine_order=0)
+    with pytest.raises(bd.SettingError, match=r"contact_stiffness: expected other .* harmonics 0 and 1 share"):
+        Ring(ground.system(0.0), 1, 0)
     study = plain_study(
         acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 1.0)
     )
