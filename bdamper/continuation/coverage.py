@@ -1,9 +1,9 @@
 """Covering a frequency interval with branches of a response curve.
 
-From both ends of the interval; a little outside of it, where a branch may turn and come back; then in the gaps that are
-left, from solutions beside them and from the chain that finds the first point of a curve.  All within a budget of
-evaluations (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency without a solution; what is
-left out is reported.
+From both ends of the interval; outside of it as far as the resonances of its modes go, where a branch may turn and come
+back; then in the gaps that are left, from solutions beside them and from the chain that finds the first point of a curve.
+All within a budget of evaluations (:func:`evaluation_budget`).  A curve is complete if its branches leave no frequency
+without a solution; what is left out is reported.
 """
 
 from __future__ import annotations
@@ -35,9 +35,10 @@ If one path may take all of it, the widest gap of one of six curves with tangles
 the other five stay; none of 284 ordinary curves changes.
 """
 OUTSIDE = 0.03
-"""Part of the interval at each end, outside of it, in which folds are looked for."""
-OUTSIDE_POINTS = 60
-"""Points that are spent on it."""
+"""Part of the interval at each end, outside of it, in which folds are looked for in any case."""
+OUTSIDE_POINTS = 1000
+"""Points that one path may take there.  Of 100 narrow bands (``benchmarks/bench_narrow.py``) two that lie in tangles below
+110 N lose the highest branch with 150."""
 ENTRIES = 4
 """Times a curve may enter the interval."""
 ARRIVED = ("complete", "turned back")
@@ -181,9 +182,13 @@ class Coverage:
     meter : CostMeter
     on_point : callable, optional
         Called with every accepted point.
+    reach : (low, high), rad/s, optional
+        Interval in which branches may turn and come back (:func:`bdamper.harmonic_balance.linear.reach`).
     pieces : list of Piece
     log : list of str
         From where paths set off besides the ends.
+    lost : list of LeftOut
+        Where paths outside the interval broke off.
     """
 
     system: HarmonicSystem
@@ -191,8 +196,10 @@ class Coverage:
     options: ContinuationOptions
     meter: CostMeter
     on_point: Callable[[PathPoint], None] | None = None
+    reach: tuple[float, float] | None = None
     pieces: list[Piece] = field(default_factory=list)
     log: list[str] = field(default_factory=list)
+    lost: list[LeftOut] = field(default_factory=list)
 
     @property
     def finished(self) -> bool:
@@ -239,16 +246,24 @@ class Coverage:
 
     # ---- outside the interval ----
 
-    def outside_ends(self) -> None:
-        """Looks for folds a little outside the interval, from which a branch comes back into it, and follows it there.
-
-        Without it 2 of 240 ordinary curves lose such a part of a branch; it takes 9 % of the evaluations.
-        """
+    @property
+    def outside(self) -> tuple[float, float]:
+        """Interval (rad/s) in which folds are looked for from which branches come back."""
         low, high = self.limits
         margin = OUTSIDE * (high - low)
-        look = replace(
-            self.options, locate=False, max_points=OUTSIDE_POINTS, patience=OUTSIDE_POINTS, step=0.5, max_step=1.0
-        )
+        bottom, top = self.reach or self.limits
+        return min(bottom, max(low - margin, 0.5 * low)), max(top, high + margin)
+
+    def outside_ends(self) -> None:
+        """Looks for folds outside the interval, from which a branch comes back into it, and follows it there.
+
+        With a margin of 3 % in place of the resonances many narrow bands lose their highest branch
+        (``benchmarks/bench_narrow.py``); curves that hold both resonances of their mode take no more.
+        Without any margin 2 of 240 ordinary curves lose a part of a branch; it takes 9 % of their evaluations.
+        """
+        low, high = self.limits
+        bottom, top = self.outside
+        look = replace(self.options, locate=False, max_points=OUTSIDE_POINTS, step=0.5, max_step=1.0)
         seen: list[PathPoint] = []
         while len(seen) < 2 * ENTRIES:
             paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
@@ -258,10 +273,13 @@ class Coverage:
                 return
             seen.append(end)
             up = end.y[-1] == high
-            limits = (high, high + margin) if up else (max(low - margin, 0.5 * low), low)
-            path = follow(self.system, end.y, limits, up=up, options=look)
+            limits = (high, top) if up else (bottom, low)
+            path = follow(self.system.with_share(SHARE), end.y, limits, up=up, options=look)
             self.meter.count(path.iterations, path.failed_steps)
             back = path.points[-1] if path.points else end
+            if path.status not in ARRIVED:
+                at = float(back.y[-1]) / TWO_PI
+                self.lost.append(LeftOut(at, at, f"outside the interval, {path.status}: {path.reason}"))
             if path.status != "turned back" or any(_same(back.y, q) for q in seen):
                 continue
             seen.append(back)

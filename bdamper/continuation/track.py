@@ -1,7 +1,8 @@
 """A tracking curve: all branches that are found over a frequency interval at one preload.
 
-From the end where it starts; from the other end if it does not lead through; from within what is then left, within a budget
-of evaluations; on demand from solutions at other preloads, which may lie on branches apart.
+From the end where it starts; from the other end if it does not lead through; beyond both ends as far as the free and the
+stuck resonance, where a branch may turn and come back; from within what is then left, within a budget of evaluations; on
+demand from solutions at other preloads, which may lie on branches apart.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
-from bdamper.harmonic_balance.linear import linear_resonances
+from bdamper.harmonic_balance.linear import LARGEST_SHIFT, linear_resonances, reach
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread
@@ -62,7 +63,8 @@ def track(
     -------
     Curve
         ``status`` is "complete" if its branches span the interval; otherwise ``reason`` says why not, and the points
-        found so far are there.  A branch that does not reach the other end is complemented by one from there.
+        found so far are there, and in any case what was looked for.  A branch that does not reach the other end is
+        complemented by one from there.
     """
     preload, frequency = problem.check_preload(preload), validate.interval("frequency", frequency)
     for name, value in (("from_high", from_high), ("progress", progress)):
@@ -103,7 +105,7 @@ def track(
                 raise
             if not any(piece.path.status == "interrupted" for piece in search.pieces):
                 search.pieces.append(Piece(Path((), "interrupted", "by the user", 0, 0), True))
-        return _curve(problem, search, preload)
+        return _curve(problem, search, preload, len(ratios))
 
 
 def _search(
@@ -116,8 +118,11 @@ def _search(
         options = replace(options, budget=evaluation_budget(system))
     assert options.budget is not None
     system = system.within(options.budget)
-    system.watched = linear_resonances(system, (None, problem.stuck_springs(problem.static(preload))), low, high)
+    springs = None, problem.stuck_springs(problem.static(preload))
+    free, stuck = (linear_resonances(system, (k,), low / LARGEST_SHIFT, LARGEST_SHIFT * high) for k in springs)
+    system.watched = [there for there in (*free, *stuck) if low < there[0] < high]
     search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
+    search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)
     search.meter.watch(system)
     return search
 
@@ -176,9 +181,14 @@ def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], 
     return out
 
 
-def _ending(search: Coverage) -> tuple[str, str, tuple[LeftOut, ...]]:
-    """Status and reason of the curve, with advice where it is not complete, and what is left out."""
+def _ending(search: Coverage, tried: int) -> tuple[str, str, tuple[LeftOut, ...]]:
+    """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
     status, reason, left_out = ending(search.pieces, *search.limits)
+    left_out = (*left_out, *search.lost)
+    if status == "complete":
+        bottom, top = (w / TWO_PI for w in search.outside)
+        closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
+        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz, {closed}"
     if why := _rattles(search):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if status not in ("incomplete", "no start"):
@@ -221,8 +231,8 @@ def _without_points(problem: Problem, preload: float, reason: str, options: Cont
     )
 
 
-def _curve(problem: Problem, search: Coverage, preload: float) -> Curve:
-    status, reason, left_out = _ending(search)
+def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Curve:
+    status, reason, left_out = _ending(search, tried)
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)

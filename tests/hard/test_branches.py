@@ -8,8 +8,8 @@ import pytest
 
 import bdamper as bd
 from bdamper import _core
+from bdamper.continuation import coverage, start
 from bdamper.continuation import follower as continuation
-from bdamper.continuation import start
 from bdamper.continuation import track as tracking
 from bdamper.continuation.coverage import (
     FEWEST,
@@ -25,6 +25,7 @@ from bdamper.continuation.coverage import (
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.linear import reach
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import oracle_residuals, random_study
@@ -406,6 +407,49 @@ def test_a_branch_that_turns_outside_the_interval_comes_back_into_it(bound, from
     assert curve.peak.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
     if not from_high:
         assert s.peak(3000.0, (282.6, bound)).amplitude == pytest.approx(whole.peak.amplitude, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("settings", "preload", "band", "amplitude"),
+    [
+        ({"friction_coefficient": 0.4}, 125.0, (295.0, 320.0), 0.20259e-3),
+        ({"friction_coefficient": 0.5}, 84.0, (281.0, 303.0), None),
+        ({"friction_coefficient": 0.4, "harmonics": 3}, 565.0, (335.7, 345.5), 0.178e-3),
+    ],
+)
+def test_a_narrow_band_shows_the_resonance_that_passes_through_it(settings, preload, band, amplitude):
+    """The upper branch enters at both ends or at one; the folds that lead to it lie far outside."""
+    s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, **settings)
+    whole, narrow = s.track(preload, (233.0, 407.0)), s.track(preload, band)
+    assert band[0] < whole.peak.frequency < band[1]
+    assert narrow.complete
+    assert (narrow.frequency.min(), narrow.frequency.max()) == pytest.approx(band, rel=1e-12)
+    assert narrow.peak.amplitude == pytest.approx(whole.peak.amplitude, rel=1e-8)
+    assert amplitude is None or narrow.peak.amplitude == pytest.approx(amplitude, rel=1e-2)
+    assert "1 further branches; folds looked for from 274.6 to 367.4 Hz" in narrow.reason
+    assert narrow.reason.endswith("closed branches not")
+
+
+def test_where_branches_may_turn():
+    """Between the free and the stuck resonance of a mode, and a little beyond; not past a resonance of another mode."""
+    free, stuck = [280.0, 600.0], [360.0, 640.0]
+    assert reach(free, stuck, 300.0, 320.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 282.0, 365.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 275.0, 300.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
+    assert reach(free, stuck, 250.0, 400.0) == (250.0, 400.0)
+    assert reach(free, stuck, 400.0, 500.0) == (400.0, 500.0)
+    assert reach(free, stuck, 400.0, 620.0) == pytest.approx((400.0, 1.03 * 640.0))
+    assert reach([], [], 400.0, 500.0) == (400.0, 500.0)
+
+
+def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
+    """It might have come back into it with a higher branch."""
+    monkeypatch.setattr(coverage, "OUTSIDE_POINTS", 5)
+    s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
+    curve = s.track(125.0, (295.0, 320.0))
+    assert curve.complete and not curve.folds
+    assert [part.why.split(":")[0] for part in curve.left_out] == ["outside the interval, too many points"]
+    assert not any(295.0 < part.low < 320.0 for part in curve.left_out)
 
 
 class Unsolvable(Ellipse):
