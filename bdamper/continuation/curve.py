@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
+from bdamper.continuation.slow_sweep import SlowSweep, slow_sweep
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError, removed
@@ -170,6 +171,17 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
         """Widest part of the interval without solutions, Hz; None if there is none."""
         gaps = [(part.low, part.high) for part in self.left_out if part.why == NO_SOLUTION]
         return max(gaps, key=lambda gap: gap[1] - gap[0], default=None)
+
+    def sweep(self, direction: str = "up") -> SlowSweep:
+        """What a slow sweep of frequency, "up" or "down", shows (:mod:`bdamper.continuation.slow_sweep`).
+
+        Points count as stable by ``stable``, or where that has not been judged by the plain rule of folds.
+        """
+        judged = self.stable is not None
+        stable = np.asarray(self.stable, bool) if judged else ~self.backward
+        fold = np.array([kind == "fold" for kind in self.point_kind], bool)
+        note = "stable points as judged" if judged else "stable by folds alone"
+        return slow_sweep(direction, self.frequency, self.amplitude, self.branch, stable, fold, note)
 
     def _highest(self) -> int:
         if not len(self):

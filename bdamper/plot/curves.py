@@ -31,6 +31,11 @@ from bdamper.util.plotting import draws
 LIMIT: dict[str, Any] = {"color": "0.35", "linewidth": 0.9}
 LIMIT_STYLES = {"free": "-.", "stuck": ":"}
 """Lines of the limits without contact and with all contacts stuck."""
+SWEEPS: dict[str, dict[str, Any]] = {
+    "up": {"color": "tab:red", "linewidth": 3.0, "alpha": 0.35},
+    "down": {"color": "tab:blue", "linewidth": 3.0, "alpha": 0.35},
+}
+"""Lines of slow sweeps, laid over their curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = "Frequency (Hz)", "Response amplitude (m)", "Preload (N)"
 
 
@@ -64,6 +69,7 @@ def plot_curves(
     labels: Sequence[str] | None = None,
     logarithmic: bool = True,
     title: str = "",
+    sweeps: bool = False,
 ) -> Axes:
     """Amplitude over frequency for several curves in one picture.
 
@@ -77,6 +83,8 @@ def plot_curves(
     logarithmic : bool
         Scale of the amplitude.
     title : str
+    sweeps : bool
+        Draw what slow sweeps of frequency up and down show (:meth:`bdamper.continuation.curve.Curve.sweep`).
 
     Returns
     -------
@@ -95,10 +103,14 @@ def plot_curves(
         for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
             label = labels[i] if labels is not None else newtons(curve.preload)
             _draw_tracking(ax, curve, colour, MARKERS[i % len(MARKERS)], label)
+            for sweep in (curve.sweep(direction) for direction in SWEEPS if sweeps):
+                ax.plot(sweep.frequency, sweep.amplitude, **SWEEPS[sweep.direction])
             for part in curve.left_out:
                 ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6)
         if any(unstable_points(c).any() for c in tracking):
             ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
+        for direction, style in SWEEPS.items() if sweeps else ():
+            ax.plot([], [], **style, label=f"sweep {direction}")
         if any(len(c) and c.peak_at_end for c in tracking):
             ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
                     label="highest at the end of the interval")

@@ -1,0 +1,169 @@
+"""What a slow sweep of frequency shows of a response curve: the branch that is kept until it folds or loses its stability.
+
+The sweep begins at one end of the interval, on the lowest stable solution there, and moves along stable points.  Where the
+frequency turns or stability is lost the response jumps to a stable solution at that frequency: the nearest lower one, or
+the nearest higher one if none is lower.  The motion during a jump is not computed, so among several stable solutions the
+response may end on another one; how many there were is kept.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.repr import brief
+
+SAME = 1e-6
+"""Relative difference of amplitudes below which two places of a curve at one frequency are one solution."""
+
+
+class Jump(NamedTuple):
+    """Where a branch ends for a sweep, and what comes after it.
+
+    Parameters
+    ----------
+    frequency : float, Hz
+    before, after : float, m
+        Amplitudes; the latter is NaN where no stable solution is known, and the sweep ends.
+    choices : int
+        Stable solutions known at that frequency besides the one that ends.
+    """
+
+    frequency: float
+    before: float
+    after: float
+    choices: int
+
+    def __str__(self) -> str:
+        where = f"at {self.frequency:.6g} Hz from {self.before:.4g} m"
+        if not self.choices:
+            return f"ends {where}: no stable solution is known there"
+        among = f", the nearest of {self.choices} stable solutions" if self.choices > 1 else ""
+        return f"jumps {where} to {self.after:.4g} m{among}"
+
+
+@brief
+@dataclass(frozen=True)
+class SlowSweep:
+    """Response along a slow sweep of frequency, by :meth:`bdamper.continuation.curve.Curve.sweep`.
+
+    Parameters
+    ----------
+    direction : {"up", "down"}
+    frequency : (n,) float, Hz
+        In the order of the sweep; twice the same at a jump.
+    amplitude : (n,) float, m
+        Of the harmonic of the excitation.
+    jumps : tuple of Jump
+    note : str
+        By which labels points count as stable, and what the sweep does not know.
+    """
+
+    direction: str
+    frequency: NDArray
+    amplitude: NDArray
+    jumps: tuple[Jump, ...]
+    note: str
+
+    def __str__(self) -> str:
+        if not len(self.frequency):
+            return f"sweep {self.direction}: {self.note}"
+        i = int(np.argmax(self.amplitude))
+        head = f"sweep {self.direction}: highest {self.amplitude[i]:.6g} m at {self.frequency[i]:.6g} Hz ({self.note})"
+        return "\n".join([head, *(f"  {jump}" for jump in self.jumps)])
+
+
+class _Landing(NamedTuple):
+    """A stable solution between two points of a curve, the next point in the direction of the sweep, and the way there."""
+
+    amplitude: float
+    point: int
+    way: int
+
+
+class _Sweep:
+    """The points of a curve, by a coordinate that rises along the sweep."""
+
+    def __init__(self, x: NDArray, amplitude: NDArray, branch: NDArray, stable: NDArray, fold: NDArray) -> None:
+        self.x, self.amplitude, self.branch, self.fold = x, amplitude, branch, fold
+        self.held = stable | fold  # at a fold itself rounding decides
+        first, last = np.minimum(self.x[:-1], self.x[1:]), np.maximum(self.x[:-1], self.x[1:])
+        self.first, self.last = first, last
+        joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:] & (first < last)
+        self.stretches = np.flatnonzero(joined & ~(self.fold[:-1] & self.fold[1:]))
+
+    def landings(self, x: float, ended: int | None = None) -> list[_Landing]:
+        """Stable solutions from which the sweep can go on, the lowest first, without the point that has ended."""
+        found: list[_Landing] = []
+        for i in self.stretches[(self.first[self.stretches] <= x) & (self.last[self.stretches] > x)].tolist():
+            if ended in (i, i + 1):
+                continue
+            part = (x - self.x[i]) / (self.x[i + 1] - self.x[i])
+            height = float(self.amplitude[i] + part * (self.amplitude[i + 1] - self.amplitude[i]))
+            way = 1 if self.x[i + 1] > self.x[i] else -1
+            if all(abs(height - other.amplitude) > SAME * height for other in found):
+                found.append(_Landing(height, i + 1 if way > 0 else i, way))
+        return sorted(found)
+
+    def onward(self, point: int, way: int) -> int | None:
+        """The next point on the branch, if the sweep can go there."""
+        new = point + way
+        if not 0 <= new < len(self.x) or self.branch[new] != self.branch[point]:
+            return None
+        return new if self.held[new] and self.x[new] >= self.x[point] else None
+
+
+def slow_sweep(
+    direction: str, frequency: NDArray, amplitude: NDArray, branch: NDArray, stable: NDArray, fold: NDArray, note: str
+) -> SlowSweep:
+    """The response that a slow sweep of frequency shows.
+
+    Parameters
+    ----------
+    direction : {"up", "down"}
+    frequency : (n,) float, Hz
+    amplitude : (n,) float, m
+    branch : (n,) int
+        Points of one branch follow each other along it.
+    stable, fold : (n,) bool
+    note : str
+        By which labels points count as stable.
+
+    Returns
+    -------
+    SlowSweep
+        Without points where no stable solution is known at the end from which the sweep sets off.
+    """
+    validate.choice("direction", direction, ("up", "down"))
+    sense = 1.0 if direction == "up" else -1.0
+    sweep = _Sweep(sense * frequency, amplitude, branch, stable, fold)
+    end = float(sweep.x.max()) if len(frequency) else np.nan
+    options = sweep.landings(float(sweep.x.min())) if len(frequency) else []
+    if not options:
+        return SlowSweep(direction, np.zeros(0), np.zeros(0), (), f"{note}; no stable solution where it sets off")
+    if len(options) > 1:
+        note += f"; sets off from the lowest of {len(options)} stable solutions"
+    here, x = options[0], float(sweep.x.min())
+    places, jumps = [(x, here.amplitude)], []
+    while True:
+        point: int | None = here.point
+        while point is not None:
+            last = point
+            places.append((float(sweep.x[last]), float(sweep.amplitude[last])))
+            point = sweep.onward(last, here.way)
+        x, height = places[-1]
+        if x >= end:
+            break
+        options = sweep.landings(x, last)
+        lower = [option for option in options if option.amplitude <= height]
+        here = lower[-1] if lower else options[0] if options else _Landing(np.nan, 0, 0)
+        jumps.append(Jump(sense * x, height, here.amplitude, len(options)))
+        if not options:
+            break
+        places.append((x, here.amplitude))
+    passed, height_there = np.array(places).T
+    return SlowSweep(direction, sense * passed, height_there, tuple(jumps), note)

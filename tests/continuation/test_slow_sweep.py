@@ -1,0 +1,71 @@
+"""Slow sweeps of frequency along a curve with two folds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.util.errors import SettingError
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def study():
+    excitation = bd.Excitation("tip", "tangential")
+    return plain_study(bd.reference_model(), excitation, engine_order=5, friction_coefficient=0.4)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(125.0, (250.0, 400.0))
+
+
+def test_a_sweep_keeps_its_branch_until_the_fold(curve):
+    upper, lower = (fold.frequency for fold in curve.folds)
+    up, down = curve.sweep("up"), curve.sweep("down")
+    assert (np.diff(up.frequency) >= 0.0).all() and (np.diff(down.frequency) <= 0.0).all()
+    assert (up.frequency[0], up.frequency[-1]) == (down.frequency[-1], down.frequency[0])
+    assert [jump.frequency for jump in up.jumps] == [upper] and [jump.frequency for jump in down.jumps] == [lower]
+    assert up.jumps[0].after > up.jumps[0].before and down.jumps[0].after < 0.1 * down.jumps[0].before
+    assert down.amplitude.max() == curve.peak.amplitude and up.amplitude.max() < 0.51 * curve.peak.amplitude
+    # outside of the folds both show the same, between them each its branch
+    np.testing.assert_array_equal(up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1])
+    assert f"jumps at {upper:.6g} Hz" in str(up)
+
+
+def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):
+    stable = ~curve.backward
+    stable[(curve.frequency > 310.0) & (curve.amplitude > 1.25e-4)] = False
+    judged = replace(curve, stable=stable)
+    down = judged.sweep("down")
+    assert down.jumps[0].frequency == pytest.approx(319.6, abs=1.0) and down.jumps[0].choices == 1
+    assert down.jumps[0].after < down.jumps[0].before < 1.25e-4
+    stable[curve.frequency < 330.0] = False
+    down = judged.sweep("down")
+    assert len(down.jumps) == 1 and np.isnan(down.jumps[0].after) and "no stable solution" in str(down)
+    assert 330.0 <= down.frequency[-1] < 335.0
+    assert not len(judged.sweep("up").frequency)
+
+
+def test_one_of_several_stable_solutions_is_said_to_be_chosen(study):
+    down = study.track(125.0, (295.0, 320.0)).sweep("down")
+    assert "lowest of 2 stable solutions" in down.note and not down.jumps
+
+
+def test_what_comes_back_from_a_fold_outside_is_labelled_as_on_the_wide_curve(study, curve):
+    """The branch runs back up to its fold in the interval, and forward beyond."""
+    for band in ((295.0, 320.0), (300.0, 400.0), (310.0, 330.0)):
+        narrow = study.track(125.0, band)
+        for f, a, backward, kind in zip(narrow.frequency, narrow.amplitude, narrow.backward, narrow.point_kind):
+            if kind in ("regular", "maximum"):
+                near = np.argmin(np.hypot(curve.frequency / f - 1.0, 0.1 * np.log(curve.amplitude / a)))
+                if "regular" in curve.point_kind[near] and abs(f - 303.6) > 1.0 and abs(f - 325.0) > 3.0:
+                    assert backward == curve.backward[near]
+
+
+def test_directions_are_up_and_down(curve):
+    with pytest.raises(SettingError, match="direction"):
+        curve.sweep("left")
+    labels = [text.get_text() for text in curve.plot(sweeps=True).get_legend().get_texts()]
+    assert {"sweep up", "sweep down"} <= set(labels)
