@@ -15,10 +15,10 @@ decides:
 
 Otherwise the march goes on, and ends undecided after so many periods.
 
-Measured on the shipped disk (nine points, unit tractions, preloads of 200, 500 and 2000 N, one and three harmonics), half
-of the points near peaks and folds: 26 points are decided after 48 to 224 periods, 0.2 to 2 s, each as marches ended whose
-drift over 80 periods was below 1 % (of at most 1000 periods); and so are the first 32 of ``benchmarks/bench_in_time.py``,
-whose marches have half the step and start disturbed.  With residual modes 12 points took 3 to 14 s.
+Measured on the shipped disk (nine points, unit tractions): the 50 points of ``benchmarks/bench_in_time.py`` (200, 500 and
+2000 N, one and three harmonics, half of them near peaks and folds) are decided after 48 to 176 periods, in 1.5 s at most,
+each as the marches there end, which have half the step, start disturbed and last up to 960 periods.  With residual modes 12
+points took 3 to 14 s.
 """
 
 from __future__ import annotations
