@@ -33,6 +33,9 @@ disturbance then moves it once, into a neighbouring solution with another residu
 left out like any slider at rest.  Differences of marched motions would not converge to a derivative there, so it is held
 while they are taken.
 
+**The motion itself.**  All this is said of the motion with the harmonics of the solution.  ``with_stability(in_time=True)``
+asks the motion in time next to it (:mod:`bdamper.stability.in_time`).
+
 Where a law has no event sequence of this kind (coupled friction, constant load), the state is marched through the period
 in steps and the monodromy taken from differences: :func:`shooting_monodromy`.  Events fall between its steps, so it is of
 first order in the step, while that along the events is exact for the motion given.
@@ -394,6 +397,7 @@ def with_stability(
     oscillating: bool = False,
     every_point: bool = False,
     in_time: bool = False,
+    progress: bool = False,
 ) -> Curve:
     """The same tracking curve with the stability of every point; see :mod:`bdamper.stability.floquet` for what it
     covers.
@@ -418,16 +422,21 @@ def with_stability(
     in_time : bool
         Ask the motion in time which solutions a blade keeps (:mod:`bdamper.stability.in_time`): a point is stable if the
         motion that starts there keeps its amplitude to 5 %.  Some seconds for each point that is judged.  Where it remains
-        undecided what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
+        undecided, or after Ctrl-C, what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
+    progress : bool
+        Show a bar of the points marched in time; mostly about half of them are.
     """
     problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
     in_time = validate.flag("in_time", in_time)
     others = {int(d): bases_beside(problem, int(d)) for d in validate.wholes("nodal_diameters", nodal_diameters)}
-    omega = 2.0 * np.pi * curve.frequency
+    omega, system, judge = TWO_PI * curve.frequency, problem.system(curve.preload), None
+    if in_time:
+        ring = problem.model.n_blades, int(problem.engine_order)
+        judge = InTimeJudge(system, curve.unknowns, omega, *ring, validate.flag("progress", progress))
     result = stability_of_points(
-        problem.system(curve.preload),
+        system,
         curve.unknowns,
         omega,
         others,
@@ -436,22 +445,23 @@ def with_stability(
     )
     note = f"{result.note}; {result.seconds:.2f} s, {curve.cost.seconds:.2f} s for the curve"
     judged = replace(curve, stable=result.stable, stability_note=note, in_time=None)
-    return _judged_in_time(problem, judged, every_point) if in_time else judged
+    return _judged_in_time(judge, judged, every_point) if judge else judged
 
 
-def _judged_in_time(problem: Problem, curve: Curve, every_point: bool) -> Curve:
+def _judged_in_time(judge: InTimeJudge, curve: Curve, every_point: bool) -> Curve:
     """A curve with stability from the harmonics, judged by the motion in time as well."""
-    watch = Stopwatch()
-    system, omega = problem.system(curve.preload), TWO_PI * curve.frequency
-    judge = InTimeJudge(system, curve.unknowns, omega, problem.model.n_blades, int(problem.engine_order))
+    watch, system = Stopwatch(), judge.system
     moving = np.array([not rests(system, u) for u in curve.unknowns], bool).reshape(len(curve))
     branch = np.arange(len(curve)) if every_point else np.asarray(curve.branch)
-    verdicts, _ = judged_along(judge, lambda i: _positive_determinant(system, curve.unknowns[i], omega[i]), moving, branch)
+    verdicts, _ = judged_along(
+        judge, lambda i: _positive_determinant(system, curve.unknowns[i], judge.omega[i]), moving, branch
+    )
     assert curve.stable is not None
     stable = np.where(verdicts == UNDECIDED, curve.stable, verdicts == STABLE)
     note = (
         f"motion in time, amplitude kept to {100.0 * TOLERANCE:g} %: {len(judge.known)} of {len(curve)} points judged, "
         f"{int((~moving).sum())} rest, {int((verdicts == UNDECIDED).sum())} undecided; {watch.read()['seconds']:.3g} s"
+        + (", interrupted by the user" if judge.interrupted else "")
     )
     return replace(curve, stable=stable, stability_note=note, in_time=judge.ratios(verdicts, curve.branch))
 

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.time_integration import Motion, Ring
 from bdamper.stability.wave import Verdict
+from bdamper.util.progress import LongWork, each
 
 TOLERANCE = 0.05
 """Largest relative distance of the amplitude in time from that of a stable solution."""
@@ -217,6 +218,8 @@ def judge_in_time(
     """
     sector = SectorMap(system, omega, n_blades, engine_order, u)
     expected = float(np.abs(system.response(np.asarray(u)[None])[0, 1]))
+    if not expected > 0.0:
+        return InTime(UNDECIDED, math.nan, math.nan, 0)
     start = sector.ring.start(u, omega, sector.steps)
     found = marched(sector, disturbed(sector.ring, start, seed), expected)
     if found.verdict != STABLE or found.spread > REGULAR:
@@ -276,17 +279,34 @@ def marched(sector: SectorMap, motion: Motion, expected: float, fewest: int = FE
 
 
 class InTimeJudge:
-    """Verdicts on points of one system for :func:`~bdamper.stability.wave.judged_along`; arguments as for these."""
+    """Verdicts on points of one system for :func:`~bdamper.stability.wave.judged_along`; arguments as for these.
+
+    After Ctrl-C every further point is undecided.
+
+    Raises
+    ------
+    SettingError
+        At once, if the settings describe something else than a structure in time.
+    """
 
     def __init__(
-        self, system: HarmonicSystem, unknowns: NDArray, omega: NDArray, n_blades: int, engine_order: int
+        self, system: HarmonicSystem, unknowns: NDArray, omega: NDArray, n_blades: int, engine_order: int, progress: bool
     ) -> None:
         self.system, self.unknowns, self.omega, self.ring = system, unknowns, omega, (n_blades, engine_order)
+        _ = Ring(system, n_blades, engine_order)
         self.known: dict[int, InTime] = {}
+        self.interrupted = False
+        self._bar = iter(each(range(len(omega)), progress, "motion in time", "point"))
 
     def __call__(self, i: int) -> Verdict:
         if i not in self.known:
-            self.known[i] = judge_in_time(self.system, self.unknowns[i], float(self.omega[i]), *self.ring, seed=i)
+            with LongWork() as work:
+                if not self.interrupted:
+                    self.known[i] = judge_in_time(self.system, self.unknowns[i], float(self.omega[i]), *self.ring, seed=i)
+                    next(self._bar)
+            self.interrupted |= work.interrupted
+            if self.interrupted:
+                return Verdict((UNDECIDED,), math.nan)
         found = self.known[i]
         return Verdict((found.verdict,), abs(found.ratio - 1.0) - TOLERANCE)
 

@@ -128,3 +128,32 @@ def test_labels_of_a_few_masses():
     assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
     assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
     assert study.with_stability(curve).in_time is None
+
+
+def test_interrupted_labels_keep_what_was_judged(monkeypatch):
+    study = bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)], forces={0: 0.2}, harmonics=5
+    )
+    curve = study.track(0.0, (0.1, 0.35))
+    asked = []
+
+    def interrupted(*arguments, **named):
+        asked.append(named["seed"])
+        if len(asked) == 3:
+            raise KeyboardInterrupt
+        return judge_in_time(*arguments, **named)
+
+    monkeypatch.setattr("bdamper.stability.in_time.judge_in_time", interrupted)
+    judged = study.with_stability(curve, in_time=True)
+    assert len(asked) == 3 and "interrupted by the user" in judged.stability_note
+    assert judged.labels[asked[:2]].tolist() == ["stable"] * 2 and np.isfinite(judged.in_time[asked[:2]]).all()
+    rest = judged.labels[(curve.amplitude > 1.2) & (np.arange(len(curve)) >= asked[2])]
+    assert set(rest) == {"stable as far as 5 harmonics tell", "unstable"}
+
+
+def test_settings_that_are_no_structure_in_time_are_refused_at_once(disk):
+    study, _ = disk
+    study = study.with_(single_basis=True, harmonics=2)
+    curve = study.track(2000.0, (346.0, 347.0))
+    with pytest.raises(bd.BdamperError, match="single_basis=False"):
+        study.with_stability(curve, in_time=True)
