@@ -119,6 +119,7 @@ def plot_uncertain(
         ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
         scale = "log" if quantity == "amplitude" else "linear"
         ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
+        few_ticks(ax)
     return ax
 
 

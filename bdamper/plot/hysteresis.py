@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import PAPER, colours, drawing, length, newtons, runs
+from bdamper.plot.axes import PAPER, colours, drawing, few_ticks, length, newtons, runs
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -175,4 +175,6 @@ def plot_dissipation(
         ax.set_ylabel("Equivalent contact stiffness (N/m)")
         ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
         right.set_ylabel("Equivalent damping ratio (%)")
+        if wide:
+            few_ticks(ax)
     return ax, right

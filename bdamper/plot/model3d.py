@@ -261,7 +261,7 @@ def plot_import_report(report: ImportReport) -> Figure:
             values = [report.frequencies[d][mode] for d in diameters]
             left.plot(diameters, values, marker=MARKERS[mode % len(MARKERS)], color=colours(8)[mode], markersize=4)
         left.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", ylim=(0.0, None))
-        left.xaxis.set_major_locator(MaxNLocator(integer=True))
+        left.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
         left.set_title("sector", fontsize=9.0)
         points = [1e3 * face.points for face in report.model.interfaces.values()]
         for k, (name, face) in enumerate(report.model.interfaces.items()):
