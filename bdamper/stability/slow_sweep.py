@@ -172,13 +172,14 @@ class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
     def error(self) -> float:
         """Largest relative difference from the sweep at twice the rate at the same frequency, jumps aside.
 
-        Relative to the larger of the two; nan where there is no such sweep.
+        Relative to the larger of the two, of amplitudes averaged over one memory, as those of irregular motion scatter; nan
+        where there is no such sweep.
         """
         if self.faster is None:
             return float("nan")
-        f, other = self.faster.frequency, self.faster.amplitude
+        f, other = self.faster.frequency, self.faster._averaged()
         way = slice(None, None, 1 if self.up else -1)
-        own = np.interp(f, self.frequency[way], self.amplitude[way])
+        own = np.interp(f, self.frequency[way], self._averaged()[way])
         aside = np.zeros(len(f), bool)
         ours, theirs = self._settling(), self.faster._settling()
         if len(ours) == len(theirs):  # between the jump of the one and that of the other they are on two branches
@@ -190,6 +191,11 @@ class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
 
     def _turns(self, memories: float) -> int:
         return max(1, round(memories * self.memory * float(self.frequency.mean())))
+
+    def _averaged(self) -> NDArray:
+        """Amplitude averaged over the memory around each turn."""
+        window = np.ones(min(self._turns(1.0), len(self)))
+        return np.convolve(self.amplitude, window, "same") / np.convolve(np.ones(len(self)), window, "same")
 
     def _jumping(self) -> list[tuple[int, int, int]]:
         """Of each jump a turn at most one memory before it, the turn at which it begins, and one after its fast part."""

@@ -1,0 +1,224 @@
+"""What a test would see: slow sweeps of frequency marched over 13 sectors, beside tracking curves with 1, 3 and 5 harmonics.
+
+The shipped disk with nine contact points a face, engine order 5, friction 0.4, 1 N at the tip, ten blade modes.
+``python -m benchmarks in_time_sweeps`` computes what ``results/in_time_sweeps.json`` does not have yet, prints the tables of
+``docs/in-time.md`` and draws its pictures; without the file everything is computed anew.
+``python -m benchmarks.bench_in_time_sweeps CASE ...`` computes single cases, as ``unit_traction/125/down``; ``show`` none.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.plot import colours, new_axes, save_figure
+from bdamper.stability.slow_sweep import SlowSweep
+from bdamper.stability.time_integration import Ring
+
+RESULTS = Path(__file__).parent / "results" / "in_time_sweeps.json"
+IMAGES = Path(__file__).parents[1] / "docs" / "images"
+HARMONICS = (1, 3, 5)
+LEAST = 2.0 * 0.002 * 2.0 * np.pi * 283.02
+"""Full bandwidth of the first blade mode, rad/s."""
+KEPT = 600
+"""Points of a sweep that are stored."""
+
+
+class Case(NamedTuple):
+    """Interval (Hz), harmonics whose nodal diameters are marched, half bandwidths of the first blade mode that the
+    frequency goes within the memory of its transients, and step times the highest frequency of the closed contacts."""
+
+    low: float
+    high: float
+    harmonics: int = 6
+    rate: float = 0.4
+    step: float = 1.0
+
+
+CASES = {
+    "unit_traction/125/up": Case(319.0, 331.0),
+    "unit_traction/125/down": Case(298.0, 331.0),
+    "residual_modes/500/down": Case(348.5, 354.5, 3, 0.8, 1.6),
+    "residual_modes/125/down": Case(325.0, 337.0, 3, 0.8, 1.6),
+    "residual_modes/500/up": Case(348.5, 354.5, 3, 0.8, 1.6),
+    "residual_modes/125/up": Case(325.0, 337.0, 3, 0.8, 1.6),
+    "residual_modes/2000/up": Case(357.0, 364.0, 3, 0.8, 1.6),
+    "residual_modes/2000/down": Case(357.0, 364.0, 3, 0.8, 1.6),
+}
+
+
+def study(stiffness: str, harmonics: int) -> bd.Study:
+    return bd.Study(
+        bd.reference_model("bladed_disk", contact_points=9),
+        bd.Excitation("tip", direction="tangential", amplitude=1.0),
+        engine_order=5,
+        friction_coefficient=0.4,
+        blade_modes=10,
+        contact_stiffness=stiffness,
+        harmonics=harmonics,
+    )
+
+
+def rounded(values: Any) -> list[float]:
+    return [float(f"{value:.6g}") for value in values]
+
+
+def thinned(sweep: SlowSweep) -> dict[str, Any]:
+    """What is stored of a sweep."""
+    i = np.unique(np.linspace(0, len(sweep) - 1, KEPT).round().astype(int))
+    return {
+        "frequency": rounded(sweep.frequency[i]),
+        "amplitude": rounded(sweep.amplitude[i]),
+        "highest": rounded(sweep.highest),
+        "jumps": [rounded(jump) for jump in sweep.jumps],
+        "rate": sweep.rate,
+        "turns": len(sweep),
+        "status": sweep.status,
+    }
+
+
+def marched(name: str, case: Case) -> dict[str, Any]:
+    """One sweep, and the same at twice the rate."""
+    stiffness, preload, way = name.split("/")
+    of = study(stiffness, case.harmonics)
+    steps = int(np.ceil(highest(of, float(preload)) * 2.0 * np.pi / case.low / case.step / 32.0)) * 32
+    started = time.process_time()
+    rate = case.rate * LEAST**2 / (8.0 * np.pi)
+    ways: dict[str, Any] = {"up": way == "up", "rate": rate, "steps_per_period": steps, "progress": sys.stderr.isatty()}
+    sweep = of.sweep_in_time(float(preload), (case.low, case.high), **ways)
+    print(sweep, flush=True)
+    assert sweep.faster is not None
+    return {
+        **thinned(sweep), "twice": thinned(sweep.faster), "error": sweep.error, "steps_per_period": sweep.steps_per_period,
+        "sectors": sweep.sectors, "harmonics": case.harmonics, "model": sweep.model_hash,
+        "bdamper": sweep.made_with.bdamper, "processor": round(time.process_time() - started, 1),
+    }  # fmt: skip
+
+
+def highest(of: bd.Study, preload: float) -> float:
+    """Highest frequency (Hz) of the closed contacts."""
+    return Ring(of.system(preload), of.model.n_blades, int(of.engine_order)).highest_frequency() / (2.0 * np.pi)
+
+
+def tracked(name: str) -> dict[str, Any]:
+    """Tracking curves at one preload, with the verdict of the sign of the determinant for each point."""
+    stiffness, preload = name.split("/")
+    found = {}
+    for h in HARMONICS:
+        started = time.process_time()
+        curve = study(stiffness, h).track(float(preload), (285.0, 370.0), stability=True)
+        found[str(h)] = {
+            "frequency": rounded(curve.frequency),
+            "amplitude": rounded(curve.amplitude),
+            "stable": [int(x) for x in np.asarray(curve.stable)],
+            "branch": [int(x) for x in curve.branch],
+            "folds": [rounded((fold.frequency, fold.amplitude)) for fold in curve.folds],
+            "peak": rounded((curve.peak.frequency, curve.peak.amplitude)),
+            "status": curve.status,
+            "processor": round(time.process_time() - started, 1),
+        }
+    return found
+
+
+def stable_at(curve: dict[str, Any], f: float) -> list[float]:
+    """Amplitudes of the stable branches at one frequency."""
+    rows = zip(curve["frequency"], curve["amplitude"], curve["stable"], curve["branch"])
+    out = []
+    for (f1, a1, s1, b1), (f2, a2, s2, b2) in pairwise(rows):
+        if s1 and s2 and b1 == b2 and min(f1, f2) <= f <= max(f1, f2) and f1 != f2:
+            out.append(a1 + (a2 - a1) * (f - f1) / (f2 - f1))
+    return out
+
+
+def differences(sweep: dict[str, Any], curve: dict[str, Any]) -> tuple[float, float, float]:
+    """Shares of the sweep within 5 % of a stable branch and without any, and the median difference (jumps not left out)."""
+    away = []
+    for f, a in zip(sweep["frequency"], sweep["amplitude"]):
+        there = stable_at(curve, f)
+        away.append(min((abs(a / x - 1.0) for x in there), default=np.nan))
+    found = np.array(away)
+    return float(np.mean(found <= 0.05)), float(np.mean(np.isnan(found))), float(np.median(found[np.isfinite(found)]))
+
+
+def row(name: str, sweep: dict[str, Any], curves: dict[str, Any]) -> str:
+    """Of the first table."""
+    stiffness, preload, way = name.split("/")
+    twice = sweep["twice"]
+    jumps = ", ".join(f"{1e6 * b:.0f} to {1e6 * a:.0f} at {f:.2f}" for f, b, a in sweep["jumps"][:3]) or "none"
+    if len(sweep["jumps"]) > 3:
+        jumps += f", and {len(sweep['jumps']) - 3} more"
+    f, a = sweep["highest"]
+    cells = [stiffness.replace("_", " "), preload, way, f"{1e6 * a:.1f} at {f:.2f}", jumps]
+    cells.append(f"{100.0 * (twice['highest'][1] / a - 1.0):+.1f}, {100.0 * sweep['error']:.1f}")
+    for h in map(str, HARMONICS):
+        within, none, median = differences(sweep, curves[h])
+        cells.append(f"{100.0 * within:.0f} / {100.0 * none:.0f} / {100.0 * median:.1f}")
+    return "| " + " | ".join([*cells, f"{sweep['processor']:.0f}"]) + " |"
+
+
+def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
+    """Sweeps up and down over the curves, as far as they are there."""
+    sweeps = {way: known[name] for way in ("up", "down") if (name := f"{stiffness}/{preload}/{way}") in known}
+    curves = known[f"{stiffness}/{preload}"]
+    low = min(min(s["frequency"]) for s in sweeps.values())
+    high = max(max(s["frequency"]) for s in sweeps.values())
+    ax = new_axes(6.4, 3.6)
+    for h, colour in zip(HARMONICS, colours(len(HARMONICS))):
+        curve = curves[str(h)]
+        f, a, s, b = (np.array(curve[name]) for name in ("frequency", "amplitude", "stable", "branch"))
+        for solid in (True, False):
+            shown = np.where((s == 1) == solid, 1e6 * a, np.nan)
+            apart = np.flatnonzero(np.diff(b)) + 1
+            ax.plot(np.insert(f, apart, np.nan), np.insert(shown, apart, np.nan), "-" if solid else ":", color=colour,
+                    linewidth=1.1, label=f"{h} harmonic{'s' * (h > 1)}" if solid else None)  # fmt: skip
+    for way, sweep in sweeps.items():
+        colour = "k" if way == "up" else "tab:red"
+        ax.plot(sweep["frequency"], 1e6 * np.array(sweep["amplitude"]), color=colour, linewidth=0.8, label=f"sweep {way}")
+    margin = 0.05 * (high - low)
+    ax.set(xlim=(low - margin, high + margin), ylim=(0.0, None), xlabel="Frequency (Hz)", ylabel="Response amplitude (µm)")
+    ax.set_title(f"{preload} N, {stiffness.replace('_', ' ')}", fontsize=9.0)
+    ax.legend(fontsize=7.0)
+    save_figure(ax, IMAGES / f"in-time-{stiffness.split('_')[0]}-{preload}.png", dpi=110)
+
+
+def stored() -> dict[str, Any]:
+    return dict(json.loads(RESULTS.read_text())) if RESULTS.exists() else {}
+
+
+def keep(name: str, found: dict[str, Any]) -> None:
+    known = stored() | {name: found}
+    lines = [f"{json.dumps(key)}:{json.dumps(value, separators=(',', ':'))}" for key, value in known.items()]
+    RESULTS.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+
+
+def main(arguments: list[str] | None = None) -> None:
+    for name in arguments or CASES if arguments != ["show"] else ():
+        if name not in stored():
+            keep(name, marched(name, CASES[name]))
+        if (of := name.rpartition("/")[0]) not in stored():
+            keep(of, tracked(of))
+    known = stored()
+    head = ["contact stiffness", "preload (N)", "way", "highest (µm at Hz)", "jumps (µm at Hz)", "twice the rate (%)"]
+    head += [f"{h} harmonic{'s' * (h > 1)} (%)" for h in HARMONICS] + ["time (s)"]
+    print("| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|")
+    for name in CASES:
+        if name in known:
+            print(row(name, known[name], known[name.rpartition("/")[0]]))
+    print()
+    for of in dict.fromkeys(name.rpartition("/")[0] for name in CASES if name in known):
+        picture(*of.split("/"), known)
+        for h, curve in known[of].items():
+            folds = ", ".join(f"{1e6 * a:.0f} at {f:.2f}" for f, a in curve["folds"])
+            f, a = curve["peak"]
+            print(f"{of}, {h} harmonics: peak {1e6 * a:.1f} at {f:.2f}; folds {folds}; {curve['processor']} s")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
