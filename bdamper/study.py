@@ -29,7 +29,7 @@ from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.plausible import check_question, check_settings
 from bdamper.problem.problem import Problem
-from bdamper.stability import floquet, slow_sweep, steady_state, verification
+from bdamper.stability import floquet, steady_state, time_sweep, verification
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -154,7 +154,7 @@ class Study(Problem, Comparable):
     with_stability = floquet.with_stability
     verify = verification.verify
     settle = steady_state.settle
-    sweep_in_time = slow_sweep.sweep_in_time
+    sweep_in_time = time_sweep.sweep_in_time
 
     # peaks and the optimal curve
     @one_thread

@@ -1,8 +1,8 @@
-"""What a test would see: slow sweeps of frequency marched over 13 sectors, beside tracking curves with 1, 3 and 5 harmonics.
+"""What a test would see: slow sweeps of frequency marched over 13 sectors, beside tracking curves of 1, 3 and 5 harmonics.
 
 The shipped disk with nine contact points a face, engine order 5, friction 0.4, 1 N at the tip, ten blade modes.
-``python -m benchmarks in_time_sweeps`` computes what ``results/in_time_sweeps.json`` does not have yet, prints the tables of
-``docs/in-time.md`` and draws its pictures; without the file everything is computed anew.
+``python -m benchmarks in_time_sweeps`` computes what ``results/in_time_sweeps.json`` does not have yet, prints the table
+of ``docs/in-time.md`` and draws its pictures; without the file everything is computed anew.
 ``python -m benchmarks.bench_in_time_sweeps CASE ...`` computes single cases, as ``unit_traction/125/down``; ``show`` none.
 """
 
@@ -19,8 +19,8 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.plot import colours, new_axes, save_figure
-from bdamper.stability.slow_sweep import SlowSweep
 from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_sweep import TimeSweep
 
 RESULTS = Path(__file__).parent / "results" / "in_time_sweeps.json"
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
@@ -70,7 +70,7 @@ def rounded(values: Any) -> list[float]:
     return [float(f"{value:.6g}") for value in values]
 
 
-def thinned(sweep: SlowSweep) -> dict[str, Any]:
+def thinned(sweep: TimeSweep) -> dict[str, Any]:
     """What is stored of a sweep."""
     i = np.unique(np.linspace(0, len(sweep) - 1, KEPT).round().astype(int))
     return {

@@ -25,7 +25,7 @@ from bdamper.plot.curves import (
     plot_optimal,
     plot_over_measurement,
     plot_settled,
-    plot_slow_sweep,
+    plot_time_sweep,
     plot_verification,
 )
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
@@ -59,12 +59,12 @@ __all__ = [
     "plot_optimal",
     "plot_over_measurement",
     "plot_settled",
-    "plot_slow_sweep",
     "plot_status_bars",
     "plot_status_map",
     "plot_stiffness",
     "plot_surfaces",
     "plot_sweep",
+    "plot_time_sweep",
     "plot_together",
     "plot_uncertain",
     "plot_verification",

@@ -21,8 +21,8 @@ from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
-from bdamper.stability.slow_sweep import SlowSweep
 from bdamper.stability.steady_state import SettledResponse
+from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -375,8 +375,8 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
     return ax
 
 
-@draws(SlowSweep)
-def plot_slow_sweep(sweep: SlowSweep, ax: Axes | None = None, *, label: str | None = None, **style: Any) -> Axes:
+@draws(TimeSweep)
+def plot_time_sweep(sweep: TimeSweep, ax: Axes | None = None, *, label: str | None = None, **style: Any) -> Axes:
     """Amplitude over frequency of a sweep in time; ``ax`` may be those of tracking curves, ``style`` is for the line."""
     over, way = ax is not None, "up" if sweep.up else "down"
     title = "" if over else f"{abs(sweep.rate):.3g} Hz/s, preload {newtons(sweep.preload)}"

@@ -72,10 +72,10 @@ class Jump(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
+class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
     """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
 
-    ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_slow_sweep`).
+    ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_time_sweep`).
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
     reason : str
     cost : Cost
         That of the sweep at twice the rate included.
-    beside : tuple of SlowSweep
+    beside : tuple of TimeSweep
         The same sweep at twice the rate, after Ctrl-C so far as it got; empty if there is none.
     settings : mapping
     model_hash : str
@@ -109,7 +109,7 @@ class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
     status: str
     reason: str
     cost: Cost
-    beside: tuple[SlowSweep, ...] = ()
+    beside: tuple[TimeSweep, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
 
@@ -164,7 +164,7 @@ class SlowSweep(Plottable, Tabular, Storable, kind="bdamper-slow-sweep"):
         )
 
     @property
-    def faster(self) -> SlowSweep | None:
+    def faster(self) -> TimeSweep | None:
         """The sweep at twice the rate."""
         return self.beside[0] if self.beside else None
 
@@ -256,7 +256,7 @@ def sweep_in_time(
     steps_per_period: int | None = None,
     check: bool = True,
     progress: bool = False,
-) -> SlowSweep:
+) -> TimeSweep:
     """March in time while the frequency of the excitation goes slowly over an interval.
 
     All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed.  The nodal
@@ -286,7 +286,7 @@ def sweep_in_time(
 
     Returns
     -------
-    SlowSweep
+    TimeSweep
         After Ctrl-C the turns marched by then.
 
     Raises
@@ -311,7 +311,7 @@ def sweep_in_time(
         raise SettingError("sweep_in_time: expected damping in every mode of the structure, found a mode without")
     memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
     rate = usual if rate is None else rate
-    empty = SlowSweep(
+    empty = TimeSweep(
         frequency=np.zeros(0), harmonics=np.zeros(0), preload=preload, rate=rate if up else -rate, memory=memory,
         steps_per_period=n, sectors=ring.n, status="complete", reason="", cost=Cost(), settings=problem.record(),
         model_hash=problem.model.hash,
@@ -378,7 +378,7 @@ def _turned(
         yield marched.harmonics, motion
 
 
-def _filled(empty: SlowSweep, factor: int, parts: list[NDArray], turns: int, ends: tuple[float, float]) -> SlowSweep:
+def _filled(empty: TimeSweep, factor: int, parts: list[NDArray], turns: int, ends: tuple[float, float]) -> TimeSweep:
     """The result of the turns that were marched out of those that were meant to be."""
     harmonics = np.concatenate(parts)
     done = len(harmonics)

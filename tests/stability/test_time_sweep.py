@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.stability import slow_sweep
+from bdamper.stability import time_sweep
 from bdamper.stability.time_integration import Ring
 
 F0, ZETA = 10.0, 0.01
@@ -57,7 +57,7 @@ def test_a_linear_sweep_lags_behind_its_closed_form_by_the_error_it_states(linea
 def test_the_usual_rate_follows_from_the_damping(linear):
     found = linear.sweep_in_time(0.0, (9.9, 10.1), check=False)
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
-    assert found.rate == pytest.approx(usual(slow_sweep.RATE))
+    assert found.rate == pytest.approx(usual(time_sweep.RATE))
     assert np.isnan(found.error) and "not known" in str(found)
 
 
@@ -97,17 +97,17 @@ def interrupting(monkeypatch, calls):
 
 def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     whole = linear.sweep_in_time(0.0, BAND)
-    settling = -(-round(slow_sweep.SETTLING * whole.memory * BAND[0]) // slow_sweep.PIECE)
+    settling = -(-round(time_sweep.SETTLING * whole.memory * BAND[0]) // time_sweep.PIECE)
     interrupting(monkeypatch, settling + 3)
     found = linear.sweep_in_time(0.0, BAND)
-    assert (found.status, len(found), found.beside) == ("interrupted", 3 * slow_sweep.PIECE, ())
+    assert (found.status, len(found), found.beside) == ("interrupted", 3 * time_sweep.PIECE, ())
     assert f"{len(found)} of {len(whole)} turns" in str(found)
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
     monkeypatch.undo()
-    interrupting(monkeypatch, settling + -(-len(whole) // slow_sweep.PIECE) + 2)
+    interrupting(monkeypatch, settling + -(-len(whole) // time_sweep.PIECE) + 2)
     found = linear.sweep_in_time(0.0, BAND)
-    assert found.complete and found.faster.interrupted and len(found.faster) == 2 * slow_sweep.PIECE
+    assert found.complete and found.faster.interrupted and len(found.faster) == 2 * time_sweep.PIECE
     monkeypatch.undo()
     interrupting(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
