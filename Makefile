@@ -9,9 +9,11 @@
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
 #   make oldest    quick tests with the oldest supported dependencies
 #   make wheel     a wheel in an empty environment
+#   make peers     small problems beside a published package, in an environment of its own (needs a network)
 
 PYTHON ?= python3
 VENV := .venv
+PEERS := pyHarm-os==1.2.2
 PY := $(VENV)/bin/python
 # curves are computed in parallel, not the small linear systems of one curve
 export OPENBLAS_NUM_THREADS ?= 1
@@ -26,7 +28,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest wheel clean prerequisites
+.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest wheel peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -39,6 +41,15 @@ test-slow: $(VENV)/test.stamp
 
 bench: $(VENV)/test.stamp
 	$(call step,benchmarks,$(PY) -m benchmarks core tracking optimal effects)
+
+peers: $(VENV)/dev.stamp $(VENV)-peers/peers.stamp
+	$(call step,beside a published package,$(PY) -m benchmarks.peers $(VENV)-peers/bin/python)
+
+$(VENV)-peers/peers.stamp:
+	$(call step,environment of the package,rm -rf $(VENV)-peers && $(PYTHON) -m venv $(VENV)-peers && \
+	  { $(VENV)-peers/bin/python -m pip install -qq $(PEERS) || \
+	    { echo "make: peers needs $(PEERS) from the package index: no network?"; exit 1; }; })
+	@touch $@
 
 examples: $(VENV)/demo.stamp
 	$(call step,examples,$(PY) tools/run_examples.py)
@@ -83,7 +94,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-peers build builddir* figures docs/_build docs/gallery .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

@@ -134,8 +134,10 @@ def test_a_drift_without_end_is_left_a_million_vibrations_away():
     assert path.points[-1].y[-1] == pytest.approx(2.0, abs=1e-9)
 
 
-@pytest.mark.parametrize(("preload", "points", "most_evaluations"), [(200.0, 97, 611), (2000.0, 83, 413)])
-def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations):
+@pytest.mark.parametrize(
+    ("preload", "points", "most_evaluations", "most_factorisations"), [(200.0, 97, 611, 600), (2000.0, 83, 413, 402)]
+)
+def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluations, most_factorisations):
     """Counts, not times: steps grow as they may, the predictor is the tangent, events are located in few trials."""
     study = plain_study(
         bd.reference_model("bladed_disk", 9), engine_order=5, friction_coefficient=0.4,
@@ -145,6 +147,7 @@ def test_points_and_evaluations_of_plain_curves(preload, points, most_evaluation
     assert curve.complete
     assert abs(len(curve) - points) <= 3
     assert 0.9 * most_evaluations <= curve.cost.evaluations <= 1.02 * most_evaluations
+    assert 0.9 * most_factorisations <= curve.cost.factorisations <= 1.02 * most_factorisations
     assert curve.cost.iterations <= 6.1 * len(curve)
 
 
