@@ -4,6 +4,8 @@
   with an elastic friction element, one harmonic.
 * G. Duffing, "Erzwungene Schwingungen bei veraenderlicher Eigenfrequenz" (1918), see A. H. Nayfeh and D. T. Mook,
   "Nonlinear Oscillations" (1979), section 4.1: frequency response of a cubic spring, one harmonic.
+  The first example of NLvib (M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems", 2019) compares
+  its parameters with the same closed form.
 * S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983): period of an
   oscillator that meets a spring on one side.
 """
@@ -15,6 +17,7 @@ from scipy.optimize import brentq
 import bdamper as bd
 
 TWO_PI = 2.0 * np.pi
+DUFFING = ["hardening", "softening", "NLvib, example 1"]
 
 
 def test_griffin():
@@ -35,7 +38,7 @@ def test_griffin_optimum():
     assert curve.optimum.amplitude == pytest.approx(2.91702888, rel=1e-7)
 
 
-@pytest.mark.parametrize(("k", "c", "F"), [(1.0, 0.1, 0.2), (-0.1, 0.05, 0.06)], ids=["hardening", "softening"])
+@pytest.mark.parametrize(("k", "c", "F"), [(1.0, 0.1, 0.2), (-0.1, 0.05, 0.06), (0.1, 0.05, 0.18)], ids=DUFFING)
 def test_duffing(k, c, F):
     """(1 - w^2 + 3/4 k a^2)^2 + (c w)^2 = (F/a)^2 at every point; two folds, and the peak at the end of its branches."""
     curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).track(0.0, (0.05, 0.35))
