@@ -65,3 +65,18 @@ def test_the_band_and_the_marches_are_drawn(found):
     assert {"no steady periodic response below 60 N", "time integration, mean and range"} <= set(labels)
     assert not any(label.startswith("no value") for label in labels)
     plt.close(left.figure)
+
+
+@pytest.mark.slow
+def test_no_steady_amplitude_where_the_shipped_disk_shows_the_sign():
+    """At 42 N the reason says so and the marched amplitude never rests; at 59 N it says nothing and the march settles."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=3,
+        contact_stiffness="unit_traction", blade_modes=10,
+    )  # fmt: skip
+    low, high = (study.track(preload, (270.0, 370.0)) for preload in (42.0, 59.0))
+    assert "no steady periodic response is expected" in low.reason
+    assert "no steady" not in high.reason
+    for curve, rests in ((low, False), (high, True)):
+        last = study.settle(curve, curve.peak.frequency, periods=600).amplitude[-150:]
+        assert (np.ptp(last) < 0.02 * last.mean()) == rests
