@@ -23,13 +23,16 @@ from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
-from bdamper.harmonic_balance.linear import LARGEST_SHIFT, linear_resonances, reach
+from bdamper.harmonic_balance.linear import linear_resonances, reach
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import passes_interrupts_on, progress_bar
+
+ELASTIC = 1e-3
+"""Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
 
 
 def track(
@@ -119,7 +122,7 @@ def _search(
     assert options.budget is not None
     system = system.within(options.budget)
     springs = None, problem.stuck_springs(problem.static(preload))
-    free, stuck = (linear_resonances(system, (k,), low / LARGEST_SHIFT, LARGEST_SHIFT * high) for k in springs)
+    free, stuck = (linear_resonances(system, (k,), ELASTIC * low, np.inf) for k in springs)
     system.watched = [there for there in (*free, *stuck) if low < there[0] < high]
     search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
     search.reach = reach([w for w, *_ in free], [w for w, *_ in stuck], low, high)

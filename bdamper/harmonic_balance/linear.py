@@ -40,29 +40,24 @@ def linear_resonances(
 
 BEYOND = 0.03
 """Part of its frequency by which a branch may turn beyond the resonance without contact or with stuck contact."""
-LARGEST_SHIFT = 1.6
-"""Ratio to an end of an interval up to which resonances beyond that end are looked for."""
 
 
 def reach(free: Sequence[float], stuck: Sequence[float], low: float, high: float) -> tuple[float, float]:
     """Interval in which branches that pass through (low, high) may turn, in the unit of the arguments.
 
     As contact slips and opens, the resonance of a mode and its folds shift from the stuck to the free frequency.  An end
-    between the two of one mode is moved just beyond the outer one; other ends stay.
+    between the two of one mode is moved just beyond the outer one; other ends stay.  Modes are paired in their order.
 
     Parameters
     ----------
     free, stuck : sequence of float
-        Resonances without contact and with stuck contact between ``low/LARGEST_SHIFT`` and ``high*LARGEST_SHIFT``.
+        Resonances without contact (rigid motions left out) and with stuck contact, ascending.
     low, high : float
     """
-    below = max((w for w in free if w * (1.0 - BEYOND) < low), default=0.0)
-    above = min((w for w in stuck if w * (1.0 + BEYOND) > high), default=0.0)
-    if below and not any(below < w < low for w in stuck):
-        low = (1.0 - BEYOND) * below
-    if above and not any(high < w < above for w in free):
-        high = (1.0 + BEYOND) * above
-    return low, high
+    spans = [((1.0 - BEYOND) * min(pair), (1.0 + BEYOND) * max(pair)) for pair in zip(free, stuck)]
+    bottom = min((a for a, b in spans if a < low < b), default=low)
+    top = max((b for a, b in spans if a < high < b), default=high)
+    return bottom, top
 
 
 def around(low: float, high: float) -> tuple[float, float]:

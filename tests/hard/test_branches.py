@@ -431,7 +431,7 @@ def test_a_narrow_band_shows_the_resonance_that_passes_through_it(settings, prel
 
 
 def test_where_branches_may_turn():
-    """Between the free and the stuck resonance of a mode, and a little beyond; not past a resonance of another mode."""
+    """Between the free and the stuck resonance of a mode, and a little beyond; modes may shift past each other."""
     free, stuck = [280.0, 600.0], [360.0, 640.0]
     assert reach(free, stuck, 300.0, 320.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
     assert reach(free, stuck, 282.0, 365.0) == pytest.approx((0.97 * 280.0, 1.03 * 360.0))
@@ -440,6 +440,7 @@ def test_where_branches_may_turn():
     assert reach(free, stuck, 400.0, 500.0) == (400.0, 500.0)
     assert reach(free, stuck, 400.0, 620.0) == pytest.approx((400.0, 1.03 * 640.0))
     assert reach([], [], 400.0, 500.0) == (400.0, 500.0)
+    assert reach([1210.0, 1393.0], [1396.0, 1468.0], 1450.0, 1460.0) == pytest.approx((0.97 * 1393.0, 1.03 * 1468.0))
 
 
 def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
