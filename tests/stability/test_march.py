@@ -148,6 +148,38 @@ def test_pieces_and_batches_are_the_same_march():
     close(motion, whole.motion, 1e-12)
 
 
+@pytest.mark.parametrize(("sectors", "order"), [(3, 1), (3, 2), (4, 1)])
+def test_a_solution_is_the_same_wave_in_every_sector(sectors, order):
+    """Harmonics 2 or 3 travel backwards in the modes of harmonic 1: the state, and the excitation of all harmonics."""
+    own = structure(n_modes=(3, 4, 2, 4))
+    mean, first, second, _ = own.bases
+    back = replace(first, G=first.G.conj(), drag=0.0)
+    half = replace(second, G=second.G.real.copy())
+    bases = [mean, first, back, replace(mean)] if sectors == 3 else [mean, first, half, back]
+    rows = own.response_rows
+    rows = [rows[0], rows[1], rows[1].conj(), rows[0]] if sectors == 3 else [rows[0], rows[1], rows[2].real, rows[1].conj()]
+    rng = np.random.default_rng(5)
+    n = len(mean.omega2) + 2 * sum(len(b.omega2) for b in bases[1:])
+    system = HarmonicSystem(bases, own.points, rng.standard_normal(n), rows, Sampled(64))
+    ring, u, omega = Ring(system, sectors, order), rng.standard_normal(n), 1.3
+    A, _ = plain_march.matrices(ring)
+    X = system.contact(u)[0]
+    amplitudes = np.concatenate([X[:, :, :1], X[:, :, 1::2] - 1j * X[:, :, 2::2]], axis=2)
+    for t in (0.0, 0.4):
+        q, v = ring.state(u, omega, t)
+        turn = np.exp(1j * np.arange(4) * (omega * t + 2.0 * np.pi * order / sectors * np.arange(sectors)[:, None]))
+        expected = np.einsum("pdl,kl->kpd", amplitudes, turn).real
+        np.testing.assert_allclose((A @ q).reshape(expected.shape) + system.points.shift, expected, atol=1e-12)
+        speed = np.einsum("pdl,kl->kpd", 1j * omega * np.arange(4) * amplitudes, turn).real
+        np.testing.assert_allclose((A @ v).reshape(expected.shape), speed, atol=1e-12)
+        np.testing.assert_allclose(ring.response_row() @ q, (system.response(u[None])[0] @ turn[0]).real, atol=1e-12)
+    # the excitation is the state of a system that answers with its force
+    orders, factors = ring.forcing()
+    like = ring.state(system.force, 1.0, 0.7)[0]
+    angle = 0.7 * orders
+    np.testing.assert_allclose(np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1], like, atol=1e-12)
+
+
 def test_harmonics_are_those_of_the_samples():
     ring = Ring(structure(), **ALL_SECTORS)
     found = ring.march(state(ring), 1.3, 250, 2, trace=True)
