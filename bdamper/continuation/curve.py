@@ -208,7 +208,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
         """(n,) str: "stable" in time, "unstable", "stable as far as N harmonics tell"; empty where nothing was judged."""
         if self.stable is None:
             return np.full(len(self), "", object)
-        n = self.harmonics.shape[1] - 1
+        n = len(self.settings.get("harmonics", range(1, self.harmonics.shape[1])))
         so_far = f"stable as far as {n} harmonic{'s' if n > 1 else ''} tell{'s' if n == 1 else ''}"
         proven = np.isfinite(self.in_time) if self.in_time is not None else np.zeros(len(self), bool)
         return np.where(self.stable, np.where(proven, "stable", so_far), "unstable")

@@ -463,7 +463,8 @@ def _judged_in_time(judge: InTimeJudge, curve: Curve, every_point: bool) -> Curv
         f"{int((~moving).sum())} rest, {int((verdicts == UNDECIDED).sum())} undecided; {watch.read()['seconds']:.3g} s"
         + (", interrupted by the user" if judge.interrupted else "")
     )
-    return replace(curve, stable=stable, stability_note=note, in_time=judge.ratios(verdicts, curve.branch))
+    ratios = np.where(moving, judge.ratios(verdicts, curve.branch), 1.0)
+    return replace(curve, stable=stable, stability_note=note, in_time=ratios)
 
 
 def bases_beside(problem: Problem, d: int, highest: int | None = None) -> dict[int, HarmonicBasis]:

@@ -5,7 +5,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.stability.floquet import multipliers
-from bdamper.stability.in_time import STABLE, UNSTABLE, SectorMap, disturbed, judge_in_time, marched
+from bdamper.stability.in_time import STABLE, UNSTABLE, InTime, SectorMap, disturbed, judge_in_time, marched
+from bdamper.stability.wave import rests
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.plain import plain_study
 
@@ -128,6 +129,22 @@ def test_labels_of_a_few_masses():
     assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
     assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
     assert study.with_stability(curve).in_time is None
+
+
+def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
+    """The stop is met at both resonances alone; what a march leaves there says nothing of the points between."""
+    study = bd.lumped(
+        np.eye(2), 0.05 * np.eye(2), [[1.5, -1.0], [-1.0, 1.5]], contacts=[bd.Contact(normal=0, kn=2.0, gap=1.0)],
+        forces={0: 0.3}, harmonics=(1, 3),
+    )  # fmt: skip
+    curve = study.track(0.0, (0.07, 0.35))
+    monkeypatch.setattr("bdamper.stability.in_time.judge_in_time", lambda *_, **__: InTime(STABLE, 0.96, 0.0, 240))
+    judged = study.with_stability(curve, in_time=True)
+    rest = np.array([rests(study.system(0.0), u) for u in curve.unknowns])
+    assert (np.diff(rest.astype(int)) == 1).sum() == 2
+    np.testing.assert_array_equal(judged.in_time, np.where(rest, 1.0, 0.96))
+    assert set(judged.labels) == {"stable"}
+    assert set(study.with_stability(curve).labels) <= {"stable as far as 2 harmonics tell", "unstable"}
 
 
 def test_interrupted_labels_keep_what_was_judged(monkeypatch):
