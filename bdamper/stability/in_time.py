@@ -262,6 +262,8 @@ def marched(sector: SectorMap, motion: Motion, expected: float, fewest: int = FE
     for n in range(1, MOST + 1):
         found = sector.ring.march(motion, sector.omega, sector.steps, WINDOW)
         motion = found.motion
+        if sector.ring.unsolved:
+            return InTime(UNDECIDED, math.nan, math.nan, n * WINDOW)
         if not np.isfinite(motion.q).all():
             return InTime(UNSTABLE, math.inf, math.inf, n * WINDOW)
         amplitudes = np.abs(found.harmonics[:, 1]) / expected

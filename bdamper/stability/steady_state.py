@@ -64,7 +64,8 @@ class SettledResponse(Plottable, Tabular):
     memory : float
         Periods in which a transient of the least damped mode falls to 1/e.
     steps_per_period, sectors : int
-    status : {"settled", "still moving", "interrupted"}
+    status : {"settled", "still moving", "interrupted", "undecided"}
+        The last where the contact condition of coordinates without mass was not met at some instant.
     reason : str
     motion : Motion
         At the end, from which :meth:`bdamper.Study.settle` goes on.
@@ -237,12 +238,18 @@ def march_until_settled(
         memory=memory,
         steps_per_period=n,
         sectors=ring.n,
-        status="interrupted" if stopped else "settled" if abs(change) <= STILL else "still moving",
-        reason=_reason(change, memory),
+        status=_status(ring, stopped, change),
+        reason=ring.unsolved or _reason(change, memory),
         motion=motion,
         cost=replace(ring.cost, **watch.read()),
         model_hash=model_hash,
     )
+
+
+def _status(ring: Ring, stopped: bool, change: float) -> str:
+    if stopped or ring.unsolved:
+        return "interrupted" if stopped else "undecided"
+    return "settled" if abs(change) <= STILL else "still moving"
 
 
 def _reason(change: float, memory: float) -> str:

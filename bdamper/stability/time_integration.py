@@ -311,6 +311,12 @@ class Ring:
         q, v, w, harmonics, path = out if batch else (x[0] for x in out)
         return Marched(Motion(q, v, w), harmonics, path, (first + count) % n_steps)
 
+    @property
+    def unsolved(self) -> str:
+        """At how many instants so far the contact condition was not met; "" if at none."""
+        solved, _, failed = self.effort
+        return f"the contact condition was not met at {failed} of {solved} instants" if failed else ""
+
     def response_row(self) -> NDArray:
         """(2 n_coordinates,) row of the response on the reference sector."""
         out = np.zeros(2 * self.n_coordinates)

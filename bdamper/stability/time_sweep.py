@@ -91,6 +91,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
     steps_per_period, sectors : int
     status : {"complete", "interrupted"}
     reason : str
+        Also at how many instants the contact condition of coordinates without mass was not met, if at any.
     cost : Cost
         That of the sweep at twice the rate included.
     beside : tuple of TimeSweep
@@ -322,6 +323,7 @@ def sweep_in_time(
     if not parts or not parts[0]:
         raise KeyboardInterrupt
     them = zip((1, 2), parts, plans)
+    empty = replace(empty, reason=ring.unsolved)
     sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them if part)
     return replace(sweep, beside=tuple(beside), cost=replace(ring.cost, **watch.read()))
 
@@ -389,4 +391,7 @@ def _filled(empty: TimeSweep, factor: int, parts: list[NDArray], turns: int, end
         harmonics=harmonics,
         rate=factor * empty.rate,
     )
-    return out if done == turns else replace(out, status="interrupted", reason=f"by the user after {done} of {turns} turns")
+    if done == turns:
+        return out
+    reason = f"by the user after {done} of {turns} turns"
+    return replace(out, status="interrupted", reason="; ".join(part for part in (reason, out.reason) if part))

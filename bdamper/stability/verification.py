@@ -221,8 +221,8 @@ def verify_solution(
     amplitude = np.abs(np.array(found)[:, 1])
     if work.interrupted:
         verdict, reason = judged(amplitude, float(abs(expected[1])), tolerance, memory)
-    if ring.effort[2]:
-        verdict, reason = UNDECIDED, f"the contact condition was not met at {ring.effort[2]} of {ring.effort[0]} instants"
+    if ring.unsolved:
+        verdict, reason = UNDECIDED, ring.unsolved
     row = ring.response_row()
     response = ring.march(before, omega, n, trace=True).trace @ row
     size = max(float(np.abs(response).max()), 1e-300)

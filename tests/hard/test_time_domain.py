@@ -8,7 +8,9 @@ import pytest
 import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.stability import in_time
 from bdamper.stability.floquet import multipliers, stability_of_points
+from bdamper.stability.in_time import judge_in_time
 from bdamper.stability.steady_state import march_until_settled
 from bdamper.stability.time_integration import Ring
 from bdamper.stability.verification import AGREES, DIFFERS, UNDECIDED, judged, verify_solution
@@ -146,6 +148,23 @@ def test_verification_can_fail():
     assert right.verdict == AGREES and right.distance < 0.02 and right.periods == len(right.amplitude) == 96
     assert "agrees within 5 %" in str(right) and "agrees within 5 %" in right.plot().get_title()
     assert verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400).verdict == UNDECIDED
+
+
+def test_an_unmet_contact_condition_is_told(monkeypatch):
+    system = two_oscillators(1)
+    p = followed(system, 1.0, 1.02, STUCK).points[0]
+    ring = Ring(system, 1, 0)
+    assert ring.unsolved == ""
+    ring.effort = ring.effort + (61, 90, 3)
+    assert ring.unsolved == "the contact condition was not met at 3 of 61 instants"
+    monkeypatch.setattr(Ring, "unsolved", ring.unsolved)
+    u, omega = p.y[:-1], p.y[-1]
+    for found in (
+        verify_solution(system, u, omega, 1, 0, steps_per_period=256),
+        march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
+    ):
+        assert found.reason == ring.unsolved and UNDECIDED in str(found)
+    assert judge_in_time(system, u, omega, 1, 0).verdict == in_time.UNDECIDED
 
 
 def test_what_decides():
