@@ -40,7 +40,7 @@ test-slow: $(VENV)/test.stamp
 	$(call step,slow tests,$(PY) -m pytest -n auto --dist worksteal -m slow $(PYTEST_ARGS))
 
 bench: $(VENV)/test.stamp
-	$(call step,benchmarks,$(PY) -m benchmarks core tracking optimal effects)
+	$(call step,benchmarks,$(PY) -m benchmarks core tracking evaluations optimal effects)
 
 peers: $(VENV)/dev.stamp $(VENV)-peers/peers.stamp
 	$(call step,beside a published package,$(PY) -m benchmarks.peers $(VENV)-peers/bin/python)
