@@ -39,6 +39,17 @@ SWEEPS: dict[str, dict[str, Any]] = {
 FREQUENCY, AMPLITUDE, PRELOAD = "Frequency (Hz)", "Response amplitude (m)", "Preload (N)"
 
 
+def amplitude_label(*results: Curve | OptimalCurve) -> str:
+    """Label of an axis that says whose amplitude it is, "|X1| tip, tangential (m)", where all results have the same."""
+    seen = [r.settings["response"] for r in results if "response" in r.settings]
+    if not seen or len(seen) < len(results) or any(place != seen[0] for place in seen):
+        return AMPLITUDE
+    place, direction = seen[0]["location"].replace("_", " "), seen[0]["direction"]
+    if not isinstance(direction, str):
+        direction = "along (" + ", ".join(f"{x:.2g}" for x in direction) + ")"
+    return f"|X1| {place}, {direction} (m)"
+
+
 def unstable_points(curve: Curve) -> NDArray:
     """(n,) bool: from the stability analysis where there is one, else where the curve runs back in frequency."""
     return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
@@ -118,7 +129,7 @@ def plot_curves(
             ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
         if logarithmic:
             ax.set_yscale("log")
-        ax.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
+        ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves))
         if ax.get_legend_handles_labels()[0]:
             ax.legend(ncols=2, fontsize=7.0)
     return ax
@@ -230,7 +241,7 @@ def plot_optimal(
                     label=f"{what}, {newtons(float(f'{o.preload:.3g}'))}")
         elif o.kind == "flat":
             ax.plot([], [], linestyle="none", label="flat: no optimum")
-        ax.set(xscale="log", yscale="log", xlabel=PRELOAD, ylabel="Resonance amplitude (m)")
+        ax.set(xscale="log", yscale="log", xlabel=PRELOAD, ylabel=amplitude_label(result))
         right.set_ylabel("Frequency shift (%)")
     return ax, right
 
