@@ -1,7 +1,7 @@
 """What a test would see: slow sweeps of frequency marched over 13 sectors, beside tracking curves of 1, 3 and 5 harmonics.
 
 The shipped disk with nine contact points a face, engine order 5, friction 0.4, 1 N at the tip, ten blade modes.
-``python -m benchmarks in_time_sweeps`` computes what ``results/in_time_sweeps.json`` does not have yet, prints the table
+``python -m benchmarks in_time_sweeps`` computes what ``results/in_time_sweeps.json`` does not have yet, writes the tables
 of ``docs/in-time.md`` and draws its pictures; without the file everything is computed anew.
 ``python -m benchmarks.bench_in_time_sweeps CASE ...`` computes single cases, as ``unit_traction/125/down``; ``show`` none.
 """
@@ -24,6 +24,8 @@ from bdamper.stability.time_sweep import TimeSweep
 
 RESULTS = Path(__file__).parent / "results" / "in_time_sweeps.json"
 IMAGES = Path(__file__).parents[1] / "docs" / "images"
+PAGE = Path(__file__).parents[1] / "docs" / "in-time.md"
+MARKS = "<!-- written by benchmarks/bench_in_time_sweeps.py -->", "<!-- to here -->"
 HARMONICS = (1, 3, 5)
 LEAST = 2.0 * 0.002 * 2.0 * np.pi * 283.02
 """Full bandwidth of the first blade mode, rad/s."""
@@ -137,30 +139,64 @@ def stable_at(curve: dict[str, Any], f: float) -> list[float]:
     return out
 
 
-def differences(sweep: dict[str, Any], curve: dict[str, Any]) -> tuple[float, float, float]:
-    """Shares of the sweep within 5 % of a stable branch and without any, and the median difference (jumps not left out)."""
+def beside(sweep: dict[str, Any], curve: dict[str, Any]) -> str:
+    """Share of the sweep within 5 % of a stable branch, median difference, and the fold next to the first jump."""
     away = []
     for f, a in zip(sweep["frequency"], sweep["amplitude"]):
-        there = stable_at(curve, f)
-        away.append(min((abs(a / x - 1.0) for x in there), default=np.nan))
-    found = np.array(away)
-    return float(np.mean(found <= 0.05)), float(np.mean(np.isnan(found))), float(np.median(found[np.isfinite(found)]))
+        away.append(min((abs(a / x - 1.0) for x in stable_at(curve, f)), default=np.inf))
+    folds = [f for f, _ in curve["folds"]]
+    jump = sweep["jumps"][0][0] if sweep["jumps"] else None
+    fold = f"{min(folds, key=lambda f: abs(f - jump)):.2f}" if jump and folds else "none"
+    return f"{100.0 * np.mean(np.array(away) <= 0.05):.0f} %, {100.0 * np.median(away):.1f} %, {fold}"
 
 
-def row(name: str, sweep: dict[str, Any], curves: dict[str, Any]) -> str:
-    """Of the first table."""
+def rows(name: str, sweep: dict[str, Any], curves: dict[str, Any]) -> tuple[list[str], list[str]]:
+    """Of the two tables."""
     stiffness, preload, way = name.split("/")
-    twice = sweep["twice"]
-    jumps = ", ".join(f"{1e6 * b:.0f} to {1e6 * a:.0f} at {f:.2f}" for f, b, a in sweep["jumps"][:3]) or "none"
-    if len(sweep["jumps"]) > 3:
-        jumps += f", and {len(sweep['jumps']) - 3} more"
+    head = [stiffness.replace("_", " "), preload, way]
     f, a = sweep["highest"]
-    cells = [stiffness.replace("_", " "), preload, way, f"{1e6 * a:.1f} at {f:.2f}", jumps]
-    cells.append(f"{100.0 * (twice['highest'][1] / a - 1.0):+.1f}, {100.0 * sweep['error']:.1f}")
-    for h in map(str, HARMONICS):
-        within, none, median = differences(sweep, curves[h])
-        cells.append(f"{100.0 * within:.0f} / {100.0 * none:.0f} / {100.0 * median:.1f}")
-    return "| " + " | ".join([*cells, f"{sweep['processor']:.0f}"]) + " |"
+    jumps = [f"{1e6 * b:.0f} to {1e6 * c:.0f} at {g:.2f}" for g, b, c in sweep["jumps"]]
+    there = ", ".join(f"{g:.2f}" for g, *_ in sweep["twice"]["jumps"][:2]) or "none"
+    own = [
+        f"{1e6 * a:.1f} at {f:.2f}",
+        ", ".join(jumps[:2]) + (f" and {len(jumps) - 2} more" if jumps[2:] else "") or "none",
+    ]
+    rate = [f"{100.0 * (sweep['twice']['highest'][1] / a - 1.0):+.1f}", there, f"{100.0 * sweep['error']:.1f}"]
+    first = [*head, f"{abs(sweep['rate']):.2g}", *own, *rate, f"{sweep['processor']:.0f}"]
+    return first, [*head, *(beside(sweep, curves[str(h)]) for h in HARMONICS)]
+
+
+def table(head: list[str], lines: list[list[str]]) -> str:
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in (head, ["---"] * len(head), *lines))
+
+
+def page(known: dict[str, Any]) -> str:
+    """What stands between the marks in the page."""
+    found = [rows(name, known[name], known[name.rpartition("/")[0]]) for name in CASES if name in known]
+    head = ["contact stiffness", "preload (N)", "way"]
+    first = [
+        "rate (Hz/s)",
+        "highest (µm at Hz)",
+        "jumps (µm at Hz)",
+        "twice the rate: highest (%)",
+        "jumps (Hz)",
+        "elsewhere (%)",
+        "time (s)",
+    ]
+    second = [f"{h} harmonic{'s' * (h > 1)}" for h in HARMONICS]
+    studies = dict.fromkeys(name.rpartition("/")[0] for name in CASES if name in known)
+    pictures = [f"![Slow sweeps over tracking curves, {of}](images/{image(*of.split('/'))})" for of in studies]
+    missing = ", ".join(name for name in CASES if name not in known)
+    return "\n\n".join([
+        *pictures,
+        table(head + first, [one for one, _ in found]),
+        table(head + second, [two for _, two in found]),
+        *([f"Not computed yet: {missing}."] if missing else []),
+    ])  # fmt: skip
+
+
+def image(stiffness: str, preload: str) -> str:
+    return f"in-time-{stiffness.split('_')[0]}-{preload}.png"
 
 
 def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
@@ -185,7 +221,7 @@ def picture(stiffness: str, preload: str, known: dict[str, Any]) -> None:
     ax.set(xlim=(low - margin, high + margin), ylim=(0.0, None), xlabel="Frequency (Hz)", ylabel="Response amplitude (µm)")
     ax.set_title(f"{preload} N, {stiffness.replace('_', ' ')}", fontsize=9.0)
     ax.legend(fontsize=7.0)
-    save_figure(ax, IMAGES / f"in-time-{stiffness.split('_')[0]}-{preload}.png", dpi=110)
+    save_figure(ax, IMAGES / image(stiffness, preload), dpi=110)
 
 
 def stored() -> dict[str, Any]:
@@ -205,19 +241,12 @@ def main(arguments: list[str] | None = None) -> None:
         if (of := name.rpartition("/")[0]) not in stored():
             keep(of, tracked(of))
     known = stored()
-    head = ["contact stiffness", "preload (N)", "way", "highest (µm at Hz)", "jumps (µm at Hz)", "twice the rate (%)"]
-    head += [f"{h} harmonic{'s' * (h > 1)} (%)" for h in HARMONICS] + ["time (s)"]
-    print("| " + " | ".join(head) + " |\n" + "|---" * len(head) + "|")
-    for name in CASES:
-        if name in known:
-            print(row(name, known[name], known[name.rpartition("/")[0]]))
-    print()
     for of in dict.fromkeys(name.rpartition("/")[0] for name in CASES if name in known):
         picture(*of.split("/"), known)
-        for h, curve in known[of].items():
-            folds = ", ".join(f"{1e6 * a:.0f} at {f:.2f}" for f, a in curve["folds"])
-            f, a = curve["peak"]
-            print(f"{of}, {h} harmonics: peak {1e6 * a:.1f} at {f:.2f}; folds {folds}; {curve['processor']} s")
+    before, _, rest = PAGE.read_text().partition(MARKS[0])
+    text = page(known)
+    print(text)
+    PAGE.write_text(f"{before}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{rest.partition(MARKS[1])[2]}")
 
 
 if __name__ == "__main__":
