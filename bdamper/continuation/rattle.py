@@ -18,7 +18,8 @@ from numpy.typing import ArrayLike
 NO_STEADY = "no steady periodic response"
 FOLDS = 14
 """Turning points of a curve in frequency from which on it is a tangle.  With 12 the same 11 of 84 curves show the sign, but
-the optimal curve of the shipped disk (unit tractions, H = 3) ends at 49 N instead of 42 N; at 50 N a march comes to rest."""
+the optimal curve of the shipped disk (unit tractions, three harmonics) ends at 49 N instead of 42 N, and a march at 50 N
+comes to rest."""
 OPEN = 0.5
 """Share of the cycle that the contacts are open at the highest response, mean over the friction points.  Without this limit
 three more of the 84 curves show the sign, and on one of them the marched amplitude is steady."""
