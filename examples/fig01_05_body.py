@@ -117,7 +117,7 @@ def axes_of_bodies(model: bd.Model, path: Path) -> None:
             ax.fill(*narrow[ConvexHull(narrow).vertices].T, facecolor=BLADE, edgecolor="0.5", linewidth=0.3)
         for direction, name in ((np.array([1.0, 0.0]), "X"), (np.array([0.0, 1.0]), "Y")):
             arrow(ax, np.zeros(2), direction, name, 90.0)
-        ax.text(-14.0, -14.0, "Z: toward the reader", fontsize=7.0, ha="right", va="top")
+        ax.text(0.0, -18.0, "Z: toward the reader", fontsize=7.0, ha="center", va="top")
         centre, half = 1e3 * model.bodies["damper"].centre[:2], turn(0.5 * pitch)[:2, :2]
         for direction, name in ((half[:, 0], "$X_D$"), (half[:, 1], "$Y_D$")):
             arrow(ax, centre, direction, name, 60.0)

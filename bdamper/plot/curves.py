@@ -40,7 +40,7 @@ FREQUENCY, AMPLITUDE, PRELOAD = "Frequency (Hz)", "Response amplitude (m)", "Pre
 
 
 def amplitude_label(*results: Curve | OptimalCurve) -> str:
-    """Label of an axis that says whose amplitude it is, "|X1| tip, tangential (m)", where all results have the same."""
+    """Label of an axis that says whose amplitude it is, ``|X1| tip, tangential (m)``, where all results have the same."""
     seen = [r.settings["response"] for r in results if "response" in r.settings]
     if not seen or len(seen) < len(results) or any(place != seen[0] for place in seen):
         return AMPLITUDE
