@@ -37,8 +37,8 @@ the other five stay; none of 284 ordinary curves changes.
 OUTSIDE = 0.03
 """Part of the interval at each end, outside of it, in which folds are looked for in any case."""
 OUTSIDE_POINTS = 1000
-"""Points that one path may take there.  Of 100 narrow bands (``benchmarks/bench_narrow.py``) two lose their highest branch
-with 1000, three with 150."""
+"""Points that one path may take there.  With 150 one more of 100 narrow bands (``benchmarks/bench_narrow.py``, with other
+bodies) loses its highest branch."""
 ENTRIES = 4
 """Times a curve may enter the interval."""
 ARRIVED = ("complete", "turned back")
@@ -257,8 +257,9 @@ class Coverage:
     def outside_ends(self) -> None:
         """Looks for folds outside the interval, from which a branch comes back into it, and follows it there.
 
-        Of 100 narrow bands (``benchmarks/bench_narrow.py``) 2 lose their highest branch, with a margin of 3 % in place of
-        the resonances 15; curves that hold both resonances of their mode take no more evaluations than with the margin.
+        Of 100 narrow bands (``benchmarks/bench_narrow.py``) 2 lose their highest branch, of 97 of these with a margin of
+        3 % in place of the resonances 14.  Curves that hold both resonances of their mode take no more evaluations than
+        with the margin.
         Without any margin 2 of 240 ordinary curves lose a part of a branch; it takes 9 % of their evaluations.
         """
         low, high = self.limits
