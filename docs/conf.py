@@ -1,5 +1,6 @@
 """Settings of the documentation; ``make docs`` runs the examples first and then builds it."""
 
+import shutil
 import sys
 from pathlib import Path
 
@@ -32,3 +33,10 @@ html_theme_options = {"page_width": "1080px", "description": "Forced response of
 from gallery_pages import write_gallery  # noqa: E402
 
 write_gallery(DOCS.parent / "examples", DOCS.parent / "figures", DOCS / "gallery")
+
+# the tutorial: notebooks, whose links to pages are made those of this folder
+shutil.rmtree(DOCS / "tutorial", ignore_errors=True)
+(DOCS / "tutorial").mkdir()
+for page in sorted((DOCS.parent / "notebooks").glob("*.[mi]*")):
+    text = page.read_text(encoding="utf-8").replace("](../docs/", "](../")
+    (DOCS / "tutorial" / page.name).write_text(text, encoding="utf-8")

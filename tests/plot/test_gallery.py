@@ -9,7 +9,7 @@ from pathlib import Path
 import bdamper
 from bdamper.util.plotting import Plottable
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "tutorial" / "result_pictures.ipynb"
+PAGE = Path(__file__).resolve().parents[2] / "notebooks" / "result_pictures.ipynb"
 PICTURES = {
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
