@@ -28,8 +28,8 @@ def test_internal_links():
             if re.match(r"\w+:", link) or link in MADE:
                 continue
             path, _, anchor = link.partition("#")
-            copied = path.startswith("tutorial/")
-            target = (ROOT / path.replace("tutorial/", "notebooks/") if copied else page.parent / path).resolve() if path else page
+            source = ROOT / path.replace("tutorial/", "notebooks/") if path.startswith("tutorial/") else page.parent / path
+            target = source.resolve() if path else page
             seen += 1
             if not target.is_file() or (anchor and anchor not in anchors(text_of(target))):
                 wrong.append(f"{page.relative_to(ROOT)}: {link}")
