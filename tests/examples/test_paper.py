@@ -135,6 +135,17 @@ def test_optimal_curves(tmp_path):
     assert_pictures(tmp_path, "fig08_optimal_mode_1.png", "fig09_optimal_mode_2.png")
 
 
+@pytest.mark.slow
+def test_motion_in_time_has_what_three_harmonics_say():
+    """A slow sweep in time reaches 49 um at 300 N: near three harmonics (52) and seven (51), far from one (90)."""
+    from benchmarks import bench_paper
+
+    swept = bench_paper.sweep({**bench_paper.OWN, "harmonics": 3})
+    assert swept["amplitude"] == pytest.approx(5.07e-5, rel=0.06)
+    one = bench_paper.peak(bench_paper.SWEEP[0], bench_paper.OWN)
+    assert one["amplitude"] > 1.7 * swept["amplitude"]
+
+
 def test_higher_modes(tmp_path):
     """Figs 10, 11: the same shapes for the third and the seventh mode."""
     out = load("fig10_11_higher_modes").main(tmp_path, n=15)
