@@ -19,7 +19,7 @@ finds the fixed point of ``(q, q', w)``, and the eigenvalues ``mu`` of its Jacob
 multipliers are of first order in the step: within 0.01 on the shipped disk at the step used.
 
 So growth that is too slow to show in a short march is found: a motion that seems to stay, with a multiplier outside the
-unit circle, is marched until the disturbance would have grown to twice the tolerance.
+unit circle, is marched until a part of the disturbance (:data:`SHARE`) would have grown to twice the tolerance.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ ACCURACY = 0.5
 shipped disk by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter from 3.39 to 3.14."""
 NEAR = 0.01
 """Multipliers within this distance of the unit circle are not trusted alone."""
+SHARE = 0.1
+"""Part of the disturbance that counts as lying in what grows."""
 WINDOW = 40
 """Periods over which amplitudes are averaged at a time."""
 FEWEST, MOST = 6, 25
@@ -229,8 +231,8 @@ def judge_in_time(
     if periodic is None:
         return found
     largest = float(np.abs(periodic[1]).max(initial=0.0))
-    if largest > 1.0 + NEAR:  # until the disturbance would have come to twice the tolerance
-        windows = math.ceil(math.log(2.0 * TOLERANCE / KICK) / math.log(largest) / WINDOW)
+    if largest > 1.0 + NEAR:
+        windows = math.ceil(math.log(2.0 * TOLERANCE / (SHARE * KICK)) / math.log(largest) / WINDOW)
         if windows * WINDOW > found.periods:
             found = marched(sector, disturbed(sector.ring, start, seed), expected, windows)
     return replace(found, largest=largest)

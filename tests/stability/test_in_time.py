@@ -4,11 +4,15 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.contact.laws import LAW_BONDED
+from bdamper.stability import in_time
 from bdamper.stability.floquet import multipliers
 from bdamper.stability.in_time import STABLE, UNSTABLE, InTime, SectorMap, disturbed, judge_in_time, marched
 from bdamper.stability.wave import rests
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.plain import plain_study
+from tests.stability import plain_march
+from tests.stability.test_march import structure
 
 
 @pytest.fixture(scope="module")
@@ -129,6 +133,42 @@ def test_labels_of_a_few_masses():
     assert len(curve.folds) and (judged.labels == "stable").mean() > 0.3
     assert (judged.labels[curve.backward] == "unstable").mean() > 0.8
     assert study.with_stability(curve).in_time is None
+
+
+@pytest.mark.parametrize(("largest", "windows"), [(1.012, 10), (1.05, None), (1.005, None)])
+def test_slow_growth_asks_for_a_longer_march(monkeypatch, path, largest, windows):
+    """A thousandth of the motion needs 386 periods at 1.2 % a period to come to a tenth of it, and 94 at 5 %."""
+    system, p, asked = two_oscillators(15), path.points[0], []
+
+    def march(sector, motion, expected, fewest=6):
+        asked.append(fewest)
+        return InTime(STABLE if fewest == 6 else UNSTABLE, 1.0, 0.0, 40 * fewest)
+
+    monkeypatch.setattr(in_time, "marched", march)
+    monkeypatch.setattr(SectorMap, "periodic", lambda self, start, moving: (start, np.array([largest, 0.9])))
+    found = judge_in_time(system, p.y[:-1], p.y[-1], 1, 0)
+    assert asked == ([6] if windows is None else [6, windows]) and found.largest == largest
+    assert found.verdict == (STABLE if windows is None else UNSTABLE)
+
+
+def test_multipliers_of_a_linear_ring_are_those_of_its_matrix():
+    """Bonded points: a period is the exponential of the dense matrix of all sectors."""
+    system, omega = structure(laws=[LAW_BONDED]), 1.3
+    residual, jacobian, _ = system.evaluate(np.zeros(len(system.force)), omega)
+    u = -np.linalg.solve(jacobian, residual)
+    sector = SectorMap(system, omega, 6, 1, u, accuracy=0.02)
+    ring = sector.ring
+    A, B = plain_march.matrices(ring)
+    springs = np.tile(np.column_stack([system.points.kt, system.points.kn]).ravel(), ring.n)
+    kept = np.concatenate([np.ones(ring.n_coordinates, bool), ~ring.real])
+    K = (np.diag(np.tile(ring.omega2, 2)) + B @ (springs[:, None] * A))[np.ix_(kept, kept)]
+    C = np.diag(np.tile(ring.damping, 2)[kept])
+    state = np.block([[np.zeros_like(K), np.eye(len(K))], [-K, -C]])
+    expected = np.exp(2.0 * np.pi / omega * np.linalg.eigvals(state))
+    _, values = sector.periodic(ring.start(u, omega, sector.steps), np.zeros((system.n_points, 2), bool))
+    assert len(values) == len(expected)
+    for one, others in ((values, expected), (expected, values)):
+        assert np.abs(one[:, None] - others).min(axis=1).max() < 1e-3
 
 
 def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
