@@ -19,7 +19,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.stability.time_integration import QUICK, Motion, Ring, ring_and_steps
 from tests.stability import plain_march
 
 LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
@@ -219,12 +219,34 @@ def test_energy_is_kept_without_friction_and_damping():
     assert energy(ring.march(start, 1.3, 400, 20).motion) == pytest.approx(energy(start), rel=1e-11)
 
 
-def test_highest_frequency_is_that_of_the_dense_matrix():
-    system = structure()
+@pytest.mark.parametrize("light", [0, 2])
+def test_highest_frequency_is_that_of_the_dense_matrix(light):
+    """Coordinates without mass give way to the others."""
+    system = structure(light=light)
     ring = Ring(system, **ALL_SECTORS)
     A, B = plain_march.matrices(ring)
     dense = np.diag(np.tile(ring.omega2, 2)) + B @ (np.tile(ring.springs.ravel(), ring.n)[:, None] * A)
+    dense += np.diag(np.tile(np.where(ring.mass > 0.0, 0.0, ring.stiffness), 2))
+    heavy, yielding = np.tile(ring.mass > 0.0, 2), np.concatenate([ring.mass == 0.0, (ring.mass == 0.0) & ~ring.real])
+    back = np.linalg.solve(dense[np.ix_(yielding, yielding)], dense[np.ix_(yielding, heavy)])
+    dense = dense[np.ix_(heavy, heavy)] - dense[np.ix_(heavy, yielding)] @ back
     assert ring.highest_frequency() ** 2 == pytest.approx(np.abs(np.linalg.eigvals(dense)).max(), rel=1e-10)
+
+
+def test_cubic_springs_are_as_stiff_as_at_the_largest_motion():
+    system = structure(laws=[LAW_CUBIC])
+    u = np.random.default_rng(2).standard_normal(len(system.force))
+    springs = Ring(system, **ALL_SECTORS, like=u).springs[:, :2]
+    size = np.abs(system.contact(u)[0][:, :2]).sum(axis=2)
+    np.testing.assert_allclose(springs, 3.0 * system.points.kt * size**2, rtol=1e-14)
+
+
+def test_coordinates_far_above_the_excitation_count_as_without_mass():
+    system = structure()
+    own = np.sqrt(np.concatenate([b.omega2 / b.mass for b in system.bases]))
+    middle = np.sort(own)[9:11].mean()
+    ring, _ = ring_and_steps(system, middle / QUICK, *ALL_SECTORS.values(), steps=None, accuracy=0.5)
+    np.testing.assert_array_equal(ring.mass == 0.0, own > middle)
 
 
 def test_sliders_after_a_given_motion():
