@@ -322,8 +322,7 @@ def sweep_in_time(
     parts = _marched(ring, ring.start(u, TWO_PI * begin, n), n, ends, settling, plans, progress)
     if not parts or not parts[0]:
         raise KeyboardInterrupt
-    them = zip((1, 2), parts, plans)
-    empty = replace(empty, reason=ring.unsolved)
+    them, empty = zip((1, 2), parts, plans), replace(empty, reason=ring.unsolved)
     sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them if part)
     return replace(sweep, beside=tuple(beside), cost=replace(ring.cost, **watch.read()))
 

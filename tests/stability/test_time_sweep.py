@@ -114,6 +114,12 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
         linear.sweep_in_time(0.0, BAND)
 
 
+def test_an_unmet_contact_condition_is_told(linear, monkeypatch):
+    monkeypatch.setattr(Ring, "unsolved", "not met at 3 of 61 instants")
+    found = linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
+    assert found.complete and "complete (not met at 3 of 61 instants)" in str(found)
+
+
 def test_it_starts_from_a_point_of_a_curve(separating):
     curve = separating.track(0.0, (11.3, 11.7))
     near = int(np.abs(curve.frequency - 11.6).argmin())
