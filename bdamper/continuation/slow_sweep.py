@@ -96,12 +96,10 @@ class _Sweep:
         joined = (self.branch[:-1] == self.branch[1:]) & self.held[:-1] & self.held[1:] & (first < last)
         self.stretches = np.flatnonzero(joined & ~(self.fold[:-1] & self.fold[1:]))
 
-    def landings(self, x: float, ended: int | None = None) -> list[_Landing]:
-        """Stable solutions from which the sweep can go on, the lowest first, without the point that has ended."""
+    def landings(self, x: float) -> list[_Landing]:
+        """Stable solutions from which the sweep can go on, the lowest first: a branch that ends at x is none."""
         found: list[_Landing] = []
         for i in self.stretches[(self.first[self.stretches] <= x) & (self.last[self.stretches] > x)].tolist():
-            if ended in (i, i + 1):
-                continue
             part = (x - self.x[i]) / (self.x[i + 1] - self.x[i])
             height = float(self.amplitude[i] + part * (self.amplitude[i + 1] - self.amplitude[i]))
             way = 1 if self.x[i + 1] > self.x[i] else -1
@@ -158,7 +156,7 @@ def slow_sweep(
         x, height = places[-1]
         if x >= end:
             break
-        options = sweep.landings(x, last)
+        options = sweep.landings(x)
         lower = [option for option in options if option.amplitude <= height]
         here = lower[-1] if lower else options[0] if options else _Landing(np.nan, 0, 0)
         jumps.append(Jump(sense * x, height, here.amplitude, len(options)))

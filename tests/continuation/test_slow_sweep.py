@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.slow_sweep import slow_sweep
 from bdamper.util.errors import SettingError
 from tests.plain import plain_study
 
@@ -46,6 +47,37 @@ def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_
     assert len(down.jumps) == 1 and np.isnan(down.jumps[0].after) and "no stable solution" in str(down)
     assert 330.0 <= down.frequency[-1] < 335.0
     assert not len(judged.sweep("up").frequency)
+
+
+def branches(*parts):
+    """Arguments of a sweep up: parts (frequency, amplitude, stable), each a branch, with folds where the frequency turns."""
+    frequency, height, stable, fold = [], [], [], []
+    for f, a, s in parts:
+        f = np.asarray(f, float)
+        frequency.append(f)
+        height.append(np.asarray(a, float))
+        stable.append(np.broadcast_to(s, f.shape))
+        fold.append(np.concatenate([[False], np.diff(f)[1:] * np.diff(f)[:-1] < 0.0, [False]]))
+    branch = np.repeat(np.arange(len(parts)), [len(f) for f in frequency])
+    return "up", np.concatenate(frequency), np.concatenate(height), branch, np.concatenate(stable), np.concatenate(fold), ""
+
+
+def test_a_jump_goes_to_the_nearest_lower_of_several_stable_solutions():
+    s_shaped = [0, 2, 5, 4, 2, 6, 9], [2.0, 2.2, 2.5, 3.0, 3.5, 5.0, 6.0], [True, True, False, False, False, True, True]
+    low, lower = ([3, 9], [1.0, 1.6], True), ([4, 9], [0.5, 0.5], True)
+    sweep = slow_sweep(*branches(s_shaped, low, lower))
+    (jump,) = sweep.jumps
+    assert (jump.frequency, jump.before, jump.choices) == (5.0, 2.5, 3) and jump.after == pytest.approx(1.2)
+    assert sweep.frequency[-1] == 9.0 and sweep.amplitude[-1] == 1.6
+    (jump,) = slow_sweep(*branches(s_shaped, ([4, 9], [8.0, 8.0], True))).jumps  # none is lower: the nearest higher one
+    assert jump.after == pytest.approx(4.625) and jump.choices == 2
+
+
+def test_nothing_is_stable_between_two_folds_that_follow_each_other():
+    s_shaped = [0, 3, 5, 4, 6, 9], [2.0, 2.2, 2.5, 3.0, 5.0, 6.0], True
+    ends = [0, 4.5, 9], [1.0, 1.0, 1.0], [True, True, False]
+    (first, second) = slow_sweep(*branches(s_shaped, ends)).jumps
+    assert (first.frequency, first.choices, second.frequency) == (4.5, 2, 5.0)
 
 
 def test_one_of_several_stable_solutions_is_said_to_be_chosen(study):

@@ -178,6 +178,7 @@ def test_what_decides():
         "settles just outside": (1.06 + 0.0 * k, DIFFERS, 96),
         "settles within": (1.0 + 0.03 * (1.0 - np.exp(-k / 200.0)), AGREES, None),
         "creeps out of the tolerance": (1.0 + 0.08 * (1.0 - np.exp(-k / 200.0)), DIFFERS, None),
+        "has not crept out yet": (1.0 + 0.054 * (1.0 - np.exp(-k / 200.0)), UNDECIDED, None),
         "scatters a little": (1.0 + 0.04 * noise, AGREES, None),
         "scatters": (1.0 + 0.4 * noise, DIFFERS, None),
         "comes back": (1.0 + 0.5 * np.exp(-k / 60.0), AGREES, None),
