@@ -50,7 +50,7 @@ def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_
 
 
 def branches(*parts):
-    """Arguments of a sweep up: parts (frequency, amplitude, stable), each a branch, with folds where the frequency turns."""
+    """Arguments of a sweep up: parts (frequency, amplitude, stable) are branches, with folds where the frequency turns."""
     frequency, height, stable, fold = [], [], [], []
     for f, a, s in parts:
         f = np.asarray(f, float)
