@@ -27,6 +27,7 @@ platform (``c`` the clearance between two platforms, so ``x = -c/2``) down to th
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,7 +144,7 @@ def paper_geometry() -> Geometry:
     with more twist mode 2 would open the contacts.  All lengths are scaled so that the first frequency without
     dampers is 263 Hz: its Fig. 16 has the resonance of 5 kN at 308.3 Hz, which the shift of 17.2 % takes there.
     """
-    lengths = {
+    lengths: dict[str, Any] = {
         "bore_radius": 262.144, "rim_radius": 400.0, "axial_length": 35.319, "shank_width": 9.446, "face_length": 10.047,
         "face_width": 33.705, "ridge_radius": 414.784, "ridge_width": 3.0, "damper_body_height": 4.0,
         "platform_clearance": 1.0, "platform_edge_thickness": 4.727, "airfoil_height": 170.404, "root_chord": 33.553,
