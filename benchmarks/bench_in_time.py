@@ -4,7 +4,8 @@ Three preloads, one and three harmonics, on the shipped disk with nine contact p
 Half of the points lie within 2 % of a peak or fold; two are those at 351.1 and 352.8 Hz on the upper branch at 2 kN with
 one harmonic.  The marches have half the step of the labels, another disturbance, and last until the mean amplitude changes
 by less than 1 % from 80 periods to the next, at least 240 and at most 960 periods; the motion stays if the mean over the
-last 80 (of half the periods, where the drift never ends) is within 5 % of that of the point.
+last 80 (of half the periods, where the drift never ends) is within 5 % of that of the point.  Beside it stands the verdict
+of ``study.verify``.
 """
 
 from __future__ import annotations
@@ -96,12 +97,18 @@ def main() -> None:
                 "ratio": round(float(curve.in_time[i]), 4), "march": "stays" if stays else "leaves",
                 "march ratio": round(ratio, 4), "periods": periods, "seconds": round(time.process_time() - watch, 1),
             }  # fmt: skip
+            watch = time.process_time()
+            quick = studies[h].verify(curve, i)
+            row |= {"verdict": quick.verdict, "verdict periods": quick.periods}
+            row |= {"verdict seconds": round(time.process_time() - watch, 2)}
             table.append(row)
             print(row, flush=True)
         STORED.write_text(json.dumps({"seed": SEED, "seconds of labels": seconds, "points": table}, indent=1) + "\n")
     decided = [row for row in table if "tell" not in row["label"]]
     agree = sum((row["label"] == "stable") == (row["march"] == "stays") for row in decided)
     left = len(table) - len(decided)
+    same = sum(row["verdict"] == ("agrees" if row["march"] == "stays" else "does not agree") for row in table)
+    print(f"verify decides as the march at {same} of {len(table)} points")
     print(f"{len(table)} points, {left} undecided, {agree} of {len(decided)} labels agree with the march")
 
 

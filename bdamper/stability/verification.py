@@ -16,9 +16,9 @@ decides:
 Otherwise the march goes on, and ends undecided after so many periods.
 
 Measured on the shipped disk (nine points, unit tractions): the 50 points of ``benchmarks/bench_in_time.py`` (200, 500 and
-2000 N, one and three harmonics, half of them near peaks and folds) are decided after 48 to 176 periods, in 1.5 s at most,
-each as the marches there end, which have half the step, start disturbed and last up to 960 periods.  With residual modes 12
-points took 3 to 14 s.
+2000 N, one and three harmonics, half of them near peaks and folds) are decided after 48 to 336 periods, in 0.2 to 2.9 s
+(median 0.6), each as the marches there end, which have half the step, start disturbed and last up to 960 periods.  With
+residual modes 12 points took 3 to 14 s.
 """
 
 from __future__ import annotations
