@@ -130,7 +130,7 @@ class SectorMap:
     @property
     def _reach(self) -> float:
         """Motion of contact points by a unit of coordinates, so that sliders count like these."""
-        return float(np.abs(self.ring.system.bases[0].G).max())
+        return max(float(np.abs(basis.G).max(initial=0.0)) for basis in self.ring.system.bases)
 
     def periodic(self, start: Motion, moving: NDArray) -> tuple[Motion, NDArray] | None:
         """The periodic motion next to another, and its multipliers (n,) complex over a period, largest first.

@@ -139,7 +139,7 @@ class Ring:
             elif not _same_basis(system.bases[same], basis, conjugate=d not in self.families):
                 raise SettingError(_two_sets(system.bases[same], basis, same, l))
         if self.n > 1 and len({b.nodal_diameter for b in system.bases if len(b.omega2)}) == 1 and system.n_harmonics > 0:
-            orders = [l * engine_order for l in range(len(system.bases))]
+            orders = [l * engine_order for l, basis in enumerate(system.bases) if len(basis.omega2)]
             diameters = {min(order % n_blades, -order % n_blades) for order in orders}
             if len(diameters) > 1:
                 raise SettingError("verify: expected single_basis=False, found one basis for several nodal diameters")

@@ -254,6 +254,19 @@ def test_what_cannot_be_integrated_is_refused():
         study.verify(curve, 0, steps_per_period=8)
 
 
+def test_without_a_mean_the_wave_alone_is_marched():
+    """A mean that is held has no coordinates: no other nodal diameter, and no reason to ask for several bases."""
+    model = wedge_model(0, n_blades=8, engine_order=2, n_points=4, n_blade_modes=2, harmonics=3, n_damper_modes=0)
+    study = plain_study(model, engine_order=2, contact_stiffness=3e6, friction_coefficient=0.3, damping_ratio=0.03,
+                        bias=False, excitation=bd.Excitation("tip", "tangential", 200.0))  # fmt: skip
+    curve = study.track(400.0, (250.0, 255.0))
+    assert Ring(study.system(400.0), 8, 2).families == {1: 1}
+    found = study.verify(curve, 0)
+    assert found.verdict == AGREES and abs(found.settled[0]) < 1e-3 * abs(found.settled[1])
+    judged = judge_in_time(study.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
+    assert judged.verdict == in_time.STABLE and judged.spread < in_time.REGULAR
+
+
 def test_modal_coordinates_may_have_any_mass():
     """The same structure in other units of its modal coordinates: the same motion in time and the same multipliers."""
     system, size = two_oscillators(5), np.array([3.0, 0.2])
