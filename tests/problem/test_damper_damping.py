@@ -6,6 +6,7 @@ import pytest
 import bdamper as bd
 from bdamper.harmonic_balance.cycle import energies
 from bdamper.plot.motion import rigid_motion
+from bdamper.problem.variation import vary
 from bdamper.stability.floquet import bases_beside
 from bdamper.stability.time_integration import Ring
 from tests.plain import plain_study
@@ -75,6 +76,18 @@ def test_all_analyses_have_the_same_damping(plain):
         np.testing.assert_allclose(ring.damping[coordinates][own], damping, rtol=1e-12)
     # nothing static depends on it
     assert np.array_equal(study.static(1000.0).force, plain.static(1000.0).force)
+
+
+@pytest.mark.parametrize("settings", [{"damper_drag": 3.0}, {"damper_damping_ratio": 0.01}])
+def test_a_study_varied_has_it_as_a_new_one(plain, settings):
+    """Parts of a study that are made are handed on, modes with damping not; a heavier damper is damped less by a drag."""
+    assert len(plain.bases) and plain.static(1000.0)
+    varied, own = vary(plain, settings), of_damper(plain.bases[1])
+    damping = plain.with_(**settings).bases[1].damping
+    np.testing.assert_array_equal(varied.bases[1].damping, damping)
+    assert (damping[own] > 0.0).all() and not plain.bases[1].damping[own].any()
+    heavier = vary(varied, {"damper_mass_factor": 4.0}).bases[1].damping[own]
+    np.testing.assert_allclose(heavier, damping[own] / (4.0 if "damper_drag" in settings else 2.0), rtol=1e-12)
 
 
 def test_the_jacobian_has_it(plain):
