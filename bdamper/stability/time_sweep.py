@@ -174,9 +174,9 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
         """Largest relative difference from the sweep at twice the rate at the same frequency, jumps aside.
 
         Relative to the larger of the two, of amplitudes averaged over one memory, as those of irregular motion scatter; nan
-        where there is no such sweep.
+        where there is no such sweep, where it is shorter than a memory, and where all of it is on the way of jumps.
         """
-        if self.faster is None:
+        if self.faster is None or len(self.faster) <= self._turns(1.0):
             return float("nan")
         f, other = self.faster.frequency, self.faster._averaged()
         way = slice(None, None, 1 if self.up else -1)
@@ -188,7 +188,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
         for stretch in (*ours, *theirs):
             aside |= (f >= min(stretch)) & (f <= max(stretch))
         away = np.abs(own - other) / np.maximum(np.maximum(own, other), 1e-300)
-        return float(away[~aside].max(initial=0.0))
+        return float("nan") if aside.all() else float(away[~aside].max())
 
     def _turns(self, memories: float) -> int:
         return max(1, round(memories * self.memory * float(self.frequency.mean())))
@@ -234,11 +234,12 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
             lines.append("  error of the rate not known: no sweep at twice the rate")
         else:
             f, b = self.faster.highest
+            elsewhere = f"amplitudes within {100.0 * self.error:.2g} % elsewhere"
             there = ", ".join(f"{jump.frequency:.6g}" for jump in self.faster.jumps)
             lines.append(
                 f"  twice the rate: highest {b:.6g} m at {f:.6g} Hz ({100.0 * (b / a - 1.0):+.2g} %)"
                 + (f", jumps at {there} Hz" if there else "")
-                + f", amplitudes within {100.0 * self.error:.2g} % elsewhere"
+                + f", {elsewhere if np.isfinite(self.error) else 'too fast to compare amplitudes'}"
                 + (f", {self.faster.status}" if self.faster.interrupted else "")
             )
         return "\n".join([*lines, f"  {self.cost}"])

@@ -61,6 +61,13 @@ def test_the_usual_rate_follows_from_the_damping(linear):
     assert np.isnan(found.error) and "not known" in str(found)
 
 
+def test_a_sweep_within_the_memory_has_no_error(linear):
+    """Averages over a memory are the same then, whatever the rate does."""
+    found = linear.sweep_in_time(0.0, BAND, rate=usual(50.0))
+    assert len(found.faster) < found.memory * F0 and np.isnan(found.error) and "too fast to compare" in str(found)
+    assert np.isfinite(linear.sweep_in_time(0.0, BAND, rate=usual(1.0)).error)
+
+
 @pytest.mark.parametrize("up", [True, False])
 def test_a_sweep_keeps_its_branch_up_to_the_fold(separating, up):
     curve = separating.with_(harmonics=5).track(0.0, (11.0, 12.2), stability=True)
