@@ -29,7 +29,7 @@ from bdamper.stability.time_integration import TWO_PI, Motion, Ring, ring_and_st
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.progress import each, passes_interrupts_on
 from bdamper.util.repr import brief
@@ -212,6 +212,8 @@ def march_until_settled(
     SettingError
         If the steps are too long to be stable, there are too few periods to judge, the state is one of another study, or
         the settings describe something else than a structure in time.
+    BdamperError
+        If the march overflows.
     """
     periods = validate.whole("periods", periods, least=FEWEST)
     watch = Stopwatch()
@@ -224,6 +226,8 @@ def march_until_settled(
         for _ in each(range(periods), progress, "marching", "period"):
             motion, amplitudes, *_ = ring.march(motion, omega, n)
             found.append(amplitudes[0])
+            if not np.isfinite(motion.q).all():
+                raise BdamperError(f"the march overflows in period {len(found)}: raise steps_per_period")
     except KeyboardInterrupt:
         if len(found) < FEWEST or passes_interrupts_on():
             raise

@@ -167,6 +167,18 @@ def test_an_unmet_contact_condition_is_told(monkeypatch):
     assert judge_in_time(system, u, omega, 1, 0).verdict == in_time.UNDECIDED
 
 
+def test_a_march_that_overflows_is_no_response(monkeypatch):
+    system = two_oscillators(1)
+    p, march = followed(system, 1.0, 1.02, STUCK).points[0], Ring.march
+
+    def growing(ring, motion, *args, **options):
+        return march(ring, motion._replace(q=1e100 * motion.q), *args, **options)
+
+    monkeypatch.setattr(Ring, "march", growing)
+    with pytest.raises(bd.BdamperError, match="the march overflows in period 4: raise steps_per_period"):
+        march_until_settled(system, p.y[-1], 1, 0, p.y[:-1], preload=1.0)
+
+
 def test_what_decides():
     """Amplitudes made up, for a memory of 200 periods and a tolerance of 5 %."""
     k = np.arange(400.0)
