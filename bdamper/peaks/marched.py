@@ -14,7 +14,7 @@ from bdamper.continuation.track import track
 from bdamper.peaks.envelope import BUDGET
 from bdamper.peaks.optimal_curve import Marched, OptimalCurve
 from bdamper.problem.problem import Problem
-from bdamper.stability.steady_state import settle
+from bdamper.stability.steady_state import FEWEST, settle
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.progress import LongWork, each
@@ -66,6 +66,7 @@ def with_marched(
         if not len(low):
             raise validate.unfit("preload", "some in N, as the curve has a steady response at each", None)
         preload = low[sorted({0, len(low) // 2, len(low) - 1})]
+    periods = validate.whole("periods", periods, least=FEWEST)
     values = validate.numbers("preload", preload, above=0.0, unit="N")
     problem, found = problem.matching(curve.settings), {m.preload: m for m in curve.marched}
     with LongWork():

@@ -209,7 +209,7 @@ def verify_solution(
     found: list[NDArray] = []
     verdict, reason = UNDECIDED, ""
     with LongWork() as work, counter(progress, periods, 0, "marching", "period") as count:
-        while len(found) < periods and verdict == UNDECIDED:
+        while len(found) < periods and verdict == UNDECIDED and np.isfinite(motion.q).all():
             marched = ring.march(motion, omega, n)
             before, motion = motion, marched.motion
             found.append(marched.harmonics[0])
@@ -219,12 +219,14 @@ def verify_solution(
     if work.interrupted and not found:
         raise KeyboardInterrupt
     amplitude = np.abs(np.array(found)[:, 1])
-    if work.interrupted:
+    if verdict == UNDECIDED:
         verdict, reason = judged(amplitude, float(abs(expected[1])), tolerance, memory)
     if ring.unsolved:
         verdict, reason = UNDECIDED, ring.unsolved
     row = ring.response_row()
-    response = ring.march(before, omega, n, trace=True).trace @ row
+    with np.errstate(invalid="ignore", over="ignore"):  # where the march left the range of numbers
+        response = ring.march(before, omega, n, trace=True).trace @ row
+        drift = float(abs(row @ (motion.q - before.q)))
     size = max(float(np.abs(response).max()), 1e-300)
     return Verification(
         frequency=omega / TWO_PI,
@@ -239,7 +241,7 @@ def verify_solution(
         periods=len(found),
         steps_per_period=n,
         sectors=ring.n,
-        drift=float(abs(row @ (motion.q - before.q))) / size,
+        drift=drift / size,
         cost=replace(ring.cost, **watch.read()),
         interrupted=work.interrupted,
     )

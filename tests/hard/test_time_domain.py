@@ -177,6 +177,8 @@ def test_a_march_that_overflows_is_no_response(monkeypatch):
     monkeypatch.setattr(Ring, "march", growing)
     with pytest.raises(bd.BdamperError, match="the march overflows in period 4: raise steps_per_period"):
         march_until_settled(system, p.y[-1], 1, 0, p.y[:-1], preload=1.0)
+    found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
+    assert (found.verdict, found.reason, found.periods) == (UNDECIDED, "the march left the range of numbers", 4)
 
 
 def test_what_decides():
