@@ -44,8 +44,9 @@ ACCURACY = 0.5
 shipped disk by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter from 3.39 to 3.14."""
 NEAR = 0.01
 """Multipliers within this distance of the unit circle are not trusted alone."""
-SHARE = 0.1
-"""Part of the disturbance that counts as lying in what grows."""
+SHARE = 0.02
+"""Part of the disturbance that counts as lying in what grows.  At three points between folds of the shipped disk at 2 kN nine
+of ten random disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
 WINDOW = 40
 """Periods over which amplitudes are averaged at a time."""
 FEWEST, MOST = 6, 25
