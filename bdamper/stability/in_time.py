@@ -45,8 +45,8 @@ shipped disk by 0.0003 of it, their largest multiplier by up to 0.005, and that 
 NEAR = 0.01
 """Multipliers within this distance of the unit circle are not trusted alone."""
 SHARE = 0.02
-"""Part of the disturbance that counts as lying in what grows.  At three points between folds of the shipped disk at 2 kN nine
-of ten random disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
+"""Part of the disturbance that counts as lying in what grows.  At three points between folds of the shipped disk at 2 kN
+nine of ten random disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
 WINDOW = 40
 """Periods over which amplitudes are averaged at a time."""
 FEWEST, MOST = 6, 25

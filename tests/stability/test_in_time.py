@@ -137,7 +137,7 @@ def test_labels_of_a_few_masses():
 
 @pytest.mark.parametrize(("largest", "windows"), [(1.012, 14), (1.05, None), (1.005, None)])
 def test_slow_growth_asks_for_a_longer_march(monkeypatch, path, largest, windows):
-    """A five-thousandth of the motion needs 521 periods at 1.2 % a period to come to a tenth of it, and 127 at 5 %."""
+    """A five-thousandth of the motion comes to a tenth of it in 521 periods at 1.2 % a period, in 127 at 5 %."""
     system, p, asked = two_oscillators(15), path.points[0], []
 
     def march(sector, motion, expected, fewest=6):
