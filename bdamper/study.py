@@ -229,6 +229,7 @@ class Study(Problem, Comparable):
     peak_sensitivities = sensitivity.peak_sensitivities
     optimum = optimal.optimum
     with_marched = marched.with_marched
+    with_sweeps = marched.with_sweeps
 
     # effects
     advise = advice.advise

@@ -1,4 +1,8 @@
-"""What a march in time finds where an optimal curve has no steady response: mean and range of the amplitude."""
+"""What stands beside an optimal curve at some preloads.
+
+Where it has no steady response, mean and range of the amplitude of a march in time.  Where several solutions are stable,
+the curve shows the highest; a slow sweep of frequency up meets another one than a sweep down, below it or on it.
+"""
 
 from __future__ import annotations
 
@@ -8,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.curve import uninterrupted
+from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.slow_sweep import SlowSweep
 from bdamper.continuation.track import track
 from bdamper.peaks.envelope import BUDGET
-from bdamper.peaks.optimal_curve import Marched, OptimalCurve
+from bdamper.peaks.optimal_curve import Marched, OptimalCurve, Swept
 from bdamper.problem.problem import Problem
+from bdamper.stability.floquet import with_stability
 from bdamper.stability.steady_state import FEWEST, settle
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -58,9 +64,7 @@ def with_marched(
         If the curve is of another model, if it has a steady response at each preload and none is given, or the settings
         describe something else than a structure in time.
     """
-    validate.instance("curve", curve, OptimalCurve)
-    if curve.model_hash != problem.model.hash:
-        raise validate.unfit("curve", "an optimal curve of this study", "one of another model")
+    problem = _matching(problem, curve)
     if preload is None:
         low = curve.preload[curve.preload <= curve.no_steady_below]
         if not len(low):
@@ -68,14 +72,85 @@ def with_marched(
         preload = low[sorted({0, len(low) // 2, len(low) - 1})]
     periods = validate.whole("periods", periods, least=FEWEST)
     values = validate.numbers("preload", preload, above=0.0, unit="N")
-    problem, found = problem.matching(curve.settings), {m.preload: m for m in curve.marched}
+    found = {m.preload: m for m in curve.marched}
     with LongWork():
         for p in each([float(value) for value in values], progress, "marching", "preload"):
-            options = ContinuationOptions(budget=BUDGET)
-            tracked = uninterrupted(track(problem, p, curve.settings["frequency"], options=options))
+            tracked = _tracked(problem, curve, p)
             if not len(tracked):
                 continue
             top = int(np.argmax(tracked.amplitude))
             settled = settle(problem, tracked, float(tracked.frequency[top]), periods=periods)
             found[p] = Marched(p, settled.frequency, settled.mean, *settled.range, settled.status)
     return replace(curve, marched=tuple(found[p] for p in sorted(found)))
+
+
+@one_thread
+def with_sweeps(
+    problem: Problem,
+    curve: OptimalCurve,
+    preload: Sequence[float] | NDArray | None = None,
+    *,
+    progress: bool = False,
+) -> OptimalCurve:
+    """The optimal curve with the highest amplitudes that slow sweeps of frequency, up and down, meet at some preloads.
+
+    The curve itself has the highest solution at each preload, whether a sweep meets it or not.  At each preload here a
+    tracking curve is followed over the frequencies of the optimal curve, and the sweeps go along its stable branches
+    (:meth:`bdamper.continuation.curve.Curve.sweep`); stable are points between folds, or those judged so where the study has
+    ``stability=True``.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+        Of this study.
+    preload : sequence of float, N, optional
+        By default those with a value, and the optimum.
+    progress : bool
+        Show a bar of the preloads.
+
+    Returns
+    -------
+    OptimalCurve
+        With the new values in ``swept``, besides those at other preloads that it had; after Ctrl-C of the preloads that
+        were finished.
+
+    Raises
+    ------
+    SettingError
+        If the curve is of another model.
+    """
+    problem = _matching(problem, curve)
+    if preload is None:
+        known = np.append(curve.preload[np.isfinite(curve.amplitude)], curve.optimum.preload)
+        preload = np.unique(known[np.isfinite(known)])
+    values = validate.numbers("preload", preload, above=0.0, unit="N")
+    found = {s.preload: s for s in curve.swept}
+    with LongWork():
+        for p in each([float(value) for value in values], progress, "slow sweeps", "preload"):
+            tracked = _tracked(problem, curve, p)
+            if problem.stability and len(tracked):
+                tracked = with_stability(problem, tracked)
+            up, down = (_highest(tracked.sweep(way)) for way in ("up", "down"))
+            found[p] = Swept(p, *up, *down, tracked.status)
+    return replace(curve, swept=tuple(found[p] for p in sorted(found)))
+
+
+def _highest(sweep: SlowSweep) -> tuple[float, float]:
+    """Amplitude and frequency."""
+    if not len(sweep.amplitude):
+        return np.nan, np.nan
+    i = int(np.argmax(sweep.amplitude))
+    return float(sweep.amplitude[i]), float(sweep.frequency[i])
+
+
+def _matching(problem: Problem, curve: OptimalCurve) -> Problem:
+    validate.instance("curve", curve, OptimalCurve)
+    if curve.model_hash != problem.model.hash:
+        raise validate.unfit("curve", "an optimal curve of this study", "one of another model")
+    return problem.matching(curve.settings)
+
+
+def _tracked(problem: Problem, curve: OptimalCurve, preload: float) -> Curve:
+    options = ContinuationOptions(budget=BUDGET)
+    return uninterrupted(track(problem, preload, curve.settings["frequency"], options=options))

@@ -71,6 +71,31 @@ class Marched(NamedTuple):
         return f"{text}, {self.status}"
 
 
+class Swept(NamedTuple):
+    """Highest amplitudes that slow sweeps of frequency meet at one preload, by its tracking curve.
+
+    Parameters
+    ----------
+    preload : float, N
+    up, down : float, m
+        Of the sweep to higher and to lower frequencies; NaN where no stable solution is known at its start.
+    up_frequency, down_frequency : float, Hz
+    status : str
+        Of the tracking curve.
+    """
+
+    preload: float
+    up: float
+    up_frequency: float
+    down: float
+    down_frequency: float
+    status: str
+
+    def __str__(self) -> str:
+        up, down = f"{self.up:.4g} m at {self.up_frequency:.6g} Hz", f"{self.down:.4g} m at {self.down_frequency:.6g} Hz"
+        return f"{self.preload:.6g} N: up {up}, down {down}" + (f", {self.status}" if self.status != "complete" else "")
+
+
 @dataclass(frozen=True)
 class OptimumPoint:
     """Preload of the least resonance amplitude.
@@ -179,6 +204,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
     marched : tuple of Marched
         What :meth:`bdamper.Study.with_marched` has found at some preloads.
+    swept : tuple of Swept
+        What :meth:`bdamper.Study.with_sweeps` has found at some preloads.
     """
 
     preload: NDArray
@@ -209,6 +236,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
     no_steady_below: float = 0.0
     marched: tuple[Marched, ...] = ()
+    swept: tuple[Swept, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:  # in files of versions before 0.3
@@ -374,6 +402,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         if self.no_steady_below:
             lines.append(f"  {self.status[0]}")
         lines += [f"  marched at {item}" for item in self.marched]
+        lines += [f"  slow sweeps at {item}" for item in self.swept]
         open_ = [w for w in self.warnings if not w.startswith(("optimum", NO_STEADY))]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")

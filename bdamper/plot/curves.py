@@ -201,7 +201,7 @@ def plot_optimal(
     Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
     whole tracking curves have verified, an open one the least value otherwise.  Where there is no value the picture is
     hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude that the ladder of harmonics has
-    found; squares with bars mean and range of marches in time.
+    found; squares with bars mean and range of marches in time; triangles what slow sweeps of frequency up and down meet.
     """
     dark, light = "0.1", plt.get_cmap("viridis")(0.45)
     with drawing(ax, title=title, legend=7.0) as ax:
@@ -229,6 +229,11 @@ def plot_optimal(
             preload, _, mean, low, high = np.array([m[:5] for m in result.marched]).T
             ax.errorbar(preload, mean, [mean - low, high - mean], fmt="s", color="k", markersize=3.0, markerfacecolor="w",
                         capsize=2.0, linewidth=0.8, label="time integration, mean and range")
+        if result.swept:
+            preload, up, _, down, _ = np.array([s[:5] for s in result.swept]).T
+            ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
+            ax.plot(preload, up, "k^", markersize=3.5, markerfacecolor="w", label="highest of a sweep up")
+            ax.plot(preload, down, "kv", markersize=3.5, markerfacecolor="0.6", label="highest of a sweep down")
         if result.ladder is not None and result.ladder.ranges:
             preload, low, high = np.array(result.ladder.ranges).T
             ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,

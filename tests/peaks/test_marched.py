@@ -1,4 +1,4 @@
-"""Marches in time beside an optimal curve: a wedge between an oscillator and the ground."""
+"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground, slow sweeps of a bladed disk."""
 
 from dataclasses import replace
 
@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.peaks import marched
+from tests.plain import plain_study
 
 
 def wedge(harmonics=1, mass=0.1):
@@ -51,9 +53,38 @@ def test_preloads_that_rattle_are_marched_by_default(found):
     assert [m.preload for m in study.with_marched(low, periods=16).marched] == [40.0, 60.0]
 
 
-def test_another_model_is_refused(found):
+@pytest.mark.parametrize("method", ["with_marched", "with_sweeps"])
+def test_another_model_is_refused(found, method):
     with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):
-        wedge(mass=0.2).with_marched(found[1], [50.0])
+        getattr(wedge(mass=0.2), method)(found[1], [50.0])
+
+
+def test_sweeps_up_and_down_meet_what_they_meet_on_the_tracking_curve(tmp_path):
+    """Between the folds two solutions are stable: upward the lower one is kept, downward the one with the peak."""
+    model, tip = bd.reference_model(contact_points=9), bd.Excitation("tip", direction="tangential", amplitude=1.0)
+    study = plain_study(model, tip, engine_order=5, friction_coefficient=0.4)
+    curve = study.optimal_curve((140.0, 220.0, 240.0), frequency=(300.0, 345.0), check=False)
+    out = study.with_sweeps(study.with_sweeps(curve, [140.0]))
+    assert [s.preload for s in out.swept] == sorted({140.0, 220.0, 240.0, curve.optimum.preload})
+    for there in out.swept:
+        tracked = study.track(there.preload, (300.0, 345.0))
+        for way, found in (("up", there.up), ("down", there.down)):
+            assert found == pytest.approx(tracked.sweep(way).amplitude.max(), rel=1e-9)
+        assert there.up < 0.9 * there.down == pytest.approx(0.9 * tracked.peak.amplitude, rel=1e-6)
+        assert f"slow sweeps at {there}" in str(out)
+    least = next(s for s in out.swept if s.preload == curve.optimum.preload)
+    assert least.down == pytest.approx(curve.optimum.amplitude, rel=1e-6)
+    out.save(tmp_path / "curve.h5")
+    assert bd.load(tmp_path / "curve.h5").swept == out.swept
+    assert {"highest of a sweep up", "highest of a sweep down"} <= set(out.plot()[0].get_legend_handles_labels()[1])
+
+
+def test_sweeps_go_by_judged_stability_where_the_study_has_it(monkeypatch):
+    study = replace(wedge(), stability=True)
+    curve = study.optimal_curve((60.0, 90.0), frequency=(300.0, 380.0), check=False)
+    below = lambda problem, tracked: replace(tracked, stable=tracked.frequency < 330.0)  # noqa: E731
+    monkeypatch.setattr(marched, "with_stability", below)
+    assert study.with_sweeps(curve, [90.0]).swept[0].up_frequency < 330.0
 
 
 def test_the_band_and_the_marches_are_drawn(found):
