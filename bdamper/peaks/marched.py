@@ -96,8 +96,8 @@ def with_sweeps(
 
     The curve itself has the highest solution at each preload, whether a sweep meets it or not.  At each preload here a
     tracking curve is followed over the frequencies of the optimal curve, and the sweeps go along its stable branches
-    (:meth:`bdamper.continuation.curve.Curve.sweep`); stable are points between folds, or those judged so where the study has
-    ``stability=True``.
+    (:meth:`bdamper.continuation.curve.Curve.sweep`); stable are points between folds, or those judged
+    so where the study has ``stability=True``.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground, slow sweeps of a bladed disk."""
+"""Beside an optimal curve: marches in time of a wedge between an oscillator and the ground, slow sweeps of a disk."""
 
 from dataclasses import replace
 
