@@ -45,7 +45,7 @@ class Case(NamedTuple):
 
 
 CASES = {
-    "unit_traction/125/up": Case(319.0, 331.0),
+    "unit_traction/125/up": Case(298.0, 331.0),
     "unit_traction/125/down": Case(298.0, 331.0),
     "residual_modes/500/down": Case(348.5, 354.5, 3, 0.8, 1.6),
     "residual_modes/125/down": Case(325.0, 337.0, 3, 0.8, 1.6),

@@ -2,8 +2,8 @@
 
 Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
 (``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and three factors on what is not a single
-number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios) and ``"damper_mass_factor"`` (the
-density of free bodies, at the same shape and stiffness and the same static load).
+number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper) and
+``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load).
 """
 
 from __future__ import annotations

@@ -157,12 +157,18 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
 
     @property
     def jumps(self) -> tuple[Jump, ...]:
-        """Where the amplitude changes by more than a fifth within the memory of a transient, in the order of time."""
-        a, n = self.amplitude, len(self)
-        return tuple(
-            Jump(float(self.frequency[i]), float(a[i]), float(a[min(j + self._turns(AFTER_JUMP), n - 1)]))
-            for _, i, j in self._jumping()
-        )
+        """Where the amplitude changes by more than a fifth within the memory of a transient and stays there, in time.
+
+        Amplitudes before and after are means over a memory, the latter once the transient has died out: what only scatters,
+        as the motion of a damper that rattles, is no jump.
+        """
+        a, m, found = self.amplitude, self._turns(1.0), []
+        for first, i, j in self._jumping():
+            later = min(j + self._turns(AFTER_JUMP), len(a) - m)
+            before, after = (float(a[k : k + m].mean()) for k in (max(0, first - m + 1), later))
+            if abs(np.log(after / before)) > np.log1p(JUMP):
+                found.append(Jump(float(self.frequency[i]), before, after))
+        return tuple(found)
 
     @property
     def faster(self) -> TimeSweep | None:
@@ -171,10 +177,10 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
 
     @property
     def error(self) -> float:
-        """Largest relative difference from the sweep at twice the rate at the same frequency, jumps aside.
+        """Largest relative difference from the sweep at twice the rate at the same frequency, fast changes aside.
 
         Relative to the larger of the two, of amplitudes averaged over one memory, as those of irregular motion scatter; nan
-        where there is no such sweep, where it is shorter than a memory, and where all of it is on the way of jumps.
+        where there is no such sweep, where it is shorter than a memory, and where all of it changes that fast.
         """
         if self.faster is None or len(self.faster) <= self._turns(1.0):
             return float("nan")
@@ -199,7 +205,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
         return np.convolve(self.amplitude, window, "same") / np.convolve(np.ones(len(self)), window, "same")
 
     def _jumping(self) -> list[tuple[int, int, int]]:
-        """Of each jump a turn at most one memory before it, the turn at which it begins, and one after its fast part."""
+        """Of each fast change a turn at most one memory before it, the turn at which it begins, and one after it."""
         log, m = np.log(np.maximum(self.amplitude, 1e-300)), self._turns(1.0)
         if len(log) <= m:
             return []
@@ -212,7 +218,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
         return stretches
 
     def _settling(self) -> list[NDArray]:
-        """Frequencies between which the amplitude is on the way of each jump, until that has died out."""
+        """Frequencies between which the amplitude changes fast, until that has died out."""
         after, last = self._turns(AFTER_JUMP), len(self) - 1
         return [self.frequency[[i, min(j + after, last)]] for i, _, j in self._jumping()]
 
@@ -274,8 +280,8 @@ def sweep_in_time(
     rate : float, Hz/s, optional
         By default a tenth of the half bandwidth of the least damped mode within the memory of its transients.
     start : Curve, optional
-        A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default a
-        solution is sought at the first frequency.
+        A tracking curve of this study at this preload, from one of whose solutions the march starts.  By default the
+        lowest solution between folds that is found at the first frequency, as by :meth:`Curve.sweep`.
     index : int, optional
         Of the point of that curve; by default the one nearest to the first frequency.  The march settles at the first
         frequency before the sweep begins.
@@ -332,6 +338,7 @@ def _start(
     problem: Problem, preload: float, first: float, start: Curve | None, index: int | None
 ) -> tuple[Problem, NDArray, float]:
     """Problem, solution and its frequency (Hz) from which the march starts."""
+    sought = start is None
     if start is None:
         if index is not None:
             raise validate.unfit("index", "a point of a curve that is given (start)", index)
@@ -343,7 +350,9 @@ def _start(
             raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)
     if not len(start):
         raise BdamperError(f"no solution to start from at {first:g} Hz ({start.status}: {start.reason})")
-    if index is None:
+    if sought:
+        i = int(np.where(start.backward, np.inf, start.amplitude).argmin())
+    elif index is None:
         i = int(np.abs(start.frequency - first).argmin())
     else:
         i = validate.whole("index", index, -len(start), len(start) - 1)

@@ -1,5 +1,7 @@
 """Slow sweeps marched in time, on one mass: a linear one beside its closed form, one that separates beside its folds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -175,3 +177,16 @@ def test_without_damping_there_is_no_usual_rate():
         forces={0: 1.0})  # fmt: skip
     with pytest.raises(bd.SettingError, match="damping in every mode"):
         study.sweep_in_time(0.0, (9.0, 9.5))
+
+
+def test_scatter_is_no_jump(separating):
+    """An amplitude that scatters by a third from turn to turn stays on its level; one that drops for good does not."""
+    found = separating.sweep_in_time(0.0, (11.2, 12.0), up=False, rate=usual(0.2), check=False)
+    n, scatter = len(found), np.random.default_rng(1).uniform(0.7, 1.0, len(found))
+    level = np.where(np.arange(n) < n // 2, 2.0, 1.0)
+    steady, falls = (
+        replace(found, harmonics=np.column_stack([0.0 * a, a]).astype(complex)) for a in (scatter, level * scatter)
+    )
+    assert not steady.jumps and len(steady._jumping()) > 0
+    (jump,) = falls.jumps
+    assert jump.before / jump.after == pytest.approx(2.0, rel=0.1)
