@@ -184,14 +184,15 @@ def _other_solutions(problem: Problem, preload: float, ratios: Sequence[float], 
     return out
 
 
-def _ending(search: Coverage, tried: int) -> tuple[str, str, tuple[LeftOut, ...]]:
+def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> tuple[str, str, tuple[LeftOut, ...]]:
     """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
     status, reason, left_out = ending(search.pieces, *search.limits)
     left_out = (*left_out, *search.lost)
     if status == "complete":
         bottom, top = (w / TWO_PI for w in search.outside)
         closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
-        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz, {closed}"
+        broken = ", where a path broke off (left_out)" if search.lost else ""
+        reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, {closed}"
     if why := _rattles(search):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if status not in ("incomplete", "no start"):
@@ -200,6 +201,9 @@ def _ending(search: Coverage, tried: int) -> tuple[str, str, tuple[LeftOut, ...]
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
     if any(DRIFTED_AWAY in line for line in search.log):
         reason += f"; on a fading support {DRIFTED_AWAY}, constraint planes would hold them"
+    if 0.0 < preload < 2.0 * problem.excitation.amplitude:
+        ratio = preload / problem.excitation.amplitude
+        reason += f"; a preload of {ratio:.2g} times the excitation does not keep the damper in its seat: raise it"
     return status, f"{reason}; study.settle marches in time where no solution was found", left_out
 
 
@@ -235,7 +239,7 @@ def _without_points(problem: Problem, preload: float, reason: str, options: Cont
 
 
 def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Curve:
-    status, reason, left_out = _ending(search, tried)
+    status, reason, left_out = _ending(problem, search, preload, tried)
     system, ordered = search.system, in_order(search.pieces)
     points = [p for p, _ in ordered]
     y = np.array([p.y for p in points]).reshape(len(points), system.n_unknowns + 1)
