@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 import bdamper as bd
+import bdamper.io
 from tests.plain import plain_study
 
 ROOT = Path(__file__).parents[1]
@@ -20,6 +21,13 @@ def test_every_public_name_is_in_the_reference():
     rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
     assert [name for name in named if name not in rooms] == bd.__all__, "same names in the same order"
     assert len(bd.__all__) <= 34, "two for lumped models, one for finite element matrices"
+
+
+def test_every_name_of_the_import_is_in_the_reference():
+    reference = (ROOT / "docs" / "api.md").read_text()
+    elsewhere = {"load_model", "save_model", "Measurement", "read_response"}  # with bdamper itself, with their module
+    for name in set(bdamper.io.__all__) - elsewhere:
+        assert f"bdamper.io.{name}" in reference, name
 
 
 def test_everything_in_the_reference_is_there():
