@@ -25,6 +25,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.checks import fits, shape_text
 from bdamper.model.model import (
     Body,
     BodyLoad,
@@ -37,7 +38,7 @@ from bdamper.model.model import (
     StaticContact,
     SurfaceMesh,
 )
-from bdamper.model.validation import check_model, fits, shape_text
+from bdamper.model.validation import check_model
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError, mismatch
 from bdamper.util.hdf5 import check_folder, enter_reader

@@ -3,13 +3,15 @@
 In: modal data of bodies at nodal diameters and geometry of interfaces, from a file or built in memory.  Out: a `Model` that
 `check_model` accepts, and its `Coupling`, which gives for every harmonic the modes of all bodies and the relative motion at
 the contact points (Eqs (13), (14), (17), (18) of the paper), static flexibilities and loads.  `Excitation` and `Response`
-say where forces act and where the motion is read, :mod:`bdamper.model.misfit` makes gaps of surfaces that do not fit, and
-`unite_contact_points` makes a coarser model.
+say where forces act and where the motion is read, `LocalBasis` holds the blades of a mistuned wheel one by one,
+:mod:`bdamper.model.misfit` makes gaps of surfaces that do not fit, and `unite_contact_points` makes a coarser model.
 """
 
 from bdamper.model.coarsening import unite_contact_points
 from bdamper.model.coupling import RIGID_NAMES, Coupling, HarmonicBasis, retained_modes
 from bdamper.model.loads import Excitation, Response
+from bdamper.model.local import LocalBasis
+from bdamper.model.local_model import local_model
 from bdamper.model.model import Body, ContactStiffness, Interface, Location, ModalBasis, Model
 from bdamper.model.validation import check_model
 
@@ -21,11 +23,13 @@ __all__ = [
     "Excitation",
     "HarmonicBasis",
     "Interface",
+    "LocalBasis",
     "Location",
     "ModalBasis",
     "Model",
     "Response",
     "check_model",
+    "local_model",
     "retained_modes",
     "unite_contact_points",
 ]

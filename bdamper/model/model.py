@@ -24,12 +24,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, is_dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.basis import ModalBasis as ModalBasis
+from bdamper.model.local import LocalBasis
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 
@@ -41,51 +43,6 @@ def turn(angle: float) -> NDArray:
     """Rotation matrix (3, 3) about Z that turns +Y toward +X by ``angle`` (rad): R of one pitch for ``2 pi/N``."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-@brief
-@dataclass(frozen=True)
-class ModalBasis:
-    """Modes of one body at one nodal diameter.
-
-    Parameters
-    ----------
-    omega2 : (n_modes,) float, rad2/s2
-        Squared natural frequencies, ascending; exactly zero for the rigid-body modes of a free body.
-    damping_ratio : (n_modes,) float
-        Modal damping ratios; zero for rigid-body modes.
-    contact_modes : (n_points, 3, n_modes) complex or float, kg^-1/2
-        Mass-normalised modes at the contact points of all ports of the body, in the order of ``Body.ports``,
-        components along t1, t2, n.
-    locations : mapping of name to (3, n_modes) array, kg^-1/2
-        The modes at the named locations on this body, components along X, Y, Z.
-    flexibility : (3 n_points, 3 n_points) complex or float, m/N, optional
-        Hermitian static receptance of the full finite element model between the contact points, patch-averaged
-        force to patch-averaged displacement; for a free body, that of the elastic deformation with inertia relief
-        (orthogonal to the rigid-body modes in the mass matrix).
-    drag : (n_modes,) float, 1/s, optional
-        Viscous damping besides that of the damping ratios: of modes without stiffness, or beyond critical damping.
-    """
-
-    omega2: NDArray
-    damping_ratio: NDArray
-    contact_modes: NDArray
-    locations: Mapping[str, NDArray] = field(default_factory=dict)
-    flexibility: NDArray | None = None
-    drag: NDArray | None = None
-
-    @property
-    def n_modes(self) -> int:
-        return len(self.omega2)
-
-    def conjugate(self) -> ModalBasis:
-        """The basis of the wave ``N - d``, if this is that of ``d``."""
-        return replace(
-            self,
-            contact_modes=self.contact_modes.conj(),
-            locations={name: modes.conj() for name, modes in self.locations.items()},
-            flexibility=None if self.flexibility is None else self.flexibility.conj(),
-        )
 
 
 @brief
@@ -126,6 +83,8 @@ class Body:
     load : BodyLoad, optional
     constant_force : (n_modes,) float, N kg^-1/2, optional
         Modal static force that does not scale with the load, on a body without static flexibility.
+    local : LocalBasis, optional
+        Coordinates of the blade and disk matrices at all nodal diameters, for mistuned wheels; of a constrained body.
     """
 
     name: str
@@ -137,6 +96,7 @@ class Body:
     inertia: NDArray | None = None
     load: BodyLoad | None = None
     constant_force: NDArray | None = None
+    local: LocalBasis | None = None
 
 
 @brief
@@ -336,7 +296,7 @@ def feed_digest(digest: Any, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            if not (part is None and item.name in ("constant_force", "drag")):  # earlier versions did not know it
+            if not (part is None and item.name in ("constant_force", "drag", "local")):  # earlier versions did not know it
                 feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())

@@ -20,11 +20,23 @@ Conditions that need an explanation:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.checks import (
+    check_all,
+    check_array,
+    check_hermitian,
+    check_integer,
+    check_name,
+    check_one_of,
+    check_type,
+    fits,
+    is_positive_definite,
+    require,
+)
+from bdamper.model.local import LocalBasis, check_local
 from bdamper.model.model import (
     Body,
     BodyLoad,
@@ -47,15 +59,9 @@ SOURCES = ("eq4", "unit_traction", "residual_modes", "user")
 FRAME_TOLERANCE = 1e-6
 RIGID_TOLERANCE = 1e-5
 UNIT_TOLERANCE = 1e-6
-HERMITIAN_TOLERANCE = 1e-8
 SEMIDEFINITE_TOLERANCE = 1e-6
 REAL_TOLERANCE = 1e-8
-
-_TYPES = {
-    "real": ((np.float64,), "real numbers in double precision"),
-    "field": ((np.float64, np.complex128), "real or complex numbers in double precision"),
-    "bool": ((np.bool_,), "booleans"),
-}
+NEAREST_FREQUENCY = 0.05  # of the lowest mode of a local basis with few shapes of the interface
 
 
 def check_model(model: Model, *, where: str = "model") -> None:
@@ -91,76 +97,12 @@ def check_model(model: Model, *, where: str = "model") -> None:
 
 
 # -----------------------------------------------------------------------------------------------------------
-# Messages and elementary checks
-
-
-def _require(good: bool | np.bool_, item: str, expected: str, found: object) -> None:
-    if not good:
-        raise mismatch(item, expected, found)
-
-
-def _check_name(name: object, item: str) -> None:
-    good = isinstance(name, str) and name != "" and name.isprintable() and not set(name) & set("/.")
-    if not good:
-        raise mismatch(item, "a name of printable characters without '/' and '.'", repr(name))
-
-
-def _check_integer(value: object, item: str) -> None:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise mismatch(item, "an integer", repr(value))
-
-
-def _check_one_of(value: object, choices: tuple[str, ...], item: str) -> None:
-    if value not in choices:
-        raise mismatch(item, f"one of {list(choices)}", repr(value))
-
-
-def _check_type(value: object, expected: type, item: str) -> None:
-    if not isinstance(value, expected):
-        raise mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
-
-
-def _check_array(array: Any, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
-    """Type, shape (None stands for any size) and finiteness."""
-    if not isinstance(array, np.ndarray):
-        raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
-    types, words = _TYPES[kind]
-    if array.dtype not in types:
-        raise mismatch(item, words, f"dtype {array.dtype}")
-    if not fits(array.shape, shape):
-        raise mismatch(item, f"shape {shape_text(shape)}", array.shape)
-    wrong = np.argwhere(~np.isfinite(array))
-    if len(wrong):
-        at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, "finite numbers", f"{array[at]} at {at} and {len(wrong)} such in all")
-
-
-def fits(found: tuple[int, ...], expected: tuple[int | None, ...]) -> bool:
-    """Whether a shape is the one expected; None stands for any size."""
-    return len(found) == len(expected) and all(e in (None, f) for e, f in zip(expected, found))
-
-
-def shape_text(shape: tuple[int | None, ...]) -> str:
-    """A shape in words, with "any" for a size that is free."""
-    sizes = ", ".join("any" if n is None else str(n) for n in shape)
-    return f"({sizes},)" if len(shape) == 1 else f"({sizes})"
-
-
-def _check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
-    """Every element is good; otherwise name the first that is not."""
-    wrong = np.argwhere(~good)
-    if len(wrong):
-        at = tuple(int(i) for i in wrong[0])
-        raise mismatch(item, expected, f"{array[at]!s} at {at if len(at) > 1 else at[0]}")
-
-
-# -----------------------------------------------------------------------------------------------------------
 # The model as a whole
 
 
 def _check_head(model: Model, where: str) -> None:
-    _check_integer(model.n_blades, f"{where}: /@n_blades")
-    _require(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
+    check_integer(model.n_blades, f"{where}: /@n_blades")
+    require(model.n_blades >= 1, f"{where}: /@n_blades", "at least 1", model.n_blades)
     groups = {
         "bodies": model.bodies,
         "interfaces": model.interfaces,
@@ -170,29 +112,29 @@ def _check_head(model: Model, where: str) -> None:
         "mesh": model.meshes,
     }
     for group, members in groups.items():
-        _check_type(members, Mapping, f"{where}: /{group}")
+        check_type(members, Mapping, f"{where}: /{group}")
         for name, member in members.items():
             item = f"{where}: /{group}/{name}"
-            _check_name(name, item)
+            check_name(name, item)
             if group in ("bodies", "interfaces", "locations") and getattr(member, "name", None) != name:
                 raise mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
-    _require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
+    require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
 
 
 def _check_interface(interface: Interface, model: Model, item: str) -> None:
-    _check_type(interface, Interface, item)
-    _check_one_of(interface.kind, ("friction", "constraint", "cubic", "spring"), f"{item}/@kind")
-    _check_array(interface.area, (None,), f"{item}/area")
+    check_type(interface, Interface, item)
+    check_one_of(interface.kind, ("friction", "constraint", "cubic", "spring"), f"{item}/@kind")
+    check_array(interface.area, (None,), f"{item}/area")
     n = interface.n_points
-    _require(n > 0, f"{item}/area", "at least one point", "none")
-    _check_array(interface.points, (n, 3), f"{item}/points")
-    _check_array(interface.frame, (n, 3, 3), f"{item}/frame")
-    _check_array(interface.gap, (n,), f"{item}/gap")
-    _check_all(interface.area > 0, interface.area, "numbers > 0", f"{item}/area")
+    require(n > 0, f"{item}/area", "at least one point", "none")
+    check_array(interface.points, (n, 3), f"{item}/points")
+    check_array(interface.frame, (n, 3, 3), f"{item}/frame")
+    check_array(interface.gap, (n,), f"{item}/gap")
+    check_all(interface.area > 0, interface.area, "numbers > 0", f"{item}/area")
     _check_frame(interface.frame, f"{item}/frame")
     for side in "ab":
         sector = getattr(interface, f"sector_{side}")
-        _check_integer(sector, f"{item}/@sector_{side}")
+        check_integer(sector, f"{item}/@sector_{side}")
         allowed = (0,) if model.n_blades == 1 else (-1, 0, 1)
         if sector not in allowed:
             expected = f"one of {list(allowed)} (n_blades = {model.n_blades})"
@@ -212,10 +154,10 @@ def _check_frame(frame: NDArray, item: str) -> None:
 
 def _check_ports(body: Body, model: Model, item: str) -> None:
     """Every port of a body refers to a side of an interface, and that side to the body."""
-    _check_type(body, Body, item)
-    _check_one_of(body.kind, ("constrained", "free", "lumped", "ground"), f"{item}/@kind")
+    check_type(body, Body, item)
+    check_one_of(body.kind, ("constrained", "free", "lumped", "ground"), f"{item}/@kind")
     item = f"{item}/@ports"
-    _check_type(body.ports, tuple, item)
+    check_type(body.ports, tuple, item)
     for port in body.ports:
         good = isinstance(port, tuple) and len(port) == 2 and all(isinstance(part, str) for part in port)
         if not good or port[1] not in ("a", "b"):
@@ -227,7 +169,7 @@ def _check_ports(body: Body, model: Model, item: str) -> None:
         if owner != body.name:
             found = f"body_{port[1]} = {owner!r} there"
             raise mismatch(item, f"'{port[0]}.{port[1]}' to be a side of this body", found)
-    _require(len(set(body.ports)) == len(body.ports), item, "each port once", f"{list(body.ports)}")
+    require(len(set(body.ports)) == len(body.ports), item, "each port once", f"{list(body.ports)}")
 
 
 def _check_sides(interface: Interface, model: Model, item: str) -> None:
@@ -243,7 +185,7 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
                 f"{item}/@body_{side}", f"'{interface.name}.{side}' in the ports of '{name}'", found
             )
         bodies.append(body)
-    _require(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
+    require(not bodies[0].kind == bodies[1].kind == "ground", item, "a body that can move", "ground on both sides")
     if bodies[0] is bodies[1] and interface.sector_a == interface.sector_b:
         found = f"body '{interface.body_a}' of sector {interface.sector_a} on both sides"
         raise mismatch(item, "two bodies, or one body in two sectors", found)
@@ -252,8 +194,8 @@ def _check_sides(interface: Interface, model: Model, item: str) -> None:
 def _check_locations(model: Model, where: str) -> None:
     for name, location in model.locations.items():
         item = f"{where}: /locations/{name}"
-        _check_type(location, Location, item)
-        _check_array(location.position, (3,), f"{item}/position")
+        check_type(location, Location, item)
+        check_array(location.position, (3,), f"{item}/position")
         body = model.bodies.get(location.body) if isinstance(location.body, str) else None
         if body is None:
             raise mismatch(f"{item}/@body", f"a body of {list(model.bodies)}", repr(location.body))
@@ -266,7 +208,7 @@ def _check_locations(model: Model, where: str) -> None:
 
 
 def _check_body(body: Body, model: Model, item: str) -> None:
-    _check_type(body.bases, Mapping, item)
+    check_type(body.bases, Mapping, item)
     if body.kind == "ground":
         _check_ground(body, item)
         return
@@ -278,24 +220,48 @@ def _check_body(body: Body, model: Model, item: str) -> None:
     if body.kind == "free":
         _check_rigid(body, model, f"{item}/nd000")
     if body.constant_force is not None:
-        _check_array(body.constant_force, (body.bases[0].n_modes,), f"{item}/constant_force")
+        check_array(body.constant_force, (body.bases[0].n_modes,), f"{item}/constant_force")
     if body.load is not None:
         _check_load(body.load, body.bases[0], f"{item}/load")
+    if body.local is not None:
+        _check_local(body, model, f"{item}/wheel")
+
+
+def _check_local(body: Body, model: Model, item: str) -> None:
+    """A local basis of a constrained body of a cyclic structure, in agreement with the modes of the body.
+
+    Its frequencies are those of a smaller space than the finite element model has: from above, and the lowest near.
+    """
+    local = body.local
+    check_type(local, LocalBasis, item)
+    assert local is not None
+    require(body.kind == "constrained", item, "a local basis on constrained bodies only", f"one on a {body.kind} body")
+    require(model.n_blades > 1, item, "a local basis in cyclic structures only", "an acyclic one")
+    loaded = body.load is not None or body.constant_force is not None
+    require(not loaded, item, "no static load on a body with a local basis", "one")
+    places = [name for name, location in model.locations.items() if location.body == body.name]
+    check_local(local, model.n_blades, sum(model.interfaces[name].n_points for name, _ in body.ports), places, item)
+    for d, basis in body.bases.items():
+        omega2 = local.nodal_diameter(d).omega2[: basis.n_modes]
+        ratio = np.sqrt(omega2 / np.sort(basis.omega2)[: len(omega2)])
+        if not (ratio.min() >= 1.0 - SEMIDEFINITE_TOLERANCE and ratio[0] <= 1.0 + NEAREST_FREQUENCY):
+            expected = f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
+            raise mismatch(item, expected, f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least")
 
 
 def _check_ground(body: Body, item: str) -> None:
-    _require(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
-    _require(body.load is None, f"{item}/load", "no load on a ground body", "one")
+    require(not body.bases, item, "no modes of a ground body", f"nodal diameters {list(body.bases)}")
+    require(body.load is None, f"{item}/load", "no load on a ground body", "one")
 
 
 def _check_nodal_diameters(body: Body, model: Model, item: str) -> None:
     largest = 0 if body.kind in ("free", "lumped") else model.n_blades // 2
     for d in body.bases:
-        _check_integer(d, f"{item} (nodal diameter)")
+        check_integer(d, f"{item} (nodal diameter)")
         if not 0 <= d <= largest:
             expected = f"nodal diameters 0 to {largest} of a {body.kind} body"
             raise mismatch(item, f"{expected} (n_blades = {model.n_blades})", d)
-    _require(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
+    require(0 in body.bases, f"{item}/nd000", "the modes of nodal diameter 0", f"only {sorted(body.bases)}")
 
 
 def _check_inertia(body: Body, item: str) -> None:
@@ -308,39 +274,31 @@ def _check_inertia(body: Body, item: str) -> None:
         if not (number and np.isfinite(body.mass) and body.mass > 0):
             raise mismatch(f"{item}/mass", "a finite number > 0", repr(body.mass))
     if body.centre is not None:
-        _check_array(body.centre, (3,), f"{item}/centre")
+        check_array(body.centre, (3,), f"{item}/centre")
     if body.inertia is not None:
-        _check_array(body.inertia, (3, 3), f"{item}/inertia")
-        _check_hermitian(body.inertia, f"{item}/inertia", "symmetric")
+        check_array(body.inertia, (3, 3), f"{item}/inertia")
+        check_hermitian(body.inertia, f"{item}/inertia", "symmetric")
         smallest = np.linalg.eigvalsh(body.inertia)[0]
-        _require(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
-
-
-def _check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
-    error = np.abs(matrix - matrix.conj().T)
-    size = np.abs(matrix).max(initial=0.0)
-    if not error.max(initial=0.0) <= HERMITIAN_TOLERANCE * size:
-        at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
-        raise mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
+        require(smallest > 0, f"{item}/inertia", "principal moments > 0", f"{smallest:.6g}")
 
 
 def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None:
-    _check_type(basis, ModalBasis, item)
-    _check_array(basis.omega2, (None,), f"{item}/omega2")
+    check_type(basis, ModalBasis, item)
+    check_array(basis.omega2, (None,), f"{item}/omega2")
     n_modes = basis.n_modes
-    _check_array(basis.damping_ratio, (n_modes,), f"{item}/damping_ratio")
+    check_array(basis.damping_ratio, (n_modes,), f"{item}/damping_ratio")
     damped = (basis.damping_ratio >= 0) & (basis.damping_ratio < 1)
-    _check_all(damped, basis.damping_ratio, "numbers >= 0 and < 1", f"{item}/damping_ratio")
+    check_all(damped, basis.damping_ratio, "numbers >= 0 and < 1", f"{item}/damping_ratio")
     if basis.drag is not None:
-        _check_array(basis.drag, (n_modes,), f"{item}/drag")
-        _check_all(basis.drag >= 0, basis.drag, "numbers >= 0", f"{item}/drag")
+        check_array(basis.drag, (n_modes,), f"{item}/drag")
+        check_all(basis.drag >= 0, basis.drag, "numbers >= 0", f"{item}/drag")
     n_points = sum(model.interfaces[name].n_points for name, _ in body.ports)
-    _check_array(basis.contact_modes, (n_points, 3, n_modes), f"{item}/modes", "field")
+    check_array(basis.contact_modes, (n_points, 3, n_modes), f"{item}/modes", "field")
     _check_location_modes(basis, body, model, item)
     first = N_RIGID if body.kind == "free" else 0
     _check_frequencies(basis.omega2, first, f"{item}/omega2", lumped=body.kind == "lumped")
     if basis.flexibility is not None:
-        _check_array(basis.flexibility, (3 * n_points, 3 * n_points), f"{item}/flexibility", "field")
+        check_array(basis.flexibility, (3 * n_points, 3 * n_points), f"{item}/flexibility", "field")
         _check_flexibility(basis, first, f"{item}/flexibility")
 
 
@@ -349,25 +307,25 @@ def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str
     if set(basis.locations) != set(expected):
         raise mismatch(f"{item}/locations", f"{sorted(expected)}", f"{sorted(basis.locations)}")
     for name, values in basis.locations.items():
-        _check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
+        check_array(values, (3, basis.n_modes), f"{item}/locations/{name}", "field")
 
 
 def _check_frequencies(omega2: NDArray, n_rigid: int, item: str, lumped: bool = False) -> None:
     if lumped:
-        _check_all(omega2 >= 0, omega2, "numbers >= 0", item)
+        check_all(omega2 >= 0, omega2, "numbers >= 0", item)
         return
-    _require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
+    require(len(omega2) >= n_rigid, item, f"{n_rigid} rigid-body modes first", f"{len(omega2)} modes in all")
     if n_rigid:
-        _check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
+        check_all(omega2[:n_rigid] == 0, omega2, "exactly 0 for the six rigid-body modes", item)
     good = omega2 > 0
     good[:n_rigid] = True
-    _check_all(good, omega2, "numbers > 0 for elastic modes", item)
+    check_all(good, omega2, "numbers > 0 for elastic modes", item)
 
 
 def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     flexibility = basis.flexibility
     assert flexibility is not None
-    _check_hermitian(flexibility, item)
+    check_hermitian(flexibility, item)
     shapes = basis.contact_modes.reshape(len(flexibility), basis.n_modes)[:, n_rigid:]
     rest = flexibility - (shapes / basis.omega2[n_rigid:]) @ shapes.conj().T
     size = np.linalg.norm(flexibility)
@@ -376,20 +334,12 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
         raise mismatch(
             item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}"
         )
-    if _is_positive_definite(rest + allowed * np.eye(len(rest))):
+    if is_positive_definite(rest + allowed * np.eye(len(rest))):
         return
     smallest = np.linalg.eigvalsh(rest)[0] if len(rest) else 0.0
     if smallest < -allowed:
         expected = "flexibility - Phi Omega^-2 Phi^H (elastic modes) positive semi-definite"
         raise mismatch(item, expected, f"the eigenvalue {smallest:.3g} m/N, size {size:.3g} m/N")
-
-
-def _is_positive_definite(matrix: NDArray) -> bool:
-    try:
-        np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        return False
-    return True
 
 
 def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
@@ -407,12 +357,12 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
 
 
 def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
-    _check_type(load, BodyLoad, item)
-    _check_array(load.direction, (3,), f"{item}/direction")
-    _check_array(load.generalised, (basis.n_modes,), f"{item}/generalised")
-    _check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
+    check_type(load, BodyLoad, item)
+    check_array(load.direction, (3,), f"{item}/direction")
+    check_array(load.generalised, (basis.n_modes,), f"{item}/generalised")
+    check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
     length = np.linalg.norm(load.direction)
-    _require(abs(length - 1) <= UNIT_TOLERANCE, f"{item}/direction", "a unit vector", f"length {length:.9g}")
+    require(abs(length - 1) <= UNIT_TOLERANCE, f"{item}/direction", "a unit vector", f"length {length:.9g}")
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -477,7 +427,7 @@ def _check_orthonormal(mix: NDArray, item: str) -> None:
     """Modes with the coordinates ``mix`` in a mass-orthonormal basis are mass-orthonormal themselves."""
     lengths = np.linalg.norm(mix, axis=0)
     rank = np.linalg.matrix_rank(mix / np.where(lengths > 0, lengths, 1.0), tol=1e-6)
-    _require(rank == N_RIGID, item, "six independent rigid-body modes", f"{rank}")
+    require(rank == N_RIGID, item, "six independent rigid-body modes", f"{rank}")
     products = mix.T @ mix
     for j, k in np.ndindex(N_RIGID, N_RIGID):
         expected = 1.0 if j == k else 0.0
@@ -504,38 +454,38 @@ def _check_on_interfaces(model: Model, where: str) -> None:
     for group, kind in kinds.items():
         for name, part in getattr(model, group).items():
             item = f"{where}: /{group}/{name}"
-            _check_type(part, kind, item)
+            check_type(part, kind, item)
             if name not in model.interfaces:
                 raise mismatch(item, f"the name of an interface of {list(model.interfaces)}", f"'{name}'")
             for key in arrays[group]:
-                _check_array(getattr(part, key), (model.interfaces[name].n_points, 3), f"{item}/{key}")
+                check_array(getattr(part, key), (model.interfaces[name].n_points, 3), f"{item}/{key}")
     for name, contact in model.contact.items():
         item = f"{where}: /contact/{name}"
-        _check_one_of(contact.source, SOURCES, f"{item}/@source")
-        _check_all(contact.stiffness >= 0, contact.stiffness, "numbers >= 0", f"{item}/stiffness")
+        check_one_of(contact.source, SOURCES, f"{item}/@source")
+        check_all(contact.stiffness >= 0, contact.stiffness, "numbers >= 0", f"{item}/stiffness")
         if contact.fallback is not None:
-            _check_array(contact.fallback, contact.stiffness.shape, f"{item}/fallback", "bool")
+            check_array(contact.fallback, contact.stiffness.shape, f"{item}/fallback", "bool")
 
 
 def _check_meshes(model: Model, where: str) -> None:
     for name, mesh in model.meshes.items():
         item = f"{where}: /mesh/{name}"
-        _check_type(mesh, SurfaceMesh, item)
-        _require(name in model.bodies, item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
-        _check_array(mesh.points, (None, 3), f"{item}/points")
+        check_type(mesh, SurfaceMesh, item)
+        require(name in model.bodies, item, f"the name of a body of {list(model.bodies)}", f"'{name}'")
+        check_array(mesh.points, (None, 3), f"{item}/points")
         quads = mesh.quads
         good = isinstance(quads, np.ndarray) and quads.dtype.kind in "iu"
-        _require(good, f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
-        _require(fits(quads.shape, (None, 4)), f"{item}/quads", "shape (any, 4)", quads.shape)
+        require(good, f"{item}/quads", "integers", getattr(quads, "dtype", type(quads).__name__))
+        require(fits(quads.shape, (None, 4)), f"{item}/quads", "shape (any, 4)", quads.shape)
         inside = (quads >= 0) & (quads < len(mesh.points))
-        _check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
+        check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
         for diameter, shapes in mesh.modes.items():
-            _check_array(shapes, (len(mesh.points), 3, None), f"{item}/modes/nd{diameter:03d}", "field")
+            check_array(shapes, (len(mesh.points), 3, None), f"{item}/modes/nd{diameter:03d}", "field")
 
 
 def _check_provenance(model: Model, where: str) -> None:
     item = f"{where}: /provenance"
-    _check_type(model.provenance, Mapping, item)
+    check_type(model.provenance, Mapping, item)
     for key, value in model.provenance.items():
         if not isinstance(key, str) or not isinstance(value, str):
             raise mismatch(item, "texts", f"{key!r}: {value!r}")
