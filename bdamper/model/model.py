@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 
 from bdamper.model.basis import ModalBasis as ModalBasis
 from bdamper.model.local import LocalBasis
+from bdamper.model.stress import StressSet
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 
@@ -226,6 +227,7 @@ class Model(Plottable):
     static : mapping of interface name to StaticContact
     meshes : mapping of body name to SurfaceMesh
     provenance : mapping of str to str
+    stress : mapping of name to StressSet
     """
 
     n_blades: int
@@ -236,6 +238,7 @@ class Model(Plottable):
     static: Mapping[str, StaticContact] = field(default_factory=dict)
     meshes: Mapping[str, SurfaceMesh] = field(default_factory=dict)
     provenance: Mapping[str, str] = field(default_factory=dict)
+    stress: Mapping[str, StressSet] = field(default_factory=dict)
 
     def __str__(self) -> str:
         sectors = f"{self.n_blades} sectors" if self.n_blades > 1 else "no sectors"
@@ -282,6 +285,8 @@ class Model(Plottable):
         digest = hashlib.sha256()
         for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
             feed_digest(digest, name, getattr(self, name))
+        if self.stress:  # earlier versions did not know it
+            feed_digest(digest, "stress", self.stress)
         return digest.hexdigest()[:16]
 
 

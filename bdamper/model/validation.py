@@ -49,6 +49,7 @@ from bdamper.model.model import (
     SurfaceMesh,
     turn,
 )
+from bdamper.model.stress import StressSet, check_stress
 from bdamper.util.errors import mismatch
 
 N_RIGID = 6
@@ -93,6 +94,8 @@ def check_model(model: Model, *, where: str = "model") -> None:
             _check_body(body, model, f"{where}: /bodies/{name}")
         _check_on_interfaces(model, where)
         _check_meshes(model, where)
+        for name, stress in model.stress.items():
+            _check_stress(stress, model, f"{where}: /stress/{name}")
         _check_provenance(model, where)
 
 
@@ -110,13 +113,14 @@ def _check_head(model: Model, where: str) -> None:
         "contact": model.contact,
         "static": model.static,
         "mesh": model.meshes,
+        "stress": model.stress,
     }
     for group, members in groups.items():
         check_type(members, Mapping, f"{where}: /{group}")
         for name, member in members.items():
             item = f"{where}: /{group}/{name}"
             check_name(name, item)
-            if group in ("bodies", "interfaces", "locations") and getattr(member, "name", None) != name:
+            if group in ("bodies", "interfaces", "locations", "stress") and getattr(member, "name", None) != name:
                 raise mismatch(item, f"the name '{name}'", repr(getattr(member, "name", None)))
     require(bool(model.bodies), f"{where}: /bodies", "at least one body", "none")
 
@@ -481,6 +485,16 @@ def _check_meshes(model: Model, where: str) -> None:
         check_all(inside, quads, f"indices 0 to {len(mesh.points) - 1}", f"{item}/quads")
         for diameter, shapes in mesh.modes.items():
             check_array(shapes, (len(mesh.points), 3, None), f"{item}/modes/nd{diameter:03d}", "field")
+
+
+def _check_stress(stress: StressSet, model: Model, item: str) -> None:
+    check_type(stress, StressSet, item)
+    kinds = [name for name, body in model.bodies.items() if body.kind in ("constrained", "lumped")]
+    if stress.body not in kinds:
+        raise mismatch(f"{item}/@body", f"a constrained body of {kinds}", repr(stress.body))
+    body = model.bodies[stress.body]
+    n_points = sum(model.interfaces[name].n_points for name, _ in body.ports)
+    check_stress(stress, {d: basis.n_modes for d, basis in body.bases.items()}, n_points, item)
 
 
 def _check_provenance(model: Model, where: str) -> None:

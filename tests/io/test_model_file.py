@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import random
 import re
@@ -20,7 +21,9 @@ import pytest
 
 import bdamper.io.model_file as model_file
 from bdamper.io import load_model, save_model
-from bdamper.model.model import Body, ContactStiffness, Model, StaticContact
+from bdamper.io.model_groups import UNITS
+from bdamper.model.model import Body, ContactStiffness, Model, StaticContact, feed_digest
+from bdamper.model.stress import StressSet
 from bdamper.util.errors import ModelError
 from tests.models import ALL_MODELS, shroud_model, wedge_model
 
@@ -31,8 +34,21 @@ def complete_model() -> Model:
     rng = np.random.default_rng(5)
     static = StaticContact(*(rng.standard_normal((1, 3)) for _ in range(3)))
     contact = ContactStiffness(np.full((1, 3), 1e7), "eq4", np.array([[True, False, True]]))
+    bases, n_forces = small.bodies["blade"].bases, len(small.bodies["blade"].bases[0].flexibility)
+    stress = StressSet(
+        name="root",
+        body="blade",
+        points=rng.standard_normal((2, 3)),
+        modes={d: rng.standard_normal((2, 6, b.n_modes)) * (1.0 + 1j * (d > 0)) for d, b in bases.items()},
+        contact={d: rng.standard_normal((2, 6, n_forces)) for d in bases},
+        static=rng.standard_normal((2, 6)),
+        spread=np.array([0.1, 0.2]),
+        near_contact=np.array([True, False]),
+        source="numbers",
+    )
     return replace(
         small,
+        stress={"root": stress},
         static={"right": static, "left": static},
         contact={"left": contact},
         provenance={"program": "none", "note": "Fläche\nm² ", "empty": ""},
@@ -93,6 +109,14 @@ def test_round_trip_of_every_optional_part(tmp_path):
     assert_same(replace(model, provenance={}), replace(again, provenance={}))
 
 
+def test_a_model_without_stress_keeps_its_fingerprint():
+    model = complete_model()
+    digest = hashlib.sha256()
+    for name in ("n_blades", "bodies", "interfaces", "locations", "contact", "static"):
+        feed_digest(digest, name, getattr(model, name))
+    assert replace(model, stress={}).hash == digest.hexdigest()[:16] != model.hash
+
+
 def test_second_save_gives_the_same_model(copy, tmp_path):
     save_model(load_model(copy), tmp_path / "again.h5")
     assert_same(load_model(copy), load_model(tmp_path / "again.h5"))
@@ -147,7 +171,7 @@ def test_a_failure_while_writing_leaves_the_old_file(copy, monkeypatch):
     def fail(*_: Any) -> None:
         raise OSError("no space left")
 
-    monkeypatch.setattr(model_file, "_write_part", fail)
+    monkeypatch.setattr(model_file, "write_part", fail)
     with pytest.raises(OSError, match="no space left"):
         save_model(shroud_model(), copy)
     assert copy.read_bytes() == before
@@ -238,7 +262,7 @@ def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
 def test_the_documentation_names_every_dataset_and_unit():
     text = (Path(__file__).parents[2] / "docs" / "model-file.md").read_text(encoding="utf-8")
     layout = text[text.index("## Layout") : text.index("## What each body needs")]
-    for name, units in model_file.UNITS.items():
+    for name, units in UNITS.items():
         assert re.search(rf"^ +{name}\b.*\s{re.escape(units)}(\s|$)", layout, re.MULTILINE), name
     for convention in (model_file.TIME_CONVENTION, model_file.PHASE_CONVENTION):
         assert convention in layout
@@ -340,7 +364,7 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
         "unknown group",
         lambda file: file.create_group("excitation"),
         "/excitation: expected no other names than ['bodies', 'interfaces', 'locations', 'contact', "
-        "'static', 'mesh', 'provenance'], found this one",
+        "'static', 'mesh', 'stress', 'provenance'], found this one",
     ),
     (
         "misspelt dataset",
@@ -503,6 +527,21 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
         "location body",
         set_attribute("locations/tip", "body", "x"),
         "/locations/tip/@body: expected a body of",
+    ),
+    (
+        "stress body",
+        set_attribute("stress/root", "body", "damper"),
+        "/stress/root/@body: expected a constrained body of ['blade'], found 'damper'",
+    ),
+    (
+        "stress rows",
+        values("stress/root/nd000/mode_stress", lambda x: np.concatenate([x, x], axis=2)),
+        "/stress/root/nd000/mode_stress: expected shape (2, 6, 1), found (2, 6, 2)",
+    ),
+    (
+        "stress diameter",
+        drop("stress/root/nd000"),
+        "/stress/root (nodal diameters): expected nodal diameter 0 and others of",
     ),
     (
         "provenance number",
