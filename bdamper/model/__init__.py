@@ -13,6 +13,7 @@ from bdamper.model.loads import Excitation, Response
 from bdamper.model.local import LocalBasis
 from bdamper.model.local_model import local_model
 from bdamper.model.model import Body, ContactStiffness, Interface, Location, ModalBasis, Model
+from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.model.validation import check_model
 
 __all__ = [
@@ -28,6 +29,8 @@ __all__ = [
     "ModalBasis",
     "Model",
     "Response",
+    "SpeedBasis",
+    "SpinStatic",
     "check_model",
     "local_model",
     "retained_modes",

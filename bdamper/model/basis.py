@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
+import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.spin import SpeedBasis
 from bdamper.util.repr import brief
 
 
@@ -32,6 +34,8 @@ class ModalBasis:
         (orthogonal to the rigid-body modes in the mass matrix).
     drag : (n_modes,) float, 1/s, optional
         Viscous damping besides that of the damping ratios: of modes without stiffness, or beyond critical damping.
+    speed : SpeedBasis, optional
+        How stiffness and flexibility change with rotor speed.
     """
 
     omega2: NDArray
@@ -40,6 +44,7 @@ class ModalBasis:
     locations: Mapping[str, NDArray] = field(default_factory=dict)
     flexibility: NDArray | None = None
     drag: NDArray | None = None
+    speed: SpeedBasis | None = None
 
     @property
     def n_modes(self) -> int:
@@ -52,4 +57,28 @@ class ModalBasis:
             contact_modes=self.contact_modes.conj(),
             locations={name: modes.conj() for name, modes in self.locations.items()},
             flexibility=None if self.flexibility is None else self.flexibility.conj(),
+            speed=None if self.speed is None else self.speed.conjugate(),
         )
+
+    def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:
+        """The basis at a rotor speed (rad/s), in the order of this one.
+
+        Returns
+        -------
+        basis : ModalBasis
+        shapes : (n_modes, n_modes)
+            Its modes as combinations of those of this basis.
+        """
+        speed = self.speed
+        if speed is None or omega == speed.omega_ref:
+            return self, np.eye(self.n_modes)
+        omega2, shapes = speed.modes(omega)
+        contact = self.contact_modes @ shapes
+        flexibility = speed.residual(omega)
+        if flexibility is not None:
+            flat = contact.reshape(len(flexibility), -1)
+            flexibility = flexibility + (flat / omega2) @ flat.conj().T
+            flexibility = 0.5 * (flexibility + flexibility.conj().T)
+        locations = {name: modes @ shapes for name, modes in self.locations.items()}
+        damping, turned = self.damping_ratio, speed.turned(omega, shapes)
+        return ModalBasis(omega2, damping, contact, locations, flexibility, speed=turned), shapes

@@ -109,11 +109,13 @@ def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
             basis,
             contact_modes=mean(basis.contact_modes),
             flexibility=None if basis.flexibility is None else A @ basis.flexibility @ A.T,
+            speed=basis.speed and basis.speed.united(A),
         )
         for d, basis in body.bases.items()
     }
     load = body.load and replace(body.load, displacement=mean(body.load.displacement))
-    return replace(body, bases=bases, load=load)
+    spin = body.spin and replace(body.spin, contact=mean(body.spin.contact))
+    return replace(body, bases=bases, load=load, spin=spin)
 
 
 def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDArray:

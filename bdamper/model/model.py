@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -32,7 +32,9 @@ from numpy.typing import NDArray
 
 from bdamper.model.basis import ModalBasis as ModalBasis
 from bdamper.model.local import LocalBasis
+from bdamper.model.spin import SpinStatic
 from bdamper.model.stress import StressSet
+from bdamper.util import validate
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 
@@ -86,6 +88,8 @@ class Body:
         Modal static force that does not scale with the load, on a body without static flexibility.
     local : LocalBasis, optional
         Coordinates of the blade and disk matrices at all nodal diameters, for mistuned wheels; of a constrained body.
+    spin : SpinStatic, optional
+        Static displacement by the body's own rotation.
     """
 
     name: str
@@ -98,6 +102,7 @@ class Body:
     load: BodyLoad | None = None
     constant_force: NDArray | None = None
     local: LocalBasis | None = None
+    spin: SpinStatic | None = None
 
 
 @brief
@@ -279,6 +284,50 @@ class Model(Plottable):
             return self.n_blades - d, True
         return d, False
 
+    def at_speed(self, omega: float) -> Model:
+        """The same structure at a rotor speed (rad/s): the modes and the flexibility of that speed.
+
+        Modes keep their order and phase by overlap with those of this model, damping ratios stay with them.  Bases without
+        data over speed stay as they are (:meth:`neglected_over_speed` names them), as do shapes for pictures, contact
+        stiffness and static solutions; the local basis of a mistuned wheel belongs to one speed and is dropped.  The model
+        that comes back can be taken to another speed.  Stress rows of modes turn with the modes.
+
+        Raises
+        ------
+        SettingError
+            If the speed is negative, or the structure is not stable at it.
+        """
+        omega = validate.number("rotor speed", omega, least=0.0, unit="rad/s")
+        bodies, stress = {}, dict(self.stress)
+        for name, body in self.bodies.items():
+            made = {d: basis.at_speed(omega) for d, basis in body.bases.items()}
+            force = body.constant_force
+            if force is not None:
+                force = np.real(made[0][1].conj().T @ force)
+            bases = {d: basis for d, (basis, _) in made.items()}
+            local = body.local if all(bases[d] is basis for d, basis in body.bases.items()) else None
+            bodies[name] = replace(body, bases=bases, constant_force=force, local=local)
+            for key, rows in stress.items():
+                if rows.body == name:
+                    stress[key] = replace(rows, modes={d: s @ made[d][1] for d, s in rows.modes.items()})
+        provenance = {**self.provenance, "rotor speed": f"{omega:.9g} rad/s"}
+        return replace(self, bodies=bodies, stress=stress, provenance=provenance)
+
+    def neglected_over_speed(self) -> tuple[str, ...]:
+        """What the model leaves out where the rotor speed changes, one sentence for each body; empty if nothing.
+
+        Free bodies count as complete: of their rigid-body modes nothing changes.
+        """
+        out = []
+        for body in self.bodies.values():
+            without = [d for d, basis in body.bases.items() if basis.speed is None]
+            if body.kind != "free" and without:
+                out.append(
+                    f"{body.name}, nodal diameters {', '.join(map(str, without))}: modes of one rotor speed; centrifugal "
+                    "stiffening and spin softening are left out, frequencies and flexibility do not change with speed"
+                )
+        return tuple(out)
+
     @property
     def hash(self) -> str:
         """Fingerprint of everything that a result can depend on (pictures and provenance left out)."""
@@ -301,7 +350,8 @@ def feed_digest(digest: Any, key: str, value: object) -> None:
     elif is_dataclass(value) and not isinstance(value, type):
         for item in fields(value):
             part = getattr(value, item.name)
-            if not (part is None and item.name in ("constant_force", "drag", "local")):  # earlier versions did not know it
+            later = ("constant_force", "drag", "local", "speed", "spin")  # earlier versions did not know them
+            if not (part is None and item.name in later):
                 feed_digest(digest, f"{key}.{item.name}", part)
     else:
         digest.update(f"{key}={value!r};".encode())

@@ -49,6 +49,7 @@ from bdamper.model.model import (
     SurfaceMesh,
     turn,
 )
+from bdamper.model.spin_checks import check_speed, check_spin
 from bdamper.model.stress import StressSet, check_stress
 from bdamper.util.errors import mismatch
 
@@ -227,6 +228,8 @@ def _check_body(body: Body, model: Model, item: str) -> None:
         check_array(body.constant_force, (body.bases[0].n_modes,), f"{item}/constant_force")
     if body.load is not None:
         _check_load(body.load, body.bases[0], f"{item}/load")
+    if body.spin is not None:
+        check_spin(body, body.spin, f"{item}/spin")
     if body.local is not None:
         _check_local(body, model, f"{item}/wheel")
 
@@ -304,6 +307,9 @@ def _check_basis(basis: ModalBasis, body: Body, model: Model, item: str) -> None
     if basis.flexibility is not None:
         check_array(basis.flexibility, (3 * n_points, 3 * n_points), f"{item}/flexibility", "field")
         _check_flexibility(basis, first, f"{item}/flexibility")
+    if basis.speed is not None:
+        require(body.kind != "free", f"{item}/speed", "nothing over speed on a free body", "a group")
+        check_speed(basis, basis.speed, f"{item}/speed")
 
 
 def _check_location_modes(basis: ModalBasis, body: Body, model: Model, item: str) -> None:

@@ -1,0 +1,132 @@
+"""A model over rotor speed: the basis of a speed from two matrices."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.model.model import ModalBasis
+from bdamper.model.spin import SpeedBasis
+from bdamper.model.validation import check_model
+from bdamper.util.errors import ModelError, SettingError
+
+SPEED = 400.0
+
+
+def hermitian(rng, n, size):
+    a = rng.standard_normal((n, n)) + 1j * rng.standard_normal((n, n))
+    return size * (a + a.conj().T)
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """The shipped disk with made-up matrices over speed at nodal diameter 5."""
+    model = bd.reference_model("bladed_disk", 9)
+    body, rng = model.bodies["blade"], np.random.default_rng(1)
+    basis = replace(body.bases[5], speed=None)
+    n, shapes = basis.n_modes, basis.contact_modes.reshape(-1, basis.n_modes)
+    root = rng.standard_normal((54, 54))
+    speed = SpeedBasis(
+        omega_ref=0.0,
+        stiffness0=np.diag(basis.omega2),
+        stiffness2=np.diag(np.linspace(3.0, 9.0, n)) + hermitian(rng, n, 0.3),
+        residual0=basis.flexibility - (shapes / basis.omega2) @ shapes.conj().T,
+        residual2=1e-18 * root @ root.T,
+        coriolis=1j * hermitian(rng, n, 0.1),
+    )
+    bodies = {**model.bodies, "blade": replace(body, bases={**body.bases, 5: replace(basis, speed=speed)})}
+    return replace(model, bodies=bodies)
+
+
+def at(model, d=5):
+    return model.bodies["blade"].bases[d]
+
+
+def test_the_basis_of_a_speed_has_the_receptance_of_stiffness_and_residual(turning):
+    check_model(turning)
+    basis, speed = at(turning.at_speed(SPEED)), at(turning).speed
+    check_model(turning.at_speed(SPEED))
+    shapes = at(turning).contact_modes.reshape(54, -1)
+    stiffness = speed.stiffness0 + SPEED**2 * speed.stiffness2
+    np.testing.assert_allclose(np.sort(basis.omega2), np.linalg.eigvalsh(stiffness), rtol=1e-12)
+    expected = speed.residual0 + SPEED**2 * speed.residual2 + shapes @ np.linalg.solve(stiffness, shapes.conj().T)
+    np.testing.assert_allclose(basis.flexibility, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+    forces = np.random.default_rng(0).standard_normal(54)  # dynamic receptance, free of the choice of modes
+    modal = basis.contact_modes.reshape(54, -1).conj().T @ forces
+    moved = basis.locations["tip"] @ (modal / (basis.omega2 - 2e6))
+    direct = np.linalg.solve(stiffness - 2e6 * np.eye(len(stiffness)), shapes.conj().T @ forces)
+    np.testing.assert_allclose(moved, at(turning).locations["tip"] @ direct, rtol=1e-9)
+
+
+def test_the_speed_of_the_basis_gives_the_model_back(turning):
+    again = turning.at_speed(0.0)
+    assert again.hash == turning.hash
+    assert turning.at_speed(SPEED).hash != turning.hash
+    back = at(turning.at_speed(SPEED).at_speed(0.0))
+    np.testing.assert_allclose(back.omega2, at(turning).omega2, rtol=1e-11)
+    size = np.abs(at(turning).contact_modes).max()
+    np.testing.assert_allclose(back.contact_modes, at(turning).contact_modes, rtol=0.0, atol=1e-9 * size)
+    np.testing.assert_allclose(at(turning).conjugate().speed.stiffness2, at(turning).speed.stiffness2.T)
+
+
+def test_modes_keep_their_place_where_frequencies_cross():
+    speed = SpeedBasis(0.0, np.diag([1.0, 2.0]), np.array([[3.0, 0.1j], [-0.1j, 1.0]]))
+    basis = ModalBasis(np.array([1.0, 2.0]), np.zeros(2), np.zeros((0, 3, 2)), speed=speed)
+    below, above = (basis.speed.modes(omega) for omega in (0.5, 2.0))
+    assert below[0][0] < below[0][1] and above[0][0] > above[0][1]
+    for omega2, shapes in (below, above):
+        assert np.all(np.diag(shapes).real > 0.9) and np.abs(np.diag(shapes).imag).max() == 0.0
+        assert omega2.shape == (2,)
+
+
+def test_a_model_without_data_over_speed_stays_as_it_is_and_says_what_is_left_out():
+    model = bd.reference_model("bladed_disk", 24)
+    assert model.at_speed(SPEED).hash == model.hash
+    (note,) = model.neglected_over_speed()
+    assert note.startswith("blade, nodal diameters 0, 5,") and "spin softening" in note
+    assert model.at_speed(SPEED).provenance["rotor speed"] == "400 rad/s"
+
+
+def test_united_contact_points_keep_the_receptance_at_a_speed(turning):
+    from bdamper.model.coarsening import unite_contact_points
+
+    first = unite_contact_points(turning, 4).at_speed(SPEED)
+    then = unite_contact_points(turning.at_speed(SPEED), 4)
+    np.testing.assert_allclose(at(first).flexibility, at(then).flexibility, rtol=0.0, atol=1e-18)
+
+
+def changed(model, **parts):
+    body, basis = model.bodies["blade"], at(model)
+    bases = {**body.bases, 5: replace(basis, speed=replace(basis.speed, **parts))}
+    return replace(model, bodies={**model.bodies, "blade": replace(body, bases=bases)})
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"omega_ref": 50.0}, "stiffness0.*diagonal matrix of omega2"),
+        ({"stiffness2": np.eye(39)}, r"stiffness2.*\(40, 40\)"),
+        ({"stiffness2": np.triu(np.ones((40, 40)))}, "stiffness2.*Hermitian"),
+        ({"residual0": np.eye(54)}, "residual0.*= flexibility"),
+        ({"coriolis": np.eye(40)}, "skew-Hermitian"),
+        ({"checked_at": -1.0}, "checked_at.*>= 0"),
+    ],
+)
+def test_data_over_speed_that_contradict_the_basis_are_refused(turning, parts, words):
+    with pytest.raises(ModelError, match=words):
+        check_model(changed(turning, **parts))
+
+
+def test_a_speed_that_tears_the_structure_is_refused(turning):
+    with pytest.raises(SettingError, match="stable structure"):
+        changed(turning, stiffness2=-50.0 * np.eye(40)).at_speed(600.0)
+    with pytest.raises(SettingError, match=r"rotor speed: .*rad/s.*-1"):
+        turning.at_speed(-1.0)
+
+
+def test_size_of_the_coriolis_forces():
+    speed = SpeedBasis(0.0, np.diag([4.0, 9.0]), np.eye(2), coriolis=np.array([[0.02j, 0.1], [-0.1, 0.0]]))
+    shift, mixing = speed.coriolis_size(0.5, np.array([4.0, 9.0]))
+    np.testing.assert_allclose(shift, [0.5 * 0.02 / 2.0, 0.0])
+    np.testing.assert_allclose(mixing, [0.05, 0.05])
