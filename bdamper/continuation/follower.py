@@ -210,6 +210,7 @@ class Follower:
             tangent = point.tangent * point.scale / scale
             tangent /= norm2(tangent)
             here = replace(point, tangent=tangent, scale=scale)
+            failed = self.failed
             new, step, reach, refused = self.advance(y, tangent, scale, step)
             if new is None:
                 return self._stopped(y, tangent, start, refused)
@@ -236,8 +237,8 @@ class Follower:
             drifting = self.drifts(new.tangent) and self.drifts(tangent)
             if (self.system.supported and self._far(new.y, start, 1e2)) or (drifting and self._far(new.y, start, 1e6)):
                 return self.path("drifted off", DRIFTED_OFF)
-            if drifting:  # straight and at one frequency: nothing to miss before the body meets a plane
-                step = min(4.0 * step, 2.0)
+            if drifting:  # straight and at one frequency: nothing to miss before the body meets a plane, which is near
+                step = min(4.0 * step, 2.0) if self.failed == failed else step  # where a step was refused
             else:
                 turn = float(np.arccos(np.clip(new.tangent @ tangent, -1.0, 1.0)))
                 step = self.longer(step, turn, new.iterations)
