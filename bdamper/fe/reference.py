@@ -51,6 +51,7 @@ def bladed_disk(
     nodal_diameters: tuple[int, ...] | None = None,
     flexibility_at: tuple[int, ...] | None = None,
     pictures: tuple[int, ...] = (),
+    top_speed: float | None = None,
     fe: SectorFE | None = None,
 ) -> Model:
     """Build the reference model.
@@ -76,6 +77,8 @@ def bladed_disk(
         Nodal diameters whose static receptance is stored; all by default.
     pictures : tuple of int
         Nodal diameters whose mode shapes are kept on the surface of the blade.
+    top_speed : float, rad/s, optional
+        Also how modes and flexibility change with rotor speed; their frequencies are checked at this one.
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
 
@@ -99,8 +102,9 @@ def bladed_disk(
     contact_damper = fe.damper_contact(left, right, front, back)
 
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+    rotation = None if top_speed is None else fe.rotation(top_speed)
     blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, wanted
+        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, wanted, rotation
     )
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
     damper = free_body(

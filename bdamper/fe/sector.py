@@ -16,10 +16,12 @@ from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, sector_mesh
+from bdamper.fe.spin import stiffness_per_squared_speed
 from bdamper.reduction.bonded import bonded_frequencies
 from bdamper.reduction.cyclic import CyclicSector, match_faces, sector_phase
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches
+from bdamper.reduction.spin import Rotation
 
 
 @dataclass
@@ -66,6 +68,10 @@ class SectorFE:
                 self.blade, self.left, self.right, self.clamped, self.geometry.n_blades, nodal_diameter
             )
         return self._cyclic[nodal_diameter]
+
+    def rotation(self, check_at: float | None = None) -> Rotation:
+        """How the stiffness of the sector changes with rotor speed; frequencies are checked at ``check_at`` (rad/s)."""
+        return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), check_at=check_at, source="bdamper.fe")
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
         """Averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.

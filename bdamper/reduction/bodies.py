@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from typing import Literal
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.model.model import Body, BodyLoad, ModalBasis, Port
+from bdamper.model.spin import SpinStatic
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
+from bdamper.reduction.spin import Rotation, spin_displacement
 
 
 def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> tuple[int, ...]:
@@ -34,6 +37,7 @@ def constrained_body(
     n_modes: int,
     damping_ratio: float,
     flexibility_at: Collection[int],
+    rotation: Rotation | None = None,
 ) -> Body:
     """A sector that is held somewhere, at several nodal diameters.
 
@@ -50,6 +54,8 @@ def constrained_body(
     damping_ratio : float
     flexibility_at : collection of int
         Nodal diameters at which the static receptance is wanted.
+    rotation : Rotation, optional
+        What changes with the speed of rotation.
     """
     bases = {}
     for d in nodal_diameters:
@@ -61,8 +67,15 @@ def constrained_body(
             contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
             locations=location_rows(locations, shapes),
             flexibility=reduced.receptance(contact) if d in flexibility_at else None,
+            speed=rotation and rotation.basis(reduced, len(omega2), contact if d in flexibility_at else None),
         )
-    return Body(name, "constrained", ports, bases)
+    spin = None
+    if rotation is not None:
+        moved = spin_displacement(sector(0))
+        places = {key: moved[3 * node : 3 * node + 3] for key, node in locations.items()}
+        theory: Literal["linear", "stiffened"] = "linear" if rotation.omega_ref == 0.0 else "stiffened"
+        spin = SpinStatic((contact @ moved).reshape(-1, 3), places, theory, rotation.omega_ref)
+    return Body(name, "constrained", ports, bases, spin=spin)
 
 
 def free_body(
