@@ -42,6 +42,7 @@ from bdamper.io.model_groups import (
     write_part,
     write_text,
 )
+from bdamper.io.model_speed import read_speed, read_spin, write_speed, write_spin
 from bdamper.io.model_stress import read_stress, write_stress
 from bdamper.model.model import (
     Body,
@@ -171,6 +172,9 @@ def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
         _write_basis(new_group(group, f"nd{d:03d}"), model, body, basis)
     if body.load is not None:
         write_part(new_group(group, "load"), _LOAD, body.load)
+    if body.spin is not None:
+        rows = {f"{interface}.{side}": model.port_slice(body.name, (interface, side)) for interface, side in body.ports}
+        write_spin(new_group(group, "spin"), body.spin, rows)
 
 
 def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis) -> None:
@@ -187,6 +191,8 @@ def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis)
         write_array(group, "flexibility", basis.flexibility)
     if basis.drag is not None:
         write_array(group, "drag", basis.drag)
+    if basis.speed is not None:
+        write_speed(new_group(group, "speed"), basis)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -275,8 +281,9 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
             others.append(name)
         else:
             bases[int(match[1])] = name
-    check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load", "constant_force"])
+    check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load", "constant_force", "spin"])
     ports = _read_ports(group, interfaces)
+    points = {f"{interface}.{side}": interfaces[interface].n_points for interface, side in ports}
     return Body(
         name=own_name(group),
         kind=cast(Any, read_text(group, "kind")),
@@ -287,6 +294,7 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
         inertia=read_array(group, "inertia") if "inertia" in others else None,
         load=read_part(subgroup(group, "load"), _LOAD) if "load" in others else None,
         constant_force=read_array(group, "constant_force") if "constant_force" in others else None,
+        spin=read_spin(subgroup(group, "spin"), points) if "spin" in others else None,
     )
 
 
@@ -308,7 +316,7 @@ def _read_ports(group: h5py.Group, interfaces: Mapping[str, Interface]) -> tuple
 def _read_basis(
     group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]
 ) -> ModalBasis:
-    check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility", "drag"])
+    check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility", "drag", "speed"])
     omega2 = read_array(group, "omega2")
     n_modes = len(omega2)
     modes = subgroup(group, "modes")
@@ -322,7 +330,7 @@ def _read_basis(
     if "locations" in group:
         parent = subgroup(group, "locations")
         locations = {n: read_array(parent, n, "locations", (3, n_modes)) for n in parent}
-    return ModalBasis(
+    basis = ModalBasis(
         omega2=omega2,
         damping_ratio=read_array(group, "damping_ratio"),
         contact_modes=np.concatenate(parts) if parts else np.zeros((0, 3, n_modes)),
@@ -330,6 +338,7 @@ def _read_basis(
         flexibility=read_array(group, "flexibility") if "flexibility" in group else None,
         drag=read_array(group, "drag") if "drag" in group else None,
     )
+    return read_speed(subgroup(group, "speed"), basis) if "speed" in group else basis
 
 
 def _read_mesh(group: h5py.Group) -> SurfaceMesh:

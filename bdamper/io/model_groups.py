@@ -38,13 +38,19 @@ UNITS = {
     "displacement_a": "m",
     "displacement_b": "m",
     "quads": "1",
+    "stiffness0": "rad2/s2",
+    "stiffness2": "1",
+    "coriolis": "1",
+    "residual0": "m/N",
+    "residual2": "m s2/N",
+    "spin": "m s2",
     "mode_stress": "Pa m^-1 kg^-1/2",
     "contact_stress": "Pa/N",
     "static_stress": "Pa s2",
     "spread": "1",
     "near_contact": "1",
 }
-"""Units of every dataset, by its name (by the name of its group for modes and locations)."""
+"""Units of every dataset, by its name (by the name of its group for modes, locations, spin)."""
 
 COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
 LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
@@ -56,7 +62,8 @@ _TYPES = {
     "bool": ("b", "booleans"),
 }
 _TYPE_OF = {"modes": "field", "locations": "field", "flexibility": "field", "quads": "integer", "fallback": "bool"} | {
-    "mode_stress": "field", "contact_stress": "field", "near_contact": "bool"
+    "mode_stress": "field", "contact_stress": "field", "near_contact": "bool",
+    "stiffness0": "field", "stiffness2": "field", "coriolis": "field", "residual0": "field", "residual2": "field",
 }  # fmt: skip
 _SHAPE_OF: dict[str, tuple[int | None, ...]] = {"omega2": (None,), "area": (None,), "mass": ()}
 

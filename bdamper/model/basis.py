@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +60,20 @@ class ModalBasis:
             flexibility=None if self.flexibility is None else self.flexibility.conj(),
             speed=None if self.speed is None else self.speed.conjugate(),
         )
+
+    def with_speed(
+        self, stiffness2: NDArray, residual2: NDArray | None = None, omega_ref: float = 0.0, **rest: Any
+    ) -> ModalBasis:
+        """The basis, which belongs to the speed ``omega_ref``, with data over speed; those of standstill follow from it.
+
+        Parameters as in :class:`~bdamper.model.spin.SpeedBasis`.
+        """
+        residual0 = None
+        if residual2 is not None and self.flexibility is not None:
+            shapes = self.contact_modes.reshape(len(self.flexibility), -1)
+            residual0 = self.flexibility - (shapes / self.omega2) @ shapes.conj().T - omega_ref**2 * residual2
+        stiffness0 = np.diag(self.omega2).astype(stiffness2.dtype) - omega_ref**2 * stiffness2
+        return replace(self, speed=SpeedBasis(omega_ref, stiffness0, stiffness2, residual0, residual2, **rest))
 
     def at_speed(self, omega: float) -> tuple[ModalBasis, NDArray]:
         """The basis at a rotor speed (rad/s), in the order of this one.

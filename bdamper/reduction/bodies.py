@@ -61,14 +61,16 @@ def constrained_body(
     for d in nodal_diameters:
         reduced = sector(d)
         omega2, shapes = reduced.modes(n_modes)
+        touching = contact if d in flexibility_at else None
         bases[d] = ModalBasis(
             omega2=omega2.copy(),
             damping_ratio=np.full(len(omega2), damping_ratio),
             contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
             locations=location_rows(locations, shapes),
-            flexibility=reduced.receptance(contact) if d in flexibility_at else None,
-            speed=rotation and rotation.basis(reduced, len(omega2), contact if d in flexibility_at else None),
+            flexibility=None if touching is None else reduced.receptance(touching),
         )
+        if rotation is not None:
+            bases[d] = rotation.basis(bases[d], reduced, touching)
     spin = None
     if rotation is not None:
         moved = spin_displacement(sector(0))

@@ -29,6 +29,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from bdamper.model.basis import ModalBasis
 from bdamper.model.spin import SpeedBasis
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.structure import Structure
@@ -48,7 +49,7 @@ def centrifugal_force(structure: Structure) -> NDArray:
 
 
 def spin_softening(structure: Structure) -> sp.csr_matrix:
-    """Mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: what rotation takes from the stiffness per squared speed."""
+    """Mass in the plane of rotation (3 n_nodes, 3 n_nodes), kg: what rotation takes from the stiffness, per speed^2."""
     plane = _of_nodes(structure, IN_PLANE)
     return (plane @ structure.mass @ plane).tocsr()
 
@@ -102,39 +103,33 @@ class Rotation:
         body = replace(sector.body, stiffness=stiffness)
         return CyclicSector(body, sector.left, sector.right, sector.clamped, sector.n_sectors, sector.nodal_diameter)
 
-    def basis(self, sector: CyclicSector, n_modes: int, contact: sp.spmatrix | None = None) -> SpeedBasis:
-        """Data over speed on the modes of a sector.
+    def basis(self, basis: ModalBasis, sector: CyclicSector, contact: sp.spmatrix | None = None) -> ModalBasis:
+        """The basis of a sector with its data over speed.
 
         Parameters
         ----------
+        basis : ModalBasis
+            Modes of ``sector``, with its flexibility if there is ``contact``.
         sector : CyclicSector
             With the stiffness of the speed ``omega_ref``.
-        n_modes : int
         contact : (3 n_points, 3 n_nodes) sparse, optional
             From nodal displacements to contact points, for the residual flexibility.
         """
-        omega2, shapes = sector.modes(n_modes)
+        omega2, shapes = sector.modes(basis.n_modes)
         stiffness2 = _hermitian(shapes.conj().T @ (self.per_squared_speed @ shapes))
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
-        residual0 = residual2 = None
+        residual2 = None
         if contact is not None:
             static = sector.transformation @ sector.static_response(contact.T)
-            rows = contact @ shapes
-            modal = rows / omega2
-            change = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
-            residual2 = _hermitian(change)
-            residual0 = _hermitian(contact @ static - modal @ rows.conj().T) - self.omega_ref**2 * residual2
-        basis = SpeedBasis(
-            omega_ref=self.omega_ref,
-            stiffness0=np.diag(omega2).astype(stiffness2.dtype) - self.omega_ref**2 * stiffness2,
-            stiffness2=stiffness2,
-            residual0=residual0,
-            residual2=residual2,
-            coriolis=0.5 * (turning - turning.conj().T),
-            source=self.source,
-        )
-        checked = self.check_diameters is None or sector.nodal_diameter in self.check_diameters
-        return self._checked(basis, sector, self.check_at) if self.check_at is not None and checked else basis
+            modal = contact @ shapes / omega2
+            residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
+            residual2 = _hermitian(residual2)
+        out = basis.with_speed(stiffness2, residual2, self.omega_ref, source=self.source)
+        assert out.speed is not None
+        speed = replace(out.speed, coriolis=0.5 * (turning - turning.conj().T))
+        if self.check_at is not None and (self.check_diameters is None or sector.nodal_diameter in self.check_diameters):
+            speed = self._checked(speed, sector, self.check_at)
+        return replace(out, speed=speed)
 
     def _checked(self, basis: SpeedBasis, sector: CyclicSector, omega: float) -> SpeedBasis:
         stiffness = basis.stiffness(omega)

@@ -23,6 +23,7 @@ import bdamper.io.model_file as model_file
 from bdamper.io import load_model, save_model
 from bdamper.io.model_groups import UNITS
 from bdamper.model.model import Body, ContactStiffness, Model, StaticContact, feed_digest
+from bdamper.model.spin import SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import ModelError
 from tests.models import ALL_MODELS, shroud_model, wedge_model
@@ -46,8 +47,21 @@ def complete_model() -> Model:
         near_contact=np.array([True, False]),
         source="numbers",
     )
+    blade = small.bodies["blade"]
+    turning = {
+        d: b.with_speed(
+            np.diag(3.0 + np.arange(b.n_modes)), 1e-18 * np.eye(n_forces), 50.0 * (d > 0), source="numbers",
+            coriolis=np.zeros((b.n_modes, b.n_modes)), checked_at=600.0, error=1e-5,
+        )
+        for d, b in bases.items()
+    }  # fmt: skip
+    own = turning[0].speed
+    turning[0] = replace(turning[0], speed=replace(own, stiffness0=own.stiffness0 * (1.0 + 1e-12)))
+    places = {name: rng.standard_normal(3) for name in bases[0].locations}
+    spin = SpinStatic(rng.standard_normal((n_forces // 3, 3)), places, "stiffened", 50.0)
     return replace(
         small,
+        bodies={**small.bodies, "blade": replace(blade, bases=turning, spin=spin)},
         stress={"root": stress},
         static={"right": static, "left": static},
         contact={"left": contact},
