@@ -28,6 +28,7 @@ from bdamper.reduction.patches import Patches
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
+GROUND = Body("ground", "ground", (("front", "b"), ("back", "b")))
 
 
 def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, end_gap: float) -> dict[str, Interface]:
@@ -107,13 +108,11 @@ def bladed_disk(
         "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, wanted, rotation
     )
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
-    damper = free_body(
-        "damper", DAMPER_PORTS, fe.damper, contact_damper, damper_nodes, n_damper_modes, damping_ratio, radial
-    )
-    bodies = {"blade": blade, "damper": damper, "ground": Body("ground", "ground", (("front", "b"), ("back", "b")))}
+    own = (fe.damper, contact_damper, damper_nodes)
+    damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, radial)
     return Model(
         n_blades=g.n_blades,
-        bodies=bodies,
+        bodies={"blade": blade, "damper": damper, "ground": GROUND},
         interfaces=interfaces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes={
