@@ -7,6 +7,7 @@ Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmoni
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -17,7 +18,16 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.laws import LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.laws import (
+    LAW_BONDED,
+    LAW_CONSTANT,
+    LAW_COUPLED,
+    LAW_COUPLED_CONSTANT,
+    LAW_NORMAL,
+    LAW_SEPARABLE,
+    Sampled,
+    check_evaluation,
+)
 from bdamper.contact.points import PointArrays
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util.errors import SettingError
@@ -371,6 +381,50 @@ class HarmonicSystem:
         if self.core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
             raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
+
+    def contact_rate(self, u: NDArray, motion: NDArray, rate: Mapping[str, NDArray]) -> tuple[NDArray, NDArray]:
+        """Contact force (n_points, 3, n_coef) and its derivative where motion and parameters change together.
+
+        All follow from the tangent of the law, since it depends on ``kt (u - w)``, ``n0 + kn v`` and ``mu N`` alone: so
+        ``kt dF/dkt = F_u (u - w)``, ``dF/dw = -F_u``, ``dF/dn0 = F_v/kn``, ``kn dF/dkn = F_v v``, and
+        ``mu dT/dmu = T - kt dT/dkt``.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+        motion : (n_points, 3, n_coef) float
+            Derivative of the relative motion.
+        rate : mapping of str to array
+            Derivatives of ``kt``, ``kn``, ``mu``, ``n0``, ``w``, as ``arrays`` has them.
+
+        Raises
+        ------
+        SettingError
+            For a law that is not of this form: coupled friction, constant normal load, cubic springs.
+        """
+        a, (mode, n_time) = self.arrays, self.evaluation_code
+        if not np.isin(a["law"], (LAW_SEPARABLE, LAW_NORMAL, LAW_BONDED)).all():
+            raise SettingError("derivative by parameters: expected separable friction, bonded or normal contact")
+        X, F, _ = self.contact(u)
+        out, f, J = np.empty_like(F), np.empty(F.shape[1:]), np.empty(F.shape[1:] * 2)
+        for p in range(self.n_points):
+            kt, kn, mu, n0, w = a["kt"][p], float(a["kn"][p]), float(a["mu"][p]), float(a["n0"][p]), a["w"][p]
+            law, load = int(a["law"][p]), float(a["load"][p])
+            _core.evaluate_contact(np.ascontiguousarray(X[p]), kt, kn, mu, n0, w, f, J, law, mode, n_time, load)
+            change, away = motion[p].copy(), X[p].copy()
+            away[:2, 0] -= w
+            stiffer = [rate["kt"][p, d] / kt[d] if kt[d] > 0.0 else 0.0 for d in range(2)]
+            change[0] += stiffer[0] * away[0]
+            change[1] += stiffer[1] * away[1]
+            change[:2, 0] -= rate["w"][p]
+            if kn > 0.0:
+                change[2] += rate["kn"][p] / kn * X[p, 2]
+                change[2, 0] += rate["n0"][p] / kn
+            out[p] = np.einsum("iajb,jb->ia", J, change)
+            if mu > 0.0 and rate["mu"][p]:
+                elastic = np.einsum("iajb,jb->ia", J[:, :, :2], away[:2])
+                out[p, :2] += rate["mu"][p] / mu * (f[:2] - elastic[:2])
+        return F, out
 
     def closing(self, u: NDArray, direction: NDArray) -> tuple[NDArray, NDArray]:
         """Largest closing in the cycle at every contact point, and its rate along a direction of the mean.

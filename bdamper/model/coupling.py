@@ -334,10 +334,12 @@ class Coupling:
         ]
         return np.concatenate(forces)
 
-    def load(self) -> tuple[NDArray, NDArray]:
-        """Modal force (n_modes,) and elastic displacement (n_points, 3) of (u1, u2, v), per newton of static load.
+    def load(self, *, spinning: bool = False) -> tuple[NDArray, NDArray]:
+        """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v), per newton of static load.
 
-        The displacement is what the retained elastic modes leave out.
+        The displacement is what the retained elastic modes leave out; ``spinning``, where the load is the centrifugal one of
+        the free bodies, with that of the faces by rotation (:class:`bdamper.model.spin.SpinStatic`).  Both grow with the
+        squared speed, so that one is in proportion to the other.
         """
         force = []
         displacement = np.zeros((self.n_points, 3))
@@ -352,7 +354,30 @@ class Coupling:
                 basis.contact_modes[..., elastic].real @ (body.load.generalised[elastic] / basis.omega2[elastic])
             )
             displacement += self._placed(body, rest[..., None], 0)[..., 0].real
+        for body in self.model.bodies.values() if spinning else ():
+            if body.spin is not None:
+                at_faces = self._placed(body, body.spin.contact[..., None], 0)[..., 0].real
+                displacement += at_faces / centrifugal_load(self.model)
         return np.concatenate(force), displacement
+
+
+def centrifugal_load(model: Model) -> float:
+    """Newtons of centrifugal load per squared rotor speed: mass times radius of the centre of mass (kg m).
+
+    Raises
+    ------
+    SettingError
+        If no free body carries a load, or those that do differ by more than rounding: all loads scale with one preload.
+    """
+    loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
+    arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[operator, index]
+    if not arms or min(arms.values()) < (1.0 - 1e-6) * max(arms.values()) or not min(arms.values()) > 0.0:
+        found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items()) or "none"
+        raise SettingError(
+            "rotor speed: expected a free body off the axis that carries a load (several of the same mass times radius), "
+            f"found {found}"
+        )
+    return next(iter(arms.values()))
 
 
 def _mode_name(body: Body, index: int) -> str:

@@ -336,7 +336,7 @@ class Problem(Settings):
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Per newton of preload: modal force (n_modes,), and motion of the points that the modes do not carry (n_points,
         3)."""
-        force, shift = self.coupling.load()
+        force, shift = self.coupling.load(spinning=self.speed is not None)
         return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
 
     @cached_property

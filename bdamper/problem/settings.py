@@ -117,6 +117,9 @@ class Settings:
     effects : Effects, optional
         All settings that decide which effects take part, at once; the settings hold them afterwards, and
         ``Effects.of(study)`` reads them.
+    speed : float, rad/s, optional
+        Rotor speed that the model belongs to, as :meth:`bdamper.Study.at_speed` sets it.  The static analysis then takes
+        the displacement of the faces by rotation, per newton of the damper's own centrifugal load.
 
     Raises
     ------
@@ -153,6 +156,7 @@ class Settings:
     stability: bool = False
     effects: Effects | None = None
     contact_stiffness_factor: float = 1.0
+    speed: float | None = None
 
     def __post_init__(self) -> None:
         if self.effects is not None:
@@ -193,6 +197,8 @@ class Settings:
             if getattr(self, name) and not any(body.kind == "free" for body in self.model.bodies.values()):
                 raise SettingError(f"{name}: expected 0, since the model has no free body, found {getattr(self, name):g}")
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
+        if self.speed is not None:
+            validate.fields(self, validate.number, "speed", above=0.0, unit="rad/s")
         self._check_held()
 
     @property
@@ -343,6 +349,7 @@ class Settings:
             "damper_damping_ratio": self.damper_damping_ratio or None,
             "damper_drag": f"{self.damper_drag:g} N s/m" if self.damper_drag else None,
             "contact_points": self.contact_points,
+            "speed": f"{self.speed:g} rad/s" if self.speed is not None else None,
             "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
             "load_history": self.load_history if self.load_history != (1.0,) else None,
             "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
@@ -382,6 +389,7 @@ class Settings:
             "damping_ratio": self.damping_ratio,
             "damper_damping_ratio": self.damper_damping_ratio,
             "damper_drag": self.damper_drag,
+            "speed": self.speed,
             "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
             "friction_axes": self.friction_axes,
             "major_frequency": self.major_frequency,

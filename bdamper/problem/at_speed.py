@@ -1,0 +1,165 @@
+"""A problem at a rotor speed: the model there, the preload of the damper's own mass, what else changes with speed.
+
+The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its own radial axis, with the radius ``r`` of its
+centre of mass at rest.  Speeds are in rad/s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from bdamper.model.coupling import centrifugal_load
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+P = TypeVar("P", bound=Problem)
+Table = Mapping[float, float] | Callable[[float], float]
+"""A function of one number, or its values: linear in between, and refused outside."""
+
+
+def read(name: str, table: Any, at: float) -> float:
+    """The value of a function, or of a table interpolated linearly, at a number within it."""
+    if callable(table):
+        return validate.number(f"{name} at {at:g}", table(at))
+    places = sorted(table)
+    if not places[0] <= at <= places[-1]:
+        raise SettingError(f"{name}: expected a table that reaches {at:g}, found {places[0]:g} to {places[-1]:g}")
+    return float(np.interp(at, places, [table[x] for x in places]))
+
+
+def _check_table(name: str, table: Any) -> None:
+    if callable(table):
+        return
+    if not isinstance(table, Mapping) or not table:
+        raise validate.unfit(name, "a function, or a mapping of numbers to numbers", table)
+    validate.numbers(f"{name}, where its values are given", list(table))
+    validate.numbers(f"{name}, values", list(table.values()))
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What changes with rotor speed besides structure and preload; what is left out stays as the study has it.
+
+    Parameters
+    ----------
+    friction : mapping of number to number, or callable, optional
+        Friction coefficient of all friction faces over speed (rad/s), or over temperature where that is given.
+    temperature : mapping of number to number, or callable, optional
+        Temperature of the contacts over speed, in the unit that ``friction`` takes.
+    excitation : callable or mapping, optional
+        Amplitude of the excitation (N): ``excitation(omega, engine_order)``, or by engine order a number or a mapping of
+        speed to newtons.
+    """
+
+    friction: Table | None = None
+    temperature: Table | None = None
+    excitation: Callable[[float, int], float] | Mapping[int, Any] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("friction", "temperature"):
+            if getattr(self, name) is not None:
+                _check_table(name, getattr(self, name))
+        if self.temperature is not None and self.friction is None:
+            raise SettingError("temperature: expected friction with it, a function or table of temperature, found none")
+        given = self.excitation
+        if given is not None and not callable(given):
+            if not isinstance(given, Mapping) or not given:
+                raise validate.unfit("excitation", "a function or a mapping of engine order to newtons", given)
+            for order, value in given.items():
+                validate.whole("excitation, engine order", order, least=1)
+                if isinstance(value, Mapping):
+                    _check_table(f"excitation of engine order {order}", value)
+                else:
+                    validate.number(f"excitation of engine order {order}", value, above=0.0, unit="N")
+
+    def __repr__(self) -> str:  # the same from run to run, as files of long work need it
+        def named(value: Any) -> str:
+            return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
+
+        given = {f.name: getattr(self, f.name) for f in fields(self)}
+        return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
+
+    def friction_at(self, omega: float) -> float | None:
+        """Friction coefficient at a speed; None if it does not change."""
+        if self.friction is None:
+            return None
+        at = omega if self.temperature is None else read("temperature", self.temperature, omega)
+        return validate.number("friction", read("friction", self.friction, at), least=0.0)
+
+    def excitation_at(self, omega: float, engine_order: int) -> float | None:
+        """Amplitude of the excitation (N) at a speed; None if it does not change."""
+        given = self.excitation
+        if given is None:
+            return None
+        if callable(given):
+            force: Any = given(omega, engine_order)
+        elif engine_order not in given:
+            raise SettingError(f"excitation: expected one for engine order {engine_order}, found those of {list(given)}")
+        else:
+            force = given[engine_order]
+            force = read("excitation", force, omega) if isinstance(force, Mapping) else force
+        return validate.number(f"excitation of engine order {engine_order} at {omega:g} rad/s", force, above=0.0, unit="N")
+
+
+def preload_at(problem: Problem, omega: float) -> float:
+    """Preload (N) of the damper's mass at a rotor speed (rad/s), 0 in a study whose damper is not loaded."""
+    return centrifugal_load(problem.model) * omega**2 if problem.carries_load else 0.0
+
+
+def own_preload(problem: Problem) -> float:
+    """Preload (N) of a problem at a rotor speed.
+
+    Raises
+    ------
+    SettingError
+        If it is not at a speed.
+    """
+    if problem.speed is None:
+        raise SettingError("preload: expected a study at a rotor speed, study.at_speed(omega), found one without")
+    return preload_at(problem, problem.speed)
+
+
+def at_speed(problem: P, omega: float, **conditions: Any) -> P:
+    """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
+
+    Parameters
+    ----------
+    problem : Problem
+    omega : float, rad/s
+    **conditions
+        ``friction``, ``temperature``, ``excitation`` of :class:`Conditions`.
+
+    Returns
+    -------
+    Problem or Study, as given
+        ``preload`` of such a study is that of the damper's mass at this speed; an analysis at another preload is still one
+        of this speed, with faces displaced as this preload goes with them.
+
+    Raises
+    ------
+    SettingError
+        If no free body carries a load, or a table does not reach the speed.
+    """
+    omega = validate.number("rotor speed", omega, above=0.0, unit="rad/s")
+    known = Conditions.__dataclass_fields__
+    unknown = [name for name in conditions if name not in known]
+    if unknown:
+        raise SettingError(f"conditions over speed: expected some of {list(known)}, found {unknown}")
+    return under(problem, omega, Conditions(**conditions))
+
+
+def under(problem: P, omega: float, conditions: Conditions) -> P:
+    """See :func:`at_speed`; for conditions that are made already."""
+    changes: dict[str, Any] = {"model": problem.model.at_speed(omega), "speed": omega}
+    mu = conditions.friction_at(omega)
+    if mu is not None:
+        changes["friction_coefficient"] = mu
+    force = conditions.excitation_at(omega, int(problem.engine_order))
+    if force is not None:
+        changes["excitation"] = replace(problem.excitation, amplitude=force)
+    return replace(problem, **changes)

@@ -1,0 +1,235 @@
+"""Campbell and interference diagrams: frequencies over rotor speed, free, with stuck contact, and damped.
+
+An excitation of engine order EO travels around as a wave of nodal diameter ``d = EO mod N``, or ``N - d`` where that is less,
+and meets modes of this nodal diameter alone; at a speed it has the frequency ``EO Omega/(2 pi)``.  The Campbell diagram of an
+order shows modes of its nodal diameter over speed, the interference (SAFE) diagram all modes over nodal diameter at one
+speed, with the line of the excitation folded back at N/2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.model.spin import neglected_over_speed
+from bdamper.problem.at_speed import Conditions, preload_at
+from bdamper.problem.problem import Problem
+from bdamper.speed.crossings import RPM, Crossings, SpeedLine, speed_values
+from bdamper.speed.family import SpeedFamily, free_and_stuck
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.progress import each
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+
+@brief
+@dataclass(frozen=True)
+class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
+    """Frequencies over rotor speed.
+
+    ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
+    speed (:func:`bdamper.plot.plot_safe`).
+
+    Parameters
+    ----------
+    speed : (n,) float, rad/s
+    nodal_diameter : (k,) int
+        Those of the model.
+    free, stuck : (k, n, modes) float, Hz
+        Without contact, and with all points stuck that the preload of the speed closes.
+    n_blades : int
+    engine_order : (m,) int
+        Orders that were asked for.
+    order : (j,) int, order_mode : (j,) int, order_free, order_stuck : (j,) float, rad/s
+        Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode; NaN
+        where there is none in the range.
+    damped : Crossings or None
+        Damped crossings and the peaks over speed that lead to them.
+    notes : tuple of str
+        What the model neglects over speed.
+    settings : mapping
+    model_hash : str
+    """
+
+    speed: NDArray
+    nodal_diameter: NDArray
+    free: NDArray
+    stuck: NDArray
+    n_blades: int
+    engine_order: NDArray
+    order: NDArray
+    order_mode: NDArray
+    order_free: NDArray
+    order_stuck: NDArray
+    damped: tuple[Crossings, ...] = ()
+    notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    @property
+    def rpm(self) -> NDArray:
+        """(n,) float: speeds in revolutions per minute."""
+        return self.speed * RPM
+
+    def met_by(self, engine_order: int) -> int:
+        """Nodal diameter that an engine order excites."""
+        d = engine_order % self.n_blades
+        return min(d, self.n_blades - d)
+
+    def row(self, nodal_diameter: int) -> int:
+        """Index of a nodal diameter.
+
+        Raises
+        ------
+        SettingError
+            If the model does not have it.
+        """
+        if nodal_diameter not in self.nodal_diameter:
+            raise SettingError(f"nodal_diameter: expected one of {self.nodal_diameter.tolist()}, found {nodal_diameter}")
+        return int(np.flatnonzero(self.nodal_diameter == nodal_diameter)[0])
+
+    @property
+    def lines(self) -> tuple[SpeedLine, ...]:
+        """Peaks followed over speed at the preload of each, of all damped crossings."""
+        return tuple(line for found in self.damped for line in found.lines)
+
+    def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:
+        """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
+        return draw(self, "plot_safe", speed, ax, **options)
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Speeds, nodal diameters and modes, and the orders that were asked for."""
+        low, high = float(self.speed[0]), float(self.speed[-1])
+        return (
+            Fact("speeds", f"{low:.5g} to {high:.5g} rad/s ({low * RPM:.0f} to {high * RPM:.0f} rpm)"),
+            Fact("nodal diameters", ", ".join(map(str, self.nodal_diameter.tolist()))),
+            Fact("modes", self.free.shape[2]),
+            Fact("engine orders", ", ".join(map(str, self.engine_order.tolist())) or "none"),
+            *(Fact("neglected", note) for note in self.notes),
+        )
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each nodal diameter, speed and mode."""
+        k, n, modes = self.free.shape
+        grid = np.meshgrid(self.nodal_diameter, self.speed, np.arange(1, modes + 1), indexing="ij")
+        return {
+            "nodal_diameter": Column(grid[0].ravel()), "speed": Column(grid[1].ravel(), "rad/s"),
+            "mode": Column(grid[2].ravel()), "free": Column(self.free.ravel(), "Hz"),
+            "stuck": Column(self.stuck.ravel(), "Hz"),
+        }  # fmt: skip
+
+    def __str__(self) -> str:
+        def places(speed: float) -> str:
+            return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "not in the range"
+
+        lines = [
+            f"Campbell diagram, {self.speed[0]:.6g} to {self.speed[-1]:.6g} rad/s, nodal diameters "
+            f"{', '.join(map(str, self.nodal_diameter.tolist()))}, {self.free.shape[2]} modes"
+        ]
+        for order, mode, a, b in zip(self.order, self.order_mode, self.order_free, self.order_stuck):
+            if np.isfinite(a) or np.isfinite(b):
+                lines.append(f"  order {order}, mode {mode}: free at {places(a)}, stuck at {places(b)}")
+        lines += [f"  neglected: {note}" for note in self.notes]
+        return "\n".join(lines + [f"  {line}" for found in self.damped for line in str(found).split("\n")])
+
+
+def line_crossing(speed: NDArray, frequency: NDArray, engine_order: int) -> float:
+    """Speed (rad/s) at which frequencies (n,), Hz, over speeds (n,) meet the line of an order; NaN if they do not.
+
+    Squared frequencies are interpolated linearly over squared speeds, exact where modes keep their shapes.
+    """
+    gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
+    below = np.flatnonzero(np.sign(gap[:-1]) * np.sign(gap[1:]) <= 0.0)
+    if not len(below) or not np.isfinite(gap).all():
+        return float("nan")
+    i = int(below[0])
+    part = gap[i] / (gap[i] - gap[i + 1]) if gap[i] != gap[i + 1] else 0.0
+    return float(np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2)))
+
+
+@one_thread
+def campbell(
+    problem: Problem,
+    speeds: tuple[float, float] | Sequence[float] | NDArray,
+    engine_orders: Sequence[int] = (),
+    *,
+    modes: int = 3,
+    damped: Crossings | Sequence[Crossings] | None = None,
+    progress: bool = False,
+    **conditions: Any,
+) -> Campbell:
+    """Free and stuck frequencies over rotor speed at all nodal diameters of the model.
+
+    Parameters
+    ----------
+    problem : Problem
+    speeds : (low, high) or sequence of more than two values, rad/s
+        Thirteen between two ends.
+    engine_orders : sequence of int
+        Of which lines are drawn and crossings told.
+    modes : int
+        Of each nodal diameter, from the lowest.
+    damped : Crossings or sequence of Crossings, optional
+        Damped crossings to be shown with them, as :meth:`bdamper.Study.crossings` finds them.
+    progress : bool
+    **conditions
+        As for :meth:`bdamper.Study.crossings`.
+
+    Raises
+    ------
+    SettingError
+        If speeds or orders are none, or damped crossings of another model.
+    """
+    validate.instance("study", problem, Problem, "a Study")
+    values = speed_values(speeds)
+    orders = validate.wholes("engine_orders", engine_orders, least=1)
+    modes = validate.whole("modes", modes, least=1)
+    shown = (damped,) if isinstance(damped, Crossings) else tuple(damped or ())
+    for item in shown:
+        validate.instance("damped", item, Crossings, "crossings, as Study.crossings returns them")
+        if item.model_hash != problem.model.hash:
+            raise SettingError("damped: expected crossings of this model, found those of another one")
+    given = Conditions(**conditions)
+    found = sorted({d for body in problem.model.bodies.values() if body.kind == "constrained" for d in body.bases})
+    diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
+    free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
+    for k, d in enumerate(each(diameters, progress, "Campbell diagram", "nodal diameter")):
+        one = problem.with_(engine_order=d or problem.model.n_blades, harmonics=1)
+        family = SpeedFamily(one, Conditions(given.friction, given.temperature))
+        for i, omega in enumerate(values.tolist()):
+            preload = preload_at(problem, omega) if problem.carries_load else 0.0
+            free[k, i], stuck[k, i] = free_and_stuck(family.problem(omega), preload, modes)
+    rows = []
+    for order in orders:
+        d = problem.model.folded_nodal_diameter(order)[0]
+        if d not in diameters:
+            raise SettingError(f"engine_orders: expected orders that meet nodal diameters {diameters}, found {order}")
+        k = diameters.index(d)
+        for m in range(modes):
+            at = [line_crossing(values, lines[k, :, m], order) for lines in (free, stuck)]
+            rows.append((order, m + 1, *at))
+    table = np.array(rows, float).reshape(-1, 4)
+    return Campbell(
+        speed=values,
+        nodal_diameter=np.array(diameters, int),
+        free=free,
+        stuck=stuck,
+        n_blades=problem.model.n_blades,
+        engine_order=np.array(orders, int),
+        order=table[:, 0].astype(int),
+        order_mode=table[:, 1].astype(int),
+        order_free=table[:, 2],
+        order_stuck=table[:, 3],
+        damped=shown,
+        notes=neglected_over_speed(problem.model),
+        settings=problem.record(None),
+        model_hash=problem.model.hash,
+    )

@@ -1,0 +1,278 @@
+"""One crossing: where a resonance lies on the line of an engine order, by a secant on the peak at fixed speed.
+
+The highest peak ``f*`` at the preload of each speed is followed over speed, and
+
+    g(Omega) = 2 pi f*(Omega)/EO - Omega = 0
+
+is solved between two speeds where ``g`` changes its sign.  Plain substitution contracts by ``d ln f*/d ln Omega``, some 0.25
+on a bladed disk, so that the secant needs three or four peaks.  A scan over frequency at the crossing says whether the peak
+is the highest there; if another is, that one is followed.  Where the highest peak jumps over the line there is no crossing
+of it: the answer is then the interval of speeds between scans on both sides.
+
+On the line speed and frequency change together, at a fixed speed the frequency alone; the highest point of a run-up exceeds
+the peak at fixed speed by ``(s zeta)^2/2``, with the slope ``s`` of ln(amplitude) over ln(speed) and the half bandwidth
+``zeta``: the estimate of what the two differ by.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.peaks.follower import PeakFollower
+from bdamper.peaks.newton import Peak, PeakOptions, same_peak
+from bdamper.peaks.scan import resonance_interval, scan
+from bdamper.peaks.sensitivity import NoDerivative, sensitivities
+from bdamper.problem.at_speed import Conditions
+from bdamper.problem.problem import Problem
+from bdamper.problem.variation import vary
+from bdamper.speed.family import SpeedFamily, like
+from bdamper.util import validate
+from bdamper.util.cost import CostMeter
+from bdamper.util.errors import SettingError
+
+FOLLOWING = PeakOptions(max_halvings=4)
+TOLERANCE = 1e-11
+"""Relative, on the speed of a crossing."""
+SECANTS, SCANS = 12, 5
+"""Most peaks of one secant, and most scans over frequency for one crossing."""
+BESIDE = 0.05
+"""Relative, by which a crossing may lie beyond those of the free and the stuck resonance."""
+TWO_PI = 2.0 * np.pi
+
+
+def _off_line(peak: Peak, engine_order: int) -> float:
+    """Speed (rad/s) at which the line of an engine order has the frequency of a peak, less that of the peak."""
+    return TWO_PI * peak.frequency / engine_order - peak.parameter
+
+
+@dataclass
+class Search:
+    """The search for one crossing, and what was found on the way.
+
+    Parameters
+    ----------
+    family : SpeedFamily
+    speeds : tuple of float, rad/s, ascending
+        At which peaks are followed.
+    mode : int
+    meter : CostMeter
+    near : bool
+        Follow peaks no further than to the line.
+    """
+
+    family: SpeedFamily[Any]
+    speeds: tuple[float, ...]
+    mode: int
+    meter: CostMeter
+    near: bool = False
+    scanned: dict[float, Peak | None] = field(default_factory=dict)
+    line: dict[float, Peak] = field(default_factory=dict)
+    warnings: list[str] = field(default_factory=list)
+
+    @property
+    def order(self) -> int:
+        """Engine order."""
+        return int(self.family.whole.engine_order)
+
+    def highest(self, omega: float) -> Peak | None:
+        """The highest peak at a speed, by a scan over frequency; None where there is none."""
+        if omega not in self.scanned:
+            problem = self.family.problem(omega)
+            found = scan(problem, self.family.preload(omega), resonance_interval(problem, self.mode), meter=self.meter)
+            if not found.whole:
+                above = f"; {found.above}" if found.above is not None else ""
+                self.warnings.append(f"scan at {omega:.6g} rad/s {found.ending}{above}")
+            self.scanned[omega] = replace(found.peaks[0], parameter=omega) if found.peaks else None
+        return self.scanned[omega]
+
+    def follow(self, start: Peak) -> dict[float, Peak]:
+        """A peak at all speeds to which it can be followed, that of its start included."""
+        known = {start.parameter: start}
+        for beyond in ([w for w in self.speeds if w > start.parameter], [w for w in self.speeds if w < start.parameter][::-1]):
+            follower = PeakFollower(self.family.system, start, FOLLOWING)
+            for omega in beyond:
+                peak = follower.go(omega)
+                if peak is None:
+                    break
+                known[omega] = peak
+                if self.near and _off_line(peak, self.order) * _off_line(start, self.order) <= 0.0:
+                    break
+            self.meter.count(follower.iterations)
+        return dict(sorted(known.items()))
+
+    def secant(self, known: Mapping[float, Peak]) -> Peak | None:
+        """The peak on the line, between two neighbours of a followed one on both sides of it; None if there are none."""
+        peaks = list(known.values())
+        off = [_off_line(p, self.order) for p in peaks]
+        for i in np.flatnonzero(np.sign(off[:-1]) * np.sign(off[1:]) <= 0.0):
+            nearest = sorted(peaks[max(i - 1, 0) : i + 3], key=lambda p: -abs(_off_line(p, self.order)))
+            follower = PeakFollower(self.family.system, nearest, FOLLOWING)
+            trials = [(_off_line(p, self.order), p.parameter) for p in nearest]
+            for _ in range(SECANTS):
+                g, omega = trials[-1]
+                if abs(g) <= TOLERANCE * omega:
+                    self.meter.count(follower.iterations)
+                    return follower.known[-1]
+                # polynomial through the last trials, speed over distance from the line
+                points = trials[-4:]
+                step = sum(
+                    w * np.prod([b / (b - a) for b, _ in points if b != a]) for a, w in points
+                )  # fmt: skip
+                low, high = peaks[i].parameter, peaks[i + 1].parameter
+                peak = follower.go(float(np.clip(step, low, high)))
+                if peak is None:
+                    break
+                trials.append((_off_line(peak, self.order), peak.parameter))
+        return None
+
+    def start(self) -> float | None:
+        """Speed at which to begin: in the middle between the crossings of the free and the stuck resonance, None if out of
+        range."""
+        limits = np.array([self.family.linear(w, self.mode) for w in (self.speeds[0], self.speeds[-1])])
+        ends = np.array([self.speeds[0], self.speeds[-1]])
+        places = []
+        for column in limits.T:  # squared frequencies are all but linear in the squared speed
+            slope = float(np.diff(column**2)[0] / np.diff(ends**2)[0])
+            square = (column[0] ** 2 - slope * ends[0] ** 2) / max((self.order / TWO_PI) ** 2 - slope, 1e-300)
+            places.append(float(np.sqrt(max(square, 0.0))))
+        low, high = (1.0 - BESIDE) * min(places), (1.0 + BESIDE) * max(places)
+        if high < ends[0] or low > ends[1]:
+            return None
+        return float(np.clip(0.5 * sum(places), *ends))
+
+    def run(self) -> tuple[Peak | None, tuple[float, float]]:
+        """The peak at the crossing and its speed twice; or None and the interval in which the highest peak jumps over the
+        line, NaN if it does not meet it."""
+        omega = self.start()
+        tried: set[float] = set()
+        while omega is not None and len(self.scanned) < SCANS:
+            top = self.highest(omega)
+            if top is None:
+                break
+            known = self.follow(top)
+            self.line = {**known, **self.line} if self.line else known
+            found = self.secant(known)
+            if found is None:
+                side = _off_line(top, self.order) > 0.0  # the line lies at higher speeds
+                ends = [w for w in self.speeds if (w > max(known) if side else w < min(known))]
+                omega = (min(ends) if side else max(ends)) if ends else None
+            else:
+                best = self.highest(found.parameter)
+                if best is None or same_peak(best, found, 1e-4) or best.amplitude <= found.amplitude:
+                    self.line = known
+                    return found, (found.parameter, found.parameter)
+                omega = found.parameter if found.parameter not in tried else None
+                tried.add(found.parameter)
+        return None, self._jump()
+
+    def _jump(self) -> tuple[float, float]:
+        """Between the scans nearest to where the highest peak changes its side of the line."""
+        tops = {w: _off_line(p, self.order) for w, p in self.scanned.items() if p is not None}
+        before = max((w for w, g in tops.items() if g > 0.0), default=np.nan)
+        after = min((w for w, g in tops.items() if g <= 0.0 and w > before), default=np.nan)
+        return (before, after) if np.isfinite(before + after) else (np.nan, np.nan)
+
+
+def half_bandwidth(peak: Peak) -> float:
+    """Half bandwidth of a peak over its frequency, from its curvature."""
+    return float(abs(peak.tangent[-1] * peak.scale[-1]) / np.sqrt(max(-peak.curvature, 1e-300)) / peak.y[-1])
+
+
+def derivatives(family: SpeedFamily[Any], peak: Peak) -> dict[str, float]:
+    """How a crossing moves with speed and damper mass; empty where the peak has no derivative.
+
+    Along the engine-order line ``dOmega*/dm = f_m/(EO/2 pi - f_Omega)`` and ``dA*/dm = A_m + A_Omega dOmega*/dm``, with the
+    derivatives of the peak at fixed speed; the mass of all free bodies scales load and inertia together.
+
+    Returns
+    -------
+    mapping
+        "slope" (of ln(amplitude) over ln(speed) at fixed speeds), "amplitude_by_mass" (m per unit of the factor on the
+        mass), "speed_by_mass" (rad/s per unit).
+    """
+    omega, order = peak.parameter, int(family.whole.engine_order)
+    problem, preload = family.problem(omega), family.preload(omega)
+
+    def heavier(factor: float) -> Any:
+        return like(vary(problem, {"damper_mass_factor": factor}), problem).system(factor * preload)
+
+    try:
+        found = sensitivities(peak, {"speed": (family.system, omega), "mass": (heavier, 1.0)})
+    except (NoDerivative, SettingError, ArithmeticError):
+        return {}
+    s, m = found["speed"], found["mass"]
+    moves = m.frequency / (order / TWO_PI - s.frequency)
+    return {
+        "slope": s.amplitude * omega / peak.amplitude,
+        "amplitude_by_mass": m.amplitude + s.amplitude * moves,
+        "speed_by_mass": moves,
+    }
+
+
+@dataclass(frozen=True)
+class CrossingTask:
+    """The crossing of a mode with the engine order of a problem, as a question of a sweep.
+
+    Parameters
+    ----------
+    speeds : tuple of float, rad/s
+        At which the peak is followed.
+    mode : int
+    conditions : Conditions
+    margin : callable, optional
+        ``margin(problem, unknowns, omega, preload)`` of a solution, its frequency in rad/s.
+    """
+
+    speeds: tuple[float, ...]
+    mode: int = 1
+    conditions: Conditions = field(default_factory=Conditions)
+    margin: Callable[[Problem, NDArray, float, float], float] | None = None
+
+    def __post_init__(self) -> None:
+        given = validate.numbers("speeds", self.speeds, above=0.0, unit="rad/s")
+        if len(given) < 2 or np.any(np.diff(given) <= 0.0):
+            raise validate.unfit("speeds", "two or more increasing values", self.speeds)
+        object.__setattr__(self, "speeds", tuple(given.tolist()))
+        validate.fields(self, validate.whole, "mode", least=1)
+
+    def __call__(self, problem: Problem, preload: float | None) -> dict[str, Any]:
+        meter = CostMeter(time.perf_counter())
+        family = SpeedFamily(problem, self.conditions)
+        search = Search(family, self.speeds, self.mode, meter)
+        peak, (low, high) = search.run()
+        nan = float("nan")
+        line = list(search.line.values())
+        out: dict[str, Any] = {
+            "kind": "crossing" if peak is not None else "jump" if np.isfinite(low) else "none", "low": low, "high": high,
+            "line_speed": [p.parameter for p in line], "line_frequency": [p.frequency for p in line],
+            "line_amplitude": [p.amplitude for p in line], 
+            "line_margin": [self._margin(family, p) for p in line], "margin": nan,
+            "slope": nan, "amplitude_by_mass": nan, "speed_by_mass": nan, "half_bandwidth": nan,
+        }  # fmt: skip
+        if peak is None:
+            tops = [p for w, p in search.scanned.items() if p is not None and low <= w <= high]
+            top = max(tops, key=lambda p: p.amplitude, default=None)
+            place = {"speed": nan, "frequency": nan, "preload": nan, "residual": nan}
+            place |= {"amplitude": nan if top is None else top.amplitude, **dict.fromkeys(("stick", "slip", "open"), nan)}
+        else:
+            place = {
+                "speed": peak.parameter, "frequency": peak.frequency, "amplitude": peak.amplitude,
+                "preload": family.preload(peak.parameter), "residual": peak.residual,
+                **{name: float(x) for name, x in zip(("stick", "slip", "open"), peak.shares)},
+            }  # fmt: skip
+            out |= {"margin": self._margin(family, peak)}
+            out |= {"half_bandwidth": half_bandwidth(peak), **derivatives(family, peak)}
+        return out | place | {"warning": "; ".join(search.warnings), "cost": meter.read(time.perf_counter())}
+
+    def _margin(self, family: SpeedFamily[Any], peak: Peak) -> float:
+        """Margin of a peak, NaN if none is asked for."""
+        if self.margin is None:
+            return float("nan")
+        omega = peak.parameter
+        return float(self.margin(family.problem(omega), peak.y[:-1], float(peak.y[-1]), family.preload(omega)))

@@ -1,0 +1,342 @@
+"""Crossings of a resonance with engine orders, for one or several masses of the damper: the table and how it is made.
+
+Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.design.sweep.sweep`), so progress,
+interruption, files and executors are those of sweeps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.design.sweep import SweepResult, interruption, sweep
+from bdamper.model.coupling import centrifugal_load
+from bdamper.problem.at_speed import Conditions, preload_at
+from bdamper.problem.problem import Problem
+from bdamper.speed.crossing import CrossingTask
+from bdamper.util import validate
+from bdamper.util.cost import Cost
+from bdamper.util.differences import Comparable
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+RPM = 60.0 / (2.0 * np.pi)
+"""Revolutions per minute in one rad/s."""
+
+
+@brief
+@dataclass(frozen=True)
+class SpeedLine:
+    """A peak followed over speed at one engine order and one mass of the damper, each at the preload of its speed.
+
+    Parameters
+    ----------
+    engine_order : int
+    mass_factor : float
+    speed : (n,) float, rad/s
+    frequency, amplitude : (n,) float, Hz and m
+    margin : (n,) float
+        NaN where it was not asked for.
+    """
+
+    engine_order: int
+    mass_factor: float
+    speed: NDArray
+    frequency: NDArray
+    amplitude: NDArray
+    margin: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings"):
+    """Where the highest resonance of a mode lies on the lines of engine orders.
+
+    ``plot`` draws amplitude over speed for each mass of the damper (:func:`bdamper.plot.plot_crossings`).  The peak is that
+    at fixed speed, of slow changes of excitation frequency alone; ``excess`` is by how much the highest point of a slow
+    run-up exceeds it, which :meth:`bdamper.Study.run_up` computes.
+
+    Parameters
+    ----------
+    engine_order : (n,) int
+    mass_factor : (n,) float
+        On the mass of the free bodies, load and inertia together.
+    mass : (n,) float, kg
+        Of the first of them that is loaded.
+    kind : tuple of str
+        "crossing"; "jump" where the highest peak jumps over the line between ``low`` and ``high``; "none" where no peak
+        meets it in the range of speeds; otherwise "failed: " or "not run" as of a sweep.
+    speed : (n,) float, rad/s
+        NaN without a crossing.
+    low, high : (n,) float, rad/s
+        Interval of the speed: the speed twice, or that of a jump.
+    frequency, amplitude, preload : (n,) float, Hz, m and N
+        Of a jump the amplitude of the higher of the peaks on both sides.
+    shares : (n, 3) float
+        Stick, slip and open at the peak, mean over the friction points and the cycle.
+    residual : (n,) float
+    slope : (n,) float
+        Of ln(amplitude) of the peaks at fixed speed over ln(speed).
+    half_bandwidth : (n,) float
+        Of the peak, relative to its frequency.
+    amplitude_by_mass, speed_by_mass : (n,) float, m and rad/s per unit of the factor on the mass
+        Derivatives of the crossing, load and inertia together; NaN at a corner of the response curve.
+    margin : (n,) float
+        Of fatigue, least over the locations; NaN where it was not asked for.
+    lines : tuple of SpeedLine
+        The peaks that were followed over speed, one line for each crossing.
+    warnings : tuple of str
+        What the search for each crossing leaves open, empty where nothing.
+    range : (low, high), rad/s
+    mode : int
+    cost : tuple of Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    engine_order: NDArray
+    mass_factor: NDArray
+    mass: NDArray
+    kind: tuple[str, ...]
+    speed: NDArray
+    low: NDArray
+    high: NDArray
+    frequency: NDArray
+    amplitude: NDArray
+    preload: NDArray
+    shares: NDArray
+    residual: NDArray
+    slope: NDArray
+    half_bandwidth: NDArray
+    amplitude_by_mass: NDArray
+    speed_by_mass: NDArray
+    margin: NDArray
+    lines_: dict[str, NDArray]
+    warnings: tuple[str, ...]
+    range: tuple[float, float]
+    mode: int
+    cost: tuple[Cost, ...]
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    @property
+    def rpm(self) -> NDArray:
+        """(n,) float: speeds in revolutions per minute."""
+        return self.speed * RPM
+
+    @property
+    def found(self) -> NDArray:
+        """(n,) bool: whether there is a crossing."""
+        return np.isfinite(self.speed)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the search for every crossing came to an end, be it that there is none."""
+        return not any(k.startswith(("failed", "not run")) for k in self.kind)
+
+    @property
+    def excess(self) -> NDArray:
+        """(n,) float: estimate of how much higher than the peak a slow run-up is, relative."""
+        return 0.5 * (self.slope * self.half_bandwidth) ** 2
+
+    @property
+    def lines(self) -> tuple[SpeedLine, ...]:
+        """The peaks followed over speed, in the order of the crossings."""
+        n, out = 0, []
+        for order, factor, count in zip(self.engine_order, self.mass_factor, self.lines_["count"]):
+            part = {name: self.lines_[name][n : n + int(count)] for name in ("speed", "frequency", "amplitude", "margin")}
+            out.append(SpeedLine(int(order), float(factor), **part))
+            n += int(count)
+        return tuple(out)
+
+    def of(self, engine_order: int | None = None, mass_factor: float | None = None) -> NDArray:
+        """(k,) int: the crossings of an engine order, of a mass of the damper, or of both."""
+        keep = np.ones(len(self), bool)
+        if engine_order is not None:
+            keep &= self.engine_order == engine_order
+        if mass_factor is not None:
+            keep &= np.isclose(self.mass_factor, mass_factor)
+        return np.flatnonzero(keep)
+
+    def facts(self) -> tuple[Fact, ...]:
+        """How many crossings there are, and the highest of them."""
+        low, high = self.range
+        head = (
+            Fact("crossings", f"{int(self.found.sum())} of {len(self)} that were looked for"),
+            Fact("speeds", f"{low:.5g} to {high:.5g} rad/s ({low * RPM:.0f} to {high * RPM:.0f} rpm)"),
+        )
+        if not self.found.any():
+            return head
+        i = int(np.nanargmax(np.where(self.found, self.amplitude, np.nan)))
+        return (
+            *head,
+            Fact("highest amplitude", float(self.amplitude[i]), "m"),
+            Fact("there: engine order", int(self.engine_order[i])),
+            Fact("there: damper mass", float(self.mass[i]), "kg"),
+            Fact("there: speed", float(self.speed[i]), "rad/s"),
+        )
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each crossing."""
+        units = {
+            "mass": "kg", "speed": "rad/s", "low": "rad/s", "high": "rad/s", "frequency": "Hz", "amplitude": "m",
+            "preload": "N", "amplitude_by_mass": "m", "speed_by_mass": "rad/s",
+        }  # fmt: skip
+        names = (
+            "engine_order", "mass_factor", "mass", "speed", "low", "high", "frequency", "amplitude", "preload", "slope",
+            "half_bandwidth", "excess", "amplitude_by_mass", "speed_by_mass", "margin", "residual",
+        )  # fmt: skip
+        out = {name: Column(np.asarray(getattr(self, name)), units.get(name, "")) for name in names}
+        out |= {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
+        return out | {"kind": Column(np.array(self.kind)), "warning": Column(np.array(self.warnings))}
+
+    def _dimension(self) -> str:
+        return "crossing"
+
+    def __str__(self) -> str:
+        low, high = self.range
+        lines = [
+            f"crossings of mode {self.mode}, {low:.6g} to {high:.6g} rad/s: {int(self.found.sum())} of {len(self)}; "
+            f"{sum(c.processor for c in self.cost):.1f} s of the processor",
+            *interruption(self.kind, "crossings"),
+            f"  {'EO':>3} {'mass kg':>9} {'rad/s':>9} {'rpm':>7} {'Hz':>9} {'amplitude m':>12} {'preload N':>10} "
+            f"{'slip %':>7} {'margin':>7}",
+        ]
+        for i in range(len(self)):
+            head = f"  {self.engine_order[i]:>3} {self.mass[i]:>9.4g} "
+            if not self.found[i]:
+                place = f" between {self.low[i]:.6g} and {self.high[i]:.6g} rad/s" if self.kind[i] == "jump" else ""
+                height = f", up to {self.amplitude[i]:.4g} m" if self.kind[i] == "jump" else ""
+                lines.append(f"{head}{self.kind[i]}{place}{height}")
+                continue
+            margin = f"{self.margin[i]:>7.3g}" if np.isfinite(self.margin[i]) else f"{'':>7}"
+            lines.append(
+                f"{head}{self.speed[i]:>9.5g} {self.rpm[i]:>7.0f} {self.frequency[i]:>9.5g} {self.amplitude[i]:>12.5g} "
+                f"{self.preload[i]:>10.5g} {100.0 * self.shares[i, 1]:>7.3g} {margin}"
+            )
+        warned = [w for w in self.warnings if w]
+        return "\n".join(line.rstrip() for line in (*lines, *([f"  first warning: {warned[0]}"] if warned else [])))
+
+
+def speed_values(speeds: Any, n: int = 13) -> NDArray:
+    """(n,) speeds (rad/s): that many between two ends, or the longer sequence that is given.
+
+    Raises
+    ------
+    SettingError
+        If they are not positive and increasing.
+    """
+    values = validate.numbers("speeds", speeds, above=0.0, unit="rad/s")
+    if len(values) < 2 or np.any(np.diff(values) <= 0.0):
+        raise validate.unfit("speeds", "(low, high) in rad/s, or a longer sequence of increasing values", speeds)
+    return values if len(values) > 2 else np.linspace(values[0], values[1], n)
+
+
+def crossings(
+    problem: Problem,
+    speeds: tuple[float, float] | Sequence[float] | NDArray,
+    engine_orders: Sequence[int],
+    *,
+    damper_mass: Sequence[float] = (1.0,),
+    mode: int = 1,
+    executor: Executor | None = None,
+    resume: str | Path | None = None,
+    progress: bool = False,
+    margin: Any = None,
+    **conditions: Any,
+) -> Crossings:
+    """Crossings of a mode with engine orders, for several masses of the damper.
+
+    Parameters
+    ----------
+    problem : Problem
+        Of any engine order; its model has bases over speed.
+    speeds : (low, high) or sequence of more than two values, rad/s
+        Range in which crossings are looked for; at these speeds, thirteen between two ends, peaks are followed.
+    engine_orders : sequence of int
+    damper_mass : sequence of float
+        Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
+    mode : int
+        Mode of the constrained bodies, 1 for the lowest.
+    executor, resume, progress
+        As :func:`bdamper.sweep` explains them.
+    margin : optional
+        Question for a margin of fatigue, a function of a problem, unknowns, frequency (rad/s) and preload.
+    **conditions
+        ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions` explains
+        them.
+
+    Returns
+    -------
+    Crossings
+        After Ctrl-C with those that were finished; the others are "not run".
+
+    Raises
+    ------
+    SettingError
+        If speeds, orders or factors are none, or no free body carries a load.
+    """
+    validate.instance("study", problem, Problem, "a Study")
+    values = speed_values(speeds)
+    orders = validate.wholes("engine_orders", engine_orders, least=1)
+    factors = validate.numbers("damper_mass", damper_mass, above=0.0)
+    if not orders:
+        raise SettingError("engine_orders: expected at least one, found none")
+    preload_at(problem, float(values[-1]))
+    if not problem.carries_load:
+        raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
+    given = Conditions(**conditions)
+    for omega in (float(values[0]), float(values[-1])):  # what tables do not reach is told before any work
+        given.friction_at(omega)
+        for order in orders:
+            given.excitation_at(omega, order)
+    over = {"damper_mass_factor": factors.tolist(), "engine_order": list(orders)}
+    task = CrossingTask(tuple(values.tolist()), mode, given, margin)
+    answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
+    return _table(problem, answers, values, mode)
+
+
+def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -> Crossings:
+    """The table from the answers of the sweep."""
+
+    def column(name: str) -> NDArray:
+        return np.array([value.get(name, np.nan) for value in answers.values], float)
+
+    factors = np.array([p["damper_mass_factor"] for p in answers.points])
+    loaded = next(b for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
+    parts = [[value.get(f"line_{name}", []) for value in answers.values] for name in ("speed", "frequency", "amplitude")]
+    lines = {name: np.array([x for part in p for x in part]) for name, p in zip(("speed", "frequency", "amplitude"), parts)}
+    lines["count"] = np.array([len(part) for part in parts[0]])
+    margins = [value.get("line_margin", [np.nan] * len(part)) for value, part in zip(answers.values, parts[0])]
+    lines["margin"] = np.array([x for part in margins for x in part])
+    names = (
+        "speed", "low", "high", "frequency", "amplitude", "preload", "residual", "slope", "half_bandwidth",
+        "amplitude_by_mass", "speed_by_mass", "margin",
+    )  # fmt: skip
+    return Crossings(
+        engine_order=np.array([p["engine_order"] for p in answers.points], int),
+        mass_factor=factors,
+        mass=factors * float(loaded.mass or np.nan),
+        kind=tuple(str(value.get("kind", status)) for value, status in zip(answers.values, answers.status)),
+        **{name: column(name) for name in names},
+        shares=np.column_stack([column(name) for name in ("stick", "slip", "open")]),
+        lines_=lines,
+        warnings=answers.warnings,
+        range=(float(values[0]), float(values[-1])),
+        mode=mode,
+        cost=answers.cost,
+        settings=answers.settings,
+        model_hash=answers.model_hash,
+    )

@@ -1,0 +1,142 @@
+"""One problem over rotor speed, as families of equations that peaks and curves are followed along.
+
+At every speed the problem is made anew: modes, contact stiffness, preload, static state.  Modes of bodies come with the
+phases of the model's own basis; residual modes have any, and where several have the same mass, any combination.  So that
+unknowns at two speeds can be compared, those of a speed are turned onto those of the nearest speed that is known, each
+group of equal mass by the unitary matrix that brings their motions nearest.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.residual_modes import RESIDUAL
+from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.model.coupling import HarmonicBasis
+from bdamper.model.model import Model
+from bdamper.problem.at_speed import Conditions, preload_at, under
+from bdamper.problem.problem import Problem
+from bdamper.util.errors import SettingError
+
+P = TypeVar("P", bound=Problem)
+EQUAL_MASS = 1e-6
+"""Relative difference of the modal masses of residual modes up to which they are turned together."""
+
+
+def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
+    """The same basis with residual modes turned onto those of another one.
+
+    Raises
+    ------
+    FloatingPointError
+        If the two do not have the same coordinates.
+    """
+    if basis.coordinates != reference.coordinates:
+        raise FloatingPointError("residual modes of two speeds differ in number")
+    own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
+    if not len(own):
+        return basis
+    mass, G = basis.mass[own], basis.G.copy()
+    for group in np.split(own, np.flatnonzero(np.diff(mass) > EQUAL_MASS * mass.max()) + 1):
+        columns, target = (array[..., group].reshape(-1, len(group)) for array in (basis.G, reference.G))
+        U, _, V = np.linalg.svd(columns.conj().T @ target)
+        G[..., group] = (columns @ (U @ V)).reshape(*G.shape[:2], len(group))
+    return replace(basis, G=G)
+
+
+def like(problem: P, reference: Problem) -> P:
+    """A problem, just made, with its unknowns turned onto those of another one; the same object."""
+    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
+    problem.__dict__["bases"] = bases
+    if bases[0].n_modes:
+        problem.__dict__["static_basis"] = bases[0]  # the mean starts from the static state
+    return problem
+
+
+def with_needed_bases(problem: P, harmonics: set[int]) -> P:
+    """The same problem with those nodal diameters alone that some harmonics need; a model at a speed is then made faster."""
+    orders = {problem.engine_order * (1 if problem.single_basis else l) for l in {0, 1, *harmonics}} | {0}
+    needed = {problem.model.folded_nodal_diameter(order)[0] for order in orders}
+    bodies = {
+        name: replace(body, bases={d: b for d, b in body.bases.items() if d in needed}) if body.kind != "free" else body
+        for name, body in problem.model.bodies.items()
+    }
+    return replace(problem, model=_checked(replace(problem.model, bodies=bodies)))
+
+
+def _checked(model: Model) -> Model:
+    object.__setattr__(model, "_checked", True)  # part of one that is
+    return model
+
+
+class SpeedFamily(Generic[P]):
+    """A problem over rotor speed.
+
+    Parameters
+    ----------
+    problem : Problem
+        At any speed, or at none.
+    conditions : Conditions
+    """
+
+    def __init__(self, problem: P, conditions: Conditions) -> None:
+        if problem.residual_traction != "static" or problem.friction_axes != "contact":
+            raise SettingError(
+                'over speed: expected residual_traction="static" and friction_axes="contact", found '
+                f'"{problem.residual_traction}" and "{problem.friction_axes}"'
+            )
+        self.whole = problem
+        self.base = with_needed_bases(problem, problem.active_harmonics)
+        self.conditions = conditions
+        self._made: dict[float, P] = {}
+
+    def problem(self, omega: float) -> P:
+        """The problem at a speed (rad/s), its unknowns comparable with those at other speeds."""
+        if omega not in self._made:
+            made = under(self.base, omega, self.conditions)
+            known = min(self._made, key=lambda other: abs(other - omega), default=None)
+            self._made[omega] = made if known is None else like(made, self._made[known])
+        return self._made[omega]
+
+    def preload(self, omega: float) -> float:
+        """Preload (N) at a speed."""
+        return preload_at(self.whole, omega)
+
+    def system(self, omega: float) -> HarmonicSystem:
+        """The equations at a speed."""
+        return self.problem(omega).system(self.preload(omega))
+
+    def linear(self, omega: float, mode: int) -> tuple[float, float]:
+        """Free and stuck resonance (Hz) of a mode of the constrained bodies at a speed."""
+        free, stuck = free_and_stuck(self.problem(omega), self.preload(omega), mode)
+        return float(free[mode - 1]), float(stuck[mode - 1])
+
+
+def free_and_stuck(problem: Problem, preload: float, modes: int) -> tuple[NDArray, NDArray]:
+    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all points stuck that a preload closes.
+
+    A mode has the lowest stuck resonance above its own that no mode below it has.
+
+    Raises
+    ------
+    SettingError
+        If there are not so many modes.
+    """
+    system = problem.system(0.0)
+    basis = system.bases[1]
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
+    if np.any(system.springs):
+        elastic = system.linear_modes(None)[0] ** 2
+    if modes > len(elastic):
+        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {modes}")
+    free = np.sqrt(elastic[:modes])
+    poles = list(system.linear_modes(problem.stuck_springs(problem.equilibrium(preload)))[0])
+    stuck = []
+    for w in free:
+        poles = [p for p in poles if p >= w * (1.0 - 1e-9)]
+        stuck.append(poles.pop(0) if poles else w)
+    return free / (2.0 * np.pi), np.array(stuck) / (2.0 * np.pi)
