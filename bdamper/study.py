@@ -26,9 +26,11 @@ from bdamper.effects import hysteresis as cycles
 from bdamper.peaks import marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.problem import at_speed
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.plausible import check_question, check_settings
 from bdamper.problem.problem import Problem
+from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -244,6 +246,17 @@ class Study(Problem, Comparable):
     # what the contacts do in a cycle
     hysteresis = cycles.hysteresis
     dissipation = cycles.dissipation
+
+    # over rotor speed
+    at_speed = at_speed.at_speed
+    campbell = campbell.campbell
+    crossings = crossings.crossings
+    run_up = run_up.run_up
+
+    @property
+    def preload(self) -> float:
+        """Preload (N) of a study at a rotor speed (:meth:`at_speed`): mass times radius times squared speed."""
+        return at_speed.own_preload(self)
 
     # accuracy
     estimate_errors = estimate.estimate_errors

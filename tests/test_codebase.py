@@ -33,7 +33,7 @@ C_LEVELS = [
 ]
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [
-    "__init__", "masses", "study", "plot", "design", "accuracy", "effects", "peaks", "stability", "continuation",
+    "__init__", "masses", "study", "plot", "speed", "design", "accuracy", "effects", "peaks", "stability", "continuation",
     "problem", "harmonic_balance", "contact", "fe", "io", "reduction", "model", "util",
 ]  # fmt: skip
 UPWARD = {("util.plotting", "plot")}

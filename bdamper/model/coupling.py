@@ -337,8 +337,8 @@ class Coupling:
     def load(self, *, spinning: bool = False) -> tuple[NDArray, NDArray]:
         """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v), per newton of static load.
 
-        The displacement is what the retained elastic modes leave out; ``spinning``, where the load is the centrifugal one of
-        the free bodies, with that of the faces by rotation (:class:`bdamper.model.spin.SpinStatic`).  Both grow with the
+        The displacement is what the retained elastic modes leave out; ``spinning``, where the load is the centrifugal one
+        of the free bodies, with that of the faces by rotation (:class:`bdamper.model.spin.SpinStatic`).  Both grow with the
         squared speed, so that one is in proportion to the other.
         """
         force = []
@@ -370,7 +370,7 @@ def centrifugal_load(model: Model) -> float:
         If no free body carries a load, or those that do differ by more than rounding: all loads scale with one preload.
     """
     loaded = {b.name: b for b in model.bodies.values() if b.kind == "free" and b.load is not None}
-    arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[operator, index]
+    arms = {name: float(b.mass * np.hypot(*b.centre[:2])) for name, b in loaded.items()}  # type: ignore[index]
     if not arms or min(arms.values()) < (1.0 - 1e-6) * max(arms.values()) or not min(arms.values()) > 0.0:
         found = ", ".join(f"{arm:.6g} kg m of '{name}'" for name, arm in arms.items()) or "none"
         raise SettingError(

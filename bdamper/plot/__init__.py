@@ -31,6 +31,7 @@ from bdamper.plot.curves import (
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
 from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
+from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
 from bdamper.plot.together import plot_designs, plot_together
 
 __all__ = [
@@ -41,7 +42,9 @@ __all__ = [
     "new_axes",
     "plot_accuracy",
     "plot_advice",
+    "plot_campbell",
     "plot_contact_map",
+    "plot_crossings",
     "plot_curve",
     "plot_curves",
     "plot_designs",
@@ -58,6 +61,8 @@ __all__ = [
     "plot_model",
     "plot_optimal",
     "plot_over_measurement",
+    "plot_run_up",
+    "plot_safe",
     "plot_settled",
     "plot_status_bars",
     "plot_status_map",

@@ -1,7 +1,7 @@
 """A problem at a rotor speed: the model there, the preload of the damper's own mass, what else changes with speed.
 
-The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its own radial axis, with the radius ``r`` of its
-centre of mass at rest.  Speeds are in rad/s.
+The preload of a free body is its centrifugal load ``P = m r Omega^2`` along its own radial axis, with the radius ``r`` of
+its centre of mass at rest.  Speeds are in rad/s.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Campbell and interference diagrams: frequencies over rotor speed, free, with stuck contact, and damped.
 
-An excitation of engine order EO travels around as a wave of nodal diameter ``d = EO mod N``, or ``N - d`` where that is less,
-and meets modes of this nodal diameter alone; at a speed it has the frequency ``EO Omega/(2 pi)``.  The Campbell diagram of an
-order shows modes of its nodal diameter over speed, the interference (SAFE) diagram all modes over nodal diameter at one
-speed, with the line of the excitation folded back at N/2.
+An excitation of engine order EO travels around as a wave of nodal diameter ``d = EO mod N``, or ``N - d`` where that is
+less, and meets modes of this nodal diameter alone; at a speed it has the frequency ``EO Omega/(2 pi)``.  The Campbell
+diagram of an order shows modes of its nodal diameter over speed, the interference (SAFE) diagram all modes over nodal
+diameter at one speed, with the line of the excitation folded back at N/2.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.spin import neglected_over_speed
 from bdamper.problem.at_speed import Conditions, preload_at
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossings import RPM, Crossings, SpeedLine, speed_values
@@ -118,7 +117,7 @@ class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
 
     def columns(self) -> dict[str, Column]:
         """A row for each nodal diameter, speed and mode."""
-        k, n, modes = self.free.shape
+        modes = self.free.shape[2]
         grid = np.meshgrid(self.nodal_diameter, self.speed, np.arange(1, modes + 1), indexing="ij")
         return {
             "nodal_diameter": Column(grid[0].ravel()), "speed": Column(grid[1].ravel(), "rad/s"),
@@ -229,7 +228,7 @@ def campbell(
         order_free=table[:, 2],
         order_stuck=table[:, 3],
         damped=shown,
-        notes=neglected_over_speed(problem.model),
+        notes=problem.model.neglected_over_speed(),
         settings=problem.record(None),
         model_hash=problem.model.hash,
     )

@@ -4,13 +4,14 @@ The highest peak ``f*`` at the preload of each speed is followed over speed, and
 
     g(Omega) = 2 pi f*(Omega)/EO - Omega = 0
 
-is solved between two speeds where ``g`` changes its sign.  Plain substitution contracts by ``d ln f*/d ln Omega``, some 0.25
-on a bladed disk, so that the secant needs three or four peaks.  A scan over frequency at the crossing says whether the peak
-is the highest there; if another is, that one is followed.  Where the highest peak jumps over the line there is no crossing
-of it: the answer is then the interval of speeds between scans on both sides.
+is solved between two speeds where ``g`` changes its sign.  Plain substitution contracts by ``d ln f*/d ln Omega``, some
+0.25 on a bladed disk, so that the secant needs three or four peaks.  A scan over frequency at the crossing says whether the
+peak is the highest there; if another is, that one is followed.  Where the highest peak jumps over the line there is no
+crossing of it: the answer is then the interval of speeds between scans on both sides.
 
-On the line speed and frequency change together, at a fixed speed the frequency alone; the highest point of a run-up exceeds
-the peak at fixed speed by ``(s zeta)^2/2``, with the slope ``s`` of ln(amplitude) over ln(speed) and the half bandwidth
+On the line speed and frequency change together, at a fixed speed the frequency alone.  With ``A = A*(Omega)/sqrt(1 +
+x^2)``, ``x = (EO Omega/omega* - 1)/zeta``, the highest point of a slow run-up exceeds the peak at fixed speed by
+``(s zeta/(1 - p))^2/2``, with the slopes ``s`` of ln(A*) and ``p`` of ln(omega*) over ln(Omega) and the half bandwidth
 ``zeta``: the estimate of what the two differ by.
 """
 
@@ -94,7 +95,8 @@ class Search:
     def follow(self, start: Peak) -> dict[float, Peak]:
         """A peak at all speeds to which it can be followed, that of its start included."""
         known = {start.parameter: start}
-        for beyond in ([w for w in self.speeds if w > start.parameter], [w for w in self.speeds if w < start.parameter][::-1]):
+        for beyond in ([w for w in self.speeds if w > start.parameter], [w for w in self.speeds if w <
+        start.parameter][::-1]):
             follower = PeakFollower(self.family.system, start, FOLLOWING)
             for omega in beyond:
                 peak = follower.go(omega)
@@ -110,7 +112,7 @@ class Search:
         """The peak on the line, between two neighbours of a followed one on both sides of it; None if there are none."""
         peaks = list(known.values())
         off = [_off_line(p, self.order) for p in peaks]
-        for i in np.flatnonzero(np.sign(off[:-1]) * np.sign(off[1:]) <= 0.0):
+        for i in np.flatnonzero(np.sign(off[:-1]) * np.sign(off[1:]) <= 0.0).tolist():
             nearest = sorted(peaks[max(i - 1, 0) : i + 3], key=lambda p: -abs(_off_line(p, self.order)))
             follower = PeakFollower(self.family.system, nearest, FOLLOWING)
             trials = [(_off_line(p, self.order), p.parameter) for p in nearest]
@@ -184,6 +186,11 @@ def half_bandwidth(peak: Peak) -> float:
     return float(abs(peak.tangent[-1] * peak.scale[-1]) / np.sqrt(max(-peak.curvature, 1e-300)) / peak.y[-1])
 
 
+def excess(slope: Any, frequency_slope: Any, half_bandwidth: Any) -> Any:
+    """Estimate of how much higher than the peak at fixed speed a slow run-up is, relative."""
+    return 0.5 * (slope * half_bandwidth / (1.0 - frequency_slope)) ** 2
+
+
 def derivatives(family: SpeedFamily[Any], peak: Peak) -> dict[str, float]:
     """How a crossing moves with speed and damper mass; empty where the peak has no derivative.
 
@@ -193,8 +200,8 @@ def derivatives(family: SpeedFamily[Any], peak: Peak) -> dict[str, float]:
     Returns
     -------
     mapping
-        "slope" (of ln(amplitude) over ln(speed) at fixed speeds), "amplitude_by_mass" (m per unit of the factor on the
-        mass), "speed_by_mass" (rad/s per unit).
+        "slope" and "frequency_slope" (of ln(amplitude) and of ln(frequency) over ln(speed) at fixed speeds),
+        "amplitude_by_mass" (m per unit of the factor on the mass), "speed_by_mass" (rad/s per unit).
     """
     omega, order = peak.parameter, int(family.whole.engine_order)
     problem, preload = family.problem(omega), family.preload(omega)
@@ -210,6 +217,7 @@ def derivatives(family: SpeedFamily[Any], peak: Peak) -> dict[str, float]:
     moves = m.frequency / (order / TWO_PI - s.frequency)
     return {
         "slope": s.amplitude * omega / peak.amplitude,
+        "frequency_slope": s.frequency * omega / peak.frequency,
         "amplitude_by_mass": m.amplitude + s.amplitude * moves,
         "speed_by_mass": moves,
     }
@@ -251,9 +259,9 @@ class CrossingTask:
         out: dict[str, Any] = {
             "kind": "crossing" if peak is not None else "jump" if np.isfinite(low) else "none", "low": low, "high": high,
             "line_speed": [p.parameter for p in line], "line_frequency": [p.frequency for p in line],
-            "line_amplitude": [p.amplitude for p in line], 
+            "line_amplitude": [p.amplitude for p in line],
             "line_margin": [self._margin(family, p) for p in line], "margin": nan,
-            "slope": nan, "amplitude_by_mass": nan, "speed_by_mass": nan, "half_bandwidth": nan,
+            "slope": nan, "frequency_slope": nan, "amplitude_by_mass": nan, "speed_by_mass": nan, "half_bandwidth": nan,
         }  # fmt: skip
         if peak is None:
             tops = [p for w, p in search.scanned.items() if p is not None and low <= w <= high]

@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.design.sweep import SweepResult, interruption, sweep
-from bdamper.model.coupling import centrifugal_load
 from bdamper.problem.at_speed import Conditions, preload_at
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossing import CrossingTask
+from bdamper.speed.crossing import CrossingTask, excess
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -86,6 +85,8 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     residual : (n,) float
     slope : (n,) float
         Of ln(amplitude) of the peaks at fixed speed over ln(speed).
+    frequency_slope : (n,) float
+        Of ln(frequency) likewise.
     half_bandwidth : (n,) float
         Of the peak, relative to its frequency.
     amplitude_by_mass, speed_by_mass : (n,) float, m and rad/s per unit of the factor on the mass
@@ -116,6 +117,7 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     shares: NDArray
     residual: NDArray
     slope: NDArray
+    frequency_slope: NDArray
     half_bandwidth: NDArray
     amplitude_by_mass: NDArray
     speed_by_mass: NDArray
@@ -149,7 +151,8 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     @property
     def excess(self) -> NDArray:
         """(n,) float: estimate of how much higher than the peak a slow run-up is, relative."""
-        return 0.5 * (self.slope * self.half_bandwidth) ** 2
+        found: NDArray = excess(self.slope, self.frequency_slope, self.half_bandwidth)
+        return found
 
     @property
     def lines(self) -> tuple[SpeedLine, ...]:
@@ -196,7 +199,7 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
         }  # fmt: skip
         names = (
             "engine_order", "mass_factor", "mass", "speed", "low", "high", "frequency", "amplitude", "preload", "slope",
-            "half_bandwidth", "excess", "amplitude_by_mass", "speed_by_mass", "margin", "residual",
+            "frequency_slope", "half_bandwidth", "excess", "amplitude_by_mass", "speed_by_mass", "margin", "residual",
         )  # fmt: skip
         out = {name: Column(np.asarray(getattr(self, name)), units.get(name, "")) for name in names}
         out |= {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
@@ -275,8 +278,8 @@ def crossings(
     margin : optional
         Question for a margin of fatigue, a function of a problem, unknowns, frequency (rad/s) and preload.
     **conditions
-        ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions` explains
-        them.
+        ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions`
+        explains them.
 
     Returns
     -------
@@ -322,8 +325,8 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
     margins = [value.get("line_margin", [np.nan] * len(part)) for value, part in zip(answers.values, parts[0])]
     lines["margin"] = np.array([x for part in margins for x in part])
     names = (
-        "speed", "low", "high", "frequency", "amplitude", "preload", "residual", "slope", "half_bandwidth",
-        "amplitude_by_mass", "speed_by_mass", "margin",
+        "speed", "low", "high", "frequency", "amplitude", "preload", "residual", "slope",
+        "frequency_slope", "half_bandwidth", "amplitude_by_mass", "speed_by_mass", "margin",
     )  # fmt: skip
     return Crossings(
         engine_order=np.array([p["engine_order"] for p in answers.points], int),

@@ -58,7 +58,7 @@ def like(problem: P, reference: Problem) -> P:
 
 
 def with_needed_bases(problem: P, harmonics: set[int]) -> P:
-    """The same problem with those nodal diameters alone that some harmonics need; a model at a speed is then made faster."""
+    """The same problem with those nodal diameters alone that some harmonics need, which is faster to make at a speed."""
     orders = {problem.engine_order * (1 if problem.single_basis else l) for l in {0, 1, *harmonics}} | {0}
     needed = {problem.model.folded_nodal_diameter(order)[0] for order in orders}
     bodies = {

@@ -12,8 +12,8 @@ displacement of the static state, static load and excitation,
 
 Each of these arrays ``a`` is interpolated over the squared speed by one polynomial through a few Chebyshev points, at which
 the problem is made; the derivative is exactly that of the polynomials.  How far interpolated equations are from those made
-at a speed in between is measured and told.  Amplitude along a run-up rises with speed as preload and modes change, so that its
-highest point is not quite the peak at fixed speed.
+at a speed in between is measured and told.  Amplitude along a run-up rises with speed as preload and modes change, so that
+its highest point is not quite the peak at fixed speed.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from numpy.typing import NDArray
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.harmonic_balance.system import DIVERGED, NOT_CONVERGED, NOT_FINITE, OK, Correction, HarmonicSystem, norm2
-from bdamper.peaks.newton import Peak, refine_maxima
+from bdamper.peaks.newton import refine_maxima
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossing import TWO_PI, Search, derivatives, half_bandwidth
+from bdamper.speed.crossing import TWO_PI, Search, derivatives, excess, half_bandwidth
 from bdamper.speed.crossings import RPM, speed_values
 from bdamper.speed.family import SpeedFamily
 from bdamper.util import validate
@@ -51,6 +51,8 @@ NODES = 6
 residual of solutions in between is then below 1e-6."""
 CLOSE = 1e-3
 """Largest residual, relative to the excitation, that the interpolation may leave at a solution."""
+FOLLOWING = ContinuationOptions(step=0.1, max_step=0.3, max_turn=0.6, locate_tolerance=1e-4)
+"""Settings of the path by default; its highest point is refined afterwards."""
 PARTS = {
     "stiffness": "stiffness", "mass": "stiffness", "damping": "damping", "G": "modes", "kt": "contact", "kn": "contact",
     "mu": "friction", "n0": "contact", "w": "static", "shift": "static", "force": "force", "load": "contact",
@@ -197,7 +199,8 @@ class RunUpSystem(HarmonicSystem):
             B = np.vstack([np.column_stack([J * scale[:n], r_omega * scale[n]]), normal])
             rows = 1.0 / np.maximum(np.abs(B).max(axis=1), 1e-300)
             B *= rows[:, None]
-            solution, rank = _solve(B, np.column_stack([border * rows, np.append(-r, normal @ ((start - y) / scale)) * rows]))
+            sides = np.column_stack([border, np.append(-r, normal @ ((start - y) / scale))])
+            solution, rank = _solve(B, sides * rows[:, None])
             tangent = solution[:, 0] / norm2(solution[:, 0])
             orientation = int(np.linalg.slogdet(B)[0])
             if residual <= tolerance:
@@ -229,10 +232,10 @@ def _amplitude(force: NDArray, harmonic: int) -> NDArray:
 
 def _solve(B: NDArray, right: NDArray) -> tuple[NDArray, int]:
     """Solution, of least norm where the matrix is singular, and its rank."""
-    factors = scipy.linalg.lu_factor(B, check_finite=False)
-    condition = scipy.linalg.lapack.dgecon(factors[0], np.abs(B).sum(axis=0).max())[0]
-    if condition > 1e-13:
-        return scipy.linalg.lu_solve(factors, right, check_finite=False), len(B)
+    lapack = scipy.linalg.lapack
+    factors, pivot, info = lapack.dgetrf(B)
+    if info == 0 and lapack.dgecon(factors, np.abs(B).sum(axis=0).max())[0] > 1e-13:
+        return lapack.dgetrs(factors, pivot, right)[0], len(B)
     solution, _, rank, _ = scipy.linalg.lstsq(B, right, cond=1e-12)
     return solution, int(rank)
 
@@ -260,7 +263,7 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
     peak_speed, peak_amplitude : float, rad/s and m
         The highest point along the line.
     excess : float
-        Estimate of the relative difference of the two amplitudes, ``(slope half_bandwidth)^2/2``.
+        Estimate of the relative difference of the two amplitudes (:mod:`bdamper.speed.crossing`).
     interpolation : float
         Residual that interpolation over speed leaves, relative to the excitation.
     status : str
@@ -302,8 +305,9 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
 
     @property
     def agrees(self) -> bool:
-        """Whether the two amplitudes agree to 0.1 %, or to the estimate where that is larger."""
-        return abs(self.difference) <= max(1e-3, 2.0 * self.excess)
+        """Whether the two amplitudes differ by the estimate, to 0.1 % or to half of it where that is more."""
+        estimate = float(np.nan_to_num(self.excess))
+        return abs(self.difference - estimate) <= max(1e-3, 0.5 * estimate)
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest point, and the crossing beside it."""
@@ -320,7 +324,8 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
         """A row for each point of the path."""
         shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
         frequency = Column(self.engine_order * self.speed / TWO_PI, "Hz")
-        return {"speed": Column(self.speed, "rad/s"), "frequency": frequency, "amplitude": Column(self.amplitude, "m"), **shares}
+        return {"speed": Column(self.speed, "rad/s"), "frequency": frequency, "amplitude": Column(self.amplitude, "m"),
+        **shares}
 
     def __str__(self) -> str:
         agrees = "agrees with" if self.agrees else "does not agree with"
@@ -355,6 +360,7 @@ def run_up(
     within : (low, high), rad/s
         Where the crossing is looked for if no range is given.
     options : ContinuationOptions
+        ``FOLLOWING`` by default.
     **conditions
         As for :meth:`bdamper.Study.crossings`.
 
@@ -372,9 +378,10 @@ def run_up(
     search = Search(family, tuple(asked.tolist()), validate.whole("mode", mode, least=1), meter, near=True)
     peak, ends = search.run()
     if peak is None:
+        order = problem.engine_order
         jumps = f"; the highest peak jumps over the line between {ends[0]:.6g} and {ends[1]:.6g} rad/s"
         raise BdamperError(
-            f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {asked[0]:.6g} and "
+            f"run-up: expected a crossing of mode {mode} with engine order {order} between {asked[0]:.6g} and "
             f"{asked[-1]:.6g} rad/s, found none" + (jumps if np.isfinite(ends[0]) else "")
         )
     speed = peak.parameter
@@ -386,30 +393,26 @@ def run_up(
             f"speeds: expected a range in which the equations change smoothly, found a residual of {error:.2g} after "
             f"interpolation between {low:.6g} and {high:.6g} rad/s; give a shorter one"
         )
+    options = options or FOLLOWING
     limits = (system.order * low, system.order * high)
     paths = [follow(system, peak.y, limits, up=up, options=options) for up in (False, True)]
     points = [*paths[0].points[::-1], *paths[1].points[1:]]
-    tops = refine_maxima(system, points)
-    places = np.array([p.y[-1] for p in points]) / system.order
-    heights = np.array([system.amplitude(p.y) for p in points])
-    best: Peak | None = max(tops, key=lambda p: system.amplitude(p.y), default=None)
-    top = (places[int(heights.argmax())], heights.max()) if best is None else (
-        best.y[-1] / system.order, system.amplitude(best.y)
-    )  # fmt: skip
-    slope = derivatives(family, peak).get("slope", np.nan)
+    top = _highest(system, [*(p.y for p in refine_maxima(system, points)), *(p.y for p in points)])
+    move = derivatives(family, peak)
+    slopes = move.get("slope", np.nan), move.get("frequency_slope", np.nan)
     meter.count(sum(p.iterations for p in paths), sum(p.failed_steps for p in paths))
     return RunUp(
         engine_order=system.order,
-        speed=places,
-        amplitude=heights,
+        speed=np.array([p.y[-1] for p in points]) / system.order,
+        amplitude=np.array([system.amplitude(p.y) for p in points]),
         shares=np.array([p.shares for p in points]),
         residual=np.array([p.residual for p in points]),
         point_kind=tuple(p.kind for p in points),
         crossing_speed=speed,
         crossing_amplitude=peak.amplitude,
-        peak_speed=float(top[0]),
-        peak_amplitude=float(top[1]),
-        excess=float(0.5 * (slope * half_bandwidth(peak)) ** 2),
+        peak_speed=float(top[-1]) / system.order,
+        peak_amplitude=system.amplitude(top),
+        excess=float(excess(*slopes, half_bandwidth(peak))),
         interpolation=error,
         status=_ending(paths),
         cost=meter.read(time.perf_counter()),
@@ -418,7 +421,13 @@ def run_up(
     )
 
 
+def _highest(system: RunUpSystem, points: list[NDArray]) -> NDArray:
+    """The first of the highest of some points."""
+    return max(points, key=system.amplitude)
+
+
 def _ending(paths: list[Path]) -> str:
     """How the paths to lower and to higher speeds ended."""
-    ends = [f"{where} {path.status} ({path.reason})" for where, path in zip(("down", "up"), paths) if path.status != "complete"]
+    named = zip(("down", "up"), paths)
+    ends = [f"{where} {path.status} ({path.reason})" for where, path in named if path.status != "complete"]
     return "; ".join(ends) or "complete"

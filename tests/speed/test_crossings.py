@@ -1,0 +1,161 @@
+"""Crossings over rotor speed, the run-up along a line, and both against each other."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.problem.at_speed import Conditions
+from bdamper.problem.variation import vary
+from bdamper.speed.crossing import Search
+from bdamper.speed.family import SpeedFamily
+from bdamper.speed.run_up import PARTS, TERMS, RunUpSystem
+from bdamper.util.cost import CostMeter
+from tests.plain import plain_study
+from tests.turning import turning_disk
+
+SPEEDS = (400.0, 450.0, 500.0, 560.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(turning_disk((0, 5)), bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def found(study):
+    return study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
+
+
+def test_the_peak_lies_on_the_line_at_the_preload_of_its_speed(study, found):
+    assert found.kind == ("crossing",) * 3 and found.complete
+    i = int(found.of(5, 1.0)[0])
+    assert found.speed[i] == pytest.approx(2.0 * np.pi * found.frequency[i] / 5, rel=1e-9)
+    at = study.at_speed(float(found.speed[i]))
+    assert found.preload[i] == pytest.approx(at.preload, rel=1e-12)
+    peak = at.peak(at.preload)
+    assert peak.amplitude == pytest.approx(found.amplitude[i], rel=1e-8)
+    assert peak.frequency == pytest.approx(found.frequency[i], rel=1e-8)
+    line = found.lines[i]
+    assert set(SPEEDS) <= set(line.speed) and line.engine_order == 5
+
+
+def test_derivatives_by_the_mass_are_those_of_crossings_at_other_masses(found):
+    """Load and inertia together; the inertia alone changes a hundredth as much."""
+    low, middle, high = range(3)
+    amplitude = (found.amplitude[high] - found.amplitude[low]) / 0.002
+    speed = (found.speed[high] - found.speed[low]) / 0.002
+    assert found.amplitude_by_mass[middle] == pytest.approx(amplitude, rel=1e-4)
+    assert found.speed_by_mass[middle] == pytest.approx(speed, rel=1e-4)
+
+
+def test_run_up_and_secant_agree(study, found):
+    run = study.run_up((420.0, 465.0))
+    i = int(found.of(5, 1.0)[0])
+    assert run.status == "complete" and run.agrees, str(run)
+    assert run.crossing_speed == pytest.approx(found.speed[i], rel=1e-9)
+    assert run.peak_amplitude >= run.crossing_amplitude
+    assert run.difference == pytest.approx(found.excess[i], abs=max(1e-3, 0.5 * found.excess[i]))
+    assert run.speed.min() == pytest.approx(420.0) and run.speed.max() == pytest.approx(465.0)
+    assert "agrees with the peak at fixed speed" in str(run)
+
+
+@pytest.fixture(scope="module")
+def line(study):
+    """Equations of the run-up, with residual modes, friction and excitation that change with speed, and a point near it."""
+    turning = plain_study(
+        turning_disk((0, 5), spin=True), study.excitation, 5, friction_coefficient=0.3, contact_stiffness="residual_modes"
+    )
+    conditions = Conditions(friction={300.0: 0.3, 600.0: 0.4}, excitation=lambda omega, order: 0.04 * omega)
+    family = SpeedFamily(turning, conditions)
+    peak, _ = Search(family, SPEEDS, 1, CostMeter(0.0), near=True).run()
+    u = peak.y[:-1] * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(len(peak.y) - 1))
+    return RunUpSystem(family, (440.0, 500.0)), family, peak, u
+
+
+@pytest.mark.parametrize("terms", [*((term,) for term in TERMS), TERMS], ids=lambda terms: "+".join(terms))
+def test_derivative_by_speed_term_by_term(line, terms):
+    """Against central differences of the residual in which the arrays of one term alone are those of another speed."""
+    system, _, _, u = line
+    omega, h = 470.0, 1e-2
+
+    def residual(other):
+        here, there = system.made_at(omega)[0], system.made_at(other)[0]
+        arrays = {name: there.arrays[name] for name, term in PARTS.items() if term in terms}
+        return here._with(**{**here.arrays, **arrays}).residual(np.append(u, 5 * omega))
+
+    exact = system.speed_rate(u, omega, terms)
+    steps = [(residual(omega + d) - residual(omega - d)) / (2.0 * d) for d in (h, 3.0 * h, 10.0 * h)]
+    errors = [float(np.abs(step - exact).max()) for step in steps]
+    assert np.abs(exact).max() > 0.0
+    assert min(errors) <= 1e-8 * np.abs(exact).max(), errors
+
+
+def test_interpolated_equations_are_those_of_a_speed(line):
+    """At a speed that is none of the points; what is left are kinks where the static state changes."""
+    system, family, peak, _ = line
+    assert np.abs(system.residual(peak.y) * system.row_scale).max() < 1e-4
+    made, own = system.made_at(peak.parameter)[0], family.system(peak.parameter)
+    np.testing.assert_allclose(made.arrays["stiffness"], own.arrays["stiffness"], rtol=1e-8)
+    np.testing.assert_allclose(made.arrays["kn"], own.arrays["kn"], rtol=1e-5)
+    assert system.amplitude(peak.y) == pytest.approx(peak.amplitude, rel=1e-6)
+
+
+def test_unknowns_of_two_speeds_are_comparable(line):
+    """Residual modes have any phase of their own: aligned they change as little as the speed does."""
+    _, family, _, _ = line
+    a, b = (family.problem(omega).bases[1].G for omega in (450.0, 452.0))
+    assert np.linalg.norm(a - b) < 1e-2 * np.linalg.norm(a)
+
+
+def test_executors_and_files_give_the_same_table(study, found, tmp_path):
+    with ThreadPoolExecutor(2) as pool:
+        other = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), executor=pool, resume=tmp_path / "kept")
+    np.testing.assert_allclose(other.amplitude, found.amplitude, rtol=1e-12)
+    again = study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001), resume=tmp_path / "kept")
+    np.testing.assert_array_equal(again.amplitude, other.amplitude)
+    again.save(tmp_path / "table.h5")
+    assert str(bd.load(tmp_path / "table.h5")) == str(again)
+    with pytest.raises(bd.BdamperError, match="found those of another one"):
+        study.crossings((400.0, 500.0), [5], resume=tmp_path / "kept")
+
+
+def test_no_crossing_in_the_range(study):
+    found = study.crossings((100.0, 200.0), [5])
+    assert found.kind == ("none",) and not found.found.any() and found.complete
+    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 100 and 200"):
+        study.run_up((100.0, 200.0))
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (((500.0, 400.0), [5]), r"speeds: expected \(low, high\) in rad/s"),
+        (((0.0, 400.0), [5]), "speeds: expected a sequence of one or more finite numbers > 0 rad/s"),
+        (((400.0, 500.0), []), "engine_orders: expected at least one"),
+        (((400.0, 500.0), [0]), "engine_orders: expected a whole number >= 1"),
+    ],
+)
+def test_questions_that_do_not_fit(study, asked, words):
+    with pytest.raises(bd.SettingError, match=words):
+        study.crossings(*asked)
+    with pytest.raises(bd.SettingError, match="damper_mass: expected"):
+        study.crossings((400.0, 500.0), [5], damper_mass=(0.0,))
+
+
+def test_a_derivative_by_parameters_of_coupled_friction_is_refused(study):
+    coupled = replace(study, friction_law="coupled", evaluation=bd.Sampled(64)).at_speed(450.0)
+    system = coupled.system(coupled.preload)
+    with pytest.raises(bd.SettingError, match="derivative by parameters: expected separable friction"):
+        system.contact_rate(np.zeros(system.n_unknowns), np.zeros((system.n_points, 3, 3)), {})
+
+
+def test_the_mass_factor_alone_scales_inertia(study):
+    """At the same preload a heavier damper changes little; with its own load much more."""
+    at = study.at_speed(470.0)
+    heavy = vary(at, {"damper_mass_factor": 1.5})
+    same, own = heavy.peak(at.preload).amplitude, heavy.peak(heavy.preload).amplitude
+    base = at.peak(at.preload).amplitude
+    assert abs(same / base - 1.0) < 0.05 < abs(own / base - 1.0)
