@@ -33,6 +33,7 @@ from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history,
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
 from bdamper.plot.together import plot_designs, plot_together
+from bdamper.plot.wheel import plot_mistuning
 
 __all__ = [
     "animate_damper",
@@ -57,6 +58,7 @@ __all__ = [
     "plot_laws",
     "plot_measurement",
     "plot_microslip",
+    "plot_mistuning",
     "plot_mode",
     "plot_model",
     "plot_optimal",

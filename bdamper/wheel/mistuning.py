@@ -1,0 +1,413 @@
+"""How the blades and the dampers of a wheel differ: deviations of blade frequencies, variations of dampers.
+
+A *frequency deviation* ``eps`` of a blade is that of its natural frequencies clamped at the root, where the disk has no
+part in them: they are ``(1 + eps)`` times those of the nominal blade, its stiffness ``(1 + eps)**2``.  (The first-order
+``1 + 2 eps`` would miss the frequency by 0.12 % at 5 %.)  Blade ``n`` of an array is sector ``n`` of the wheel, counted
+toward +X.  The mean of the deviations is kept unless it is taken out; every object says which.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError, SettingError, mismatch
+from bdamper.util.hdf5 import FilePath, Storable
+from bdamper.util.plotting import Plottable
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+DISTRIBUTIONS = ("normal", "uniform")
+_BLADES, _DAMPERS = 1, 2
+"""Last number of the seeds of blades and of dampers, whose draws are independent."""
+
+
+@brief
+@dataclass(frozen=True)
+class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning"):
+    """Frequency deviations of the blades of a wheel.
+
+    ``plot`` draws them as bars over the blades (:func:`bdamper.plot.plot_mistuning`).
+
+    Parameters
+    ----------
+    deviation : (n_blades,) or (n_blades, n_modes) float
+        Relative deviation of the clamped frequencies of each blade, of all its modes together or of each of the first
+        cantilever modes; modes beyond have the mean of those given.
+    mean : {"kept", "taken out"}
+        Whether the mean over the blades is as it was given, measured or drawn; :meth:`without_mean` takes it out.
+    source : str
+        Where the deviations come from: "given", a distribution, a file.
+    seed : tuple of int
+        With which they were drawn; empty where they were not.
+
+    Raises
+    ------
+    SettingError
+        If a deviation is no finite number above -1.
+    """
+
+    deviation: NDArray
+    mean: str = "kept"
+    source: str = "given"
+    seed: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        try:
+            values = np.array(self.deviation, float)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > -1.0).all()):
+            expected = "(n_blades,) or (n_blades, n_modes) finite frequency deviations above -1"
+            raise validate.unfit("mistuning", expected, self.deviation)
+        validate.choice("mean", self.mean, ("kept", "taken out"))
+        values.setflags(write=False)
+        object.__setattr__(self, "deviation", values)
+        object.__setattr__(self, "seed", tuple(self.seed))
+
+    # ---- where deviations come from ----
+
+    @classmethod
+    def from_frequencies(cls, frequency: Any, reference: Any = None, source: str = "given frequencies") -> Self:
+        """Deviations of measured frequencies of the blades, each clamped at its root.
+
+        Parameters
+        ----------
+        frequency : (n_blades,) or (n_blades, n_modes) float, Hz
+        reference : float or (n_modes,) float, Hz, optional
+            Those of the nominal blade, which keeps the mean of the deviations; by default the mean over the blades, which
+            takes it out.
+        source : str
+        """
+        try:
+            values = np.array(frequency, float)
+        except (TypeError, ValueError):
+            values = np.array(np.nan)
+        if values.ndim not in (1, 2) or 0 in values.shape or not (np.isfinite(values).all() and (values > 0.0).all()):
+            raise validate.unfit("frequency", "(n_blades,) or (n_blades, n_modes) frequencies above 0 Hz", frequency)
+        if reference is None:
+            return cls(values / values.mean(axis=0) - 1.0, "taken out", source)
+        n = 1 if values.ndim == 1 else values.shape[1]
+        base = validate.numbers("reference", np.atleast_1d(reference), n, above=0.0, unit="Hz")
+        return cls(values / (base[0] if values.ndim == 1 else base) - 1.0, "kept", source)
+
+    @classmethod
+    def from_csv(cls, path: FilePath, reference: Any = None) -> Self:
+        """Deviations of measured blade frequencies in a file, each blade clamped at its root.
+
+        Parameters
+        ----------
+        path : path-like
+            One row for each blade, in hertz one column for each mode measured.  A header is optional; a column that it
+            calls "blade" numbers the blades, from 0 or 1, in any order.  Lines that begin with ``#`` are comments.
+        reference : float or (n_modes,) float, Hz, optional
+            As in :meth:`from_frequencies`.
+
+        Raises
+        ------
+        FileNotFoundError
+        BdamperError
+            With the number of the line that does not fit.
+        """
+        if not Path(path).is_file():
+            raise FileNotFoundError(f"there is no file '{path}'")
+        frequency = _read_frequencies(path)
+        return cls.from_frequencies(frequency, reference, f"file {Path(path).name}")
+
+    @classmethod
+    def drawn(
+        cls,
+        n_blades: int,
+        standard_deviation: float,
+        distribution: str | Mistuning = "normal",
+        *,
+        modes: int | None = None,
+        seed: int | Sequence[int] = 0,
+    ) -> Self:
+        """Deviations drawn for every blade independently; the same unit pattern at every standard deviation.
+
+        Parameters
+        ----------
+        n_blades : int
+        standard_deviation : float
+            Of the distribution; that of one drawn pattern scatters about it.
+        distribution : {"normal", "uniform"} or Mistuning
+            A measured pattern is drawn from with repetition, its blades whole, after its mean is taken out and its
+            standard deviation (over all modes) brought to the one asked for.
+        modes : int, optional
+            Independent deviations for so many cantilever modes, instead of one for each blade.
+        seed : int or sequence of int
+            Equal seeds give equal draws.
+        """
+        n_blades = validate.whole("n_blades", n_blades, least=1)
+        deviation = validate.number("standard_deviation", standard_deviation, least=0.0, below=1.0)
+        seed = _seed(seed)
+        generator = np.random.default_rng([*seed, _BLADES])
+        shape = (n_blades,) if modes is None else (n_blades, validate.whole("modes", modes, least=1))
+        if isinstance(distribution, Mistuning):
+            if modes is not None:
+                raise SettingError("modes: expected none beside a measured pattern, which has its own")
+            pattern = distribution.without_mean().deviation
+            if pattern.std() == 0.0:
+                raise SettingError("distribution: expected a measured pattern of blades that differ, found equal ones")
+            unit = (pattern / pattern.std())[generator.integers(len(pattern), size=n_blades)]
+            name = f"resampled from {distribution.source}"
+        else:
+            name = validate.choice("distribution", distribution, DISTRIBUTIONS)
+            half = np.sqrt(3.0)
+            unit = generator.standard_normal(shape) if name == "normal" else generator.uniform(-half, half, shape)
+        return cls(deviation * unit, "kept", f"{name}, standard deviation {deviation:g}", seed)
+
+    # ---- what it says ----
+
+    @property
+    def n_blades(self) -> int:
+        return len(self.deviation)
+
+    @property
+    def stiffness_change(self) -> NDArray:
+        """Relative change of stiffness ``(1 + eps)**2 - 1``, of the shape of ``deviation``."""
+        return self.deviation * (2.0 + self.deviation)
+
+    def by_mode(self, n_modes: int) -> tuple[NDArray, NDArray]:
+        """Change of stiffness of each cantilever mode (n_blades, n_modes), and of the rest of each blade (n_blades,).
+
+        The rest, attachments and the shapes of the root, has the mean over the modes that are given.
+
+        Raises
+        ------
+        SettingError
+            If deviations are given for more modes than there are.
+        """
+        change = self.stiffness_change.reshape(self.n_blades, -1)
+        rest = change.mean(axis=1)
+        if change.shape[1] == 1:
+            return np.repeat(change, n_modes, axis=1), rest
+        if change.shape[1] > n_modes:
+            expected = f"deviations of at most the {n_modes} cantilever modes of the model"
+            raise SettingError(f"mistuning: expected {expected}, found {change.shape[1]}")
+        beyond = np.repeat(rest[:, None], n_modes - change.shape[1], axis=1)
+        return np.hstack([change, beyond]), rest
+
+    def without_mean(self) -> Self:
+        """The same pattern with the mean over the blades, of each mode, taken out."""
+        return type(self)(self.deviation - self.deviation.mean(axis=0), "taken out", self.source, self.seed)
+
+    def turned(self, blades: int = 1) -> Self:
+        """The pattern turned by some blades: blade ``n + blades`` becomes what blade ``n`` was."""
+        return type(self)(np.roll(self.deviation, blades, axis=0), self.mean, self.source, self.seed)
+
+    def mirrored(self) -> Self:
+        """The pattern mirrored: blade ``-n`` becomes what blade ``n`` was."""
+        return type(self)(self.deviation[-np.arange(self.n_blades)], self.mean, self.source, self.seed)
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each blade."""
+        by_mode = self.deviation.reshape(self.n_blades, -1).T
+        names = ["deviation"] if self.deviation.ndim == 1 else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
+        return {"blade": Column(np.arange(self.n_blades)), **{n: Column(v) for n, v in zip(names, by_mode)}}
+
+    def _dimension(self) -> str:
+        return "blade"
+
+    def __str__(self) -> str:
+        modes = "" if self.deviation.ndim == 1 else f", {self.deviation.shape[1]} modes each"
+        seed = f", seed {' '.join(map(str, self.seed))}" if self.seed else ""
+        d = 100.0 * self.deviation
+        return (
+            f"frequency deviations of {self.n_blades} blades clamped at the root{modes} ({self.source}{seed}): mean "
+            f"{d.mean():.3g} % ({self.mean}), standard deviation {d.std():.3g} %, from {d.min():.3g} to {d.max():.3g} %"
+        )
+
+
+@brief
+@dataclass(frozen=True)
+class DamperVariation(Storable, kind="bdamper-damper-variation"):
+    """How the dampers of a wheel differ from the nominal one; damper ``n`` lies between the blades ``n`` and ``n + 1``.
+
+    Parameters
+    ----------
+    mass : (n_blades,) float
+        Factors on the damper's mass at the same shape, above 0: of its inertia and of its centrifugal load.
+    friction_coefficient, contact_stiffness : (n_blades,) float
+        Factors on those of all its contact points: at least 0, above 0.
+    gap : (n_blades,) float, m
+        Added to the initial gaps of all its contact points, from 0.
+    missing : (n_blades,) bool
+        Dampers that are not there.
+    seed : tuple of int
+        With which they were drawn; empty where they were not.
+
+    Raises
+    ------
+    SettingError
+        If the arrays do not fit together, or a value is out of range.
+    """
+
+    mass: NDArray
+    friction_coefficient: NDArray
+    contact_stiffness: NDArray
+    gap: NDArray
+    missing: NDArray
+    seed: tuple[int, ...] = ()
+
+    def __post_init__(self) -> None:
+        n = np.size(self.missing)
+        for name, limits in _LIMITS.items():
+            value = validate.numbers(name, np.asarray(getattr(self, name)), n, **limits)
+            value.setflags(write=False)
+            object.__setattr__(self, name, value)
+        missing = np.array(self.missing)
+        if missing.dtype != bool or missing.ndim != 1 or n == 0:
+            raise validate.unfit("missing", "(n_blades,) True or False", self.missing)
+        missing.setflags(write=False)
+        object.__setattr__(self, "missing", missing)
+        object.__setattr__(self, "seed", tuple(self.seed))
+
+    @classmethod
+    def of(
+        cls,
+        n_blades: int,
+        *,
+        mass: Any = 1.0,
+        friction_coefficient: Any = 1.0,
+        contact_stiffness: Any = 1.0,
+        gap: Any = 0.0,
+        missing: Sequence[int] = (),
+    ) -> Self:
+        """Dampers of which some properties differ; one number stands for all dampers.
+
+        Parameters
+        ----------
+        n_blades : int
+        mass, friction_coefficient, contact_stiffness, gap : float or (n_blades,) float
+            As above.
+        missing : sequence of int
+            Numbers of the dampers that are not there, from 0.
+        """
+        n = validate.whole("n_blades", n_blades, least=1)
+        given = dict(zip(_LIMITS, (mass, friction_coefficient, contact_stiffness, gap)))
+        full: dict[str, Any] = {name: [value] * n if np.ndim(value) == 0 else value for name, value in given.items()}
+        gone = np.zeros(n, bool)
+        gone[list(validate.wholes("missing", missing, most=n - 1))] = True
+        return cls(**full, missing=gone)
+
+    @classmethod
+    def drawn(
+        cls,
+        n_blades: int,
+        *,
+        mass: float = 0.0,
+        friction_coefficient: float = 0.0,
+        contact_stiffness: float = 0.0,
+        gap: float = 0.0,
+        missing: Sequence[int] = (),
+        seed: int | Sequence[int] = 0,
+    ) -> Self:
+        """Dampers drawn independently.
+
+        Parameters
+        ----------
+        n_blades : int
+        mass, friction_coefficient, contact_stiffness : float
+            Relative standard deviations of factors with lognormal distributions of mean 1, which stay above 0.
+        gap : float, m
+            Mean of gaps with an exponential distribution.
+        missing : sequence of int
+        seed : int or sequence of int
+            Equal seeds give equal draws, whatever else varies.
+        """
+        n = validate.whole("n_blades", n_blades, least=1)
+        seed = _seed(seed)
+        generator = np.random.default_rng([*seed, _DAMPERS])
+        spread = {"mass": mass, "friction_coefficient": friction_coefficient, "contact_stiffness": contact_stiffness}
+        full: dict[str, Any] = {}
+        for name, value in spread.items():
+            sigma = np.sqrt(np.log1p(validate.number(f"standard deviation of {name}", value, least=0.0) ** 2))
+            full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
+        full["gap"] = validate.number("gap", gap, least=0.0, unit="m") * generator.standard_exponential(n)
+        one = cls.of(n, **full, missing=missing)
+        object.__setattr__(one, "seed", seed)
+        return one
+
+    @property
+    def n_blades(self) -> int:
+        return len(self.missing)
+
+    def turned(self, blades: int = 1) -> Self:
+        """The dampers turned by some blades: damper ``n + blades`` becomes what damper ``n`` was."""
+        return self._taken((np.arange(self.n_blades) - blades) % self.n_blades)
+
+    def mirrored(self) -> Self:
+        """The dampers mirrored with the blades (:meth:`Mistuning.mirrored`): damper ``-n - 1`` becomes what ``n`` was."""
+        return self._taken((-np.arange(self.n_blades) - 1) % self.n_blades)
+
+    def _taken(self, order: NDArray) -> Self:
+        return type(self)(**{name: getattr(self, name)[order] for name in (*_LIMITS, "missing")}, seed=self.seed)
+
+    def __str__(self) -> str:
+        lines = [f"{self.n_blades} dampers, {int(self.missing.sum())} missing"]
+        for name in _LIMITS:
+            low, high = getattr(self, name).min(), getattr(self, name).max()
+            lines.append(f"  {name.replace('_', ' ')}: {'' if name == 'gap' else 'factor '}{low:.4g} to {high:.4g}")
+        return "\n".join(lines)
+
+
+_LIMITS: dict[str, dict[str, Any]] = {
+    "mass": {"above": 0.0}, "friction_coefficient": {"least": 0.0}, "contact_stiffness": {"above": 0.0},
+    "gap": {"least": 0.0, "unit": "m"},
+}  # fmt: skip
+
+
+def _seed(seed: Any) -> tuple[int, ...]:
+    given = seed if isinstance(seed, Sequence) and not isinstance(seed, str | bytes) else [seed]
+    return tuple(validate.whole("seed", s) for s in given)
+
+
+def _read_frequencies(path: FilePath) -> NDArray:
+    """(n_blades,) or (n_blades, n_modes) from a CSV file, in the order of the blades."""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise BdamperError(f"{path}: expected a text file of blade frequencies, found {error}") from error
+    lines = [(i, line) for i, line in enumerate(text, 1) if line.strip() and not line.lstrip().startswith("#")]
+    separator = ";" if any(";" in line for _, line in lines) else ","
+    cells = csv.reader([line for _, line in lines], delimiter=separator)
+    rows = [(i, [cell.strip() for cell in row]) for (i, _), row in zip(lines, cells)]
+    head: list[str] = []
+    if rows and not any(_is_number(cell) for cell in rows[0][1]):
+        head = [cell.lower() for cell in rows.pop(0)[1]]
+    if not rows:
+        raise mismatch(str(path), "one row of frequencies for each blade", "none")
+    values = []
+    for i, row in rows:
+        if len(row) != len(rows[0][1]) or not all(map(_is_number, row)):
+            raise mismatch(f"{path}, line {i}", f"{len(rows[0][1])} numbers", separator.join(row))
+        values.append([float(cell) for cell in row])
+    table = np.array(values)
+    if "blade" in head:
+        if len(head) != table.shape[1]:
+            raise mismatch(str(path), f"{len(head)} columns as in the header", table.shape[1])
+        number = table[:, head.index("blade")]
+        order = np.argsort(number, kind="stable")
+        if number.min() not in (0.0, 1.0) or not np.array_equal(number[order], number.min() + np.arange(len(number))):
+            raise mismatch(f"{path}, column 'blade'", "each number from 0 or 1 once", number.tolist())
+        table = np.delete(table[order], head.index("blade"), axis=1)
+    if not table.size or not (np.isfinite(table).all() and (table > 0.0).all()):
+        raise mismatch(str(path), "frequencies above 0 Hz", "others")
+    return table[:, 0] if table.shape[1] == 1 else table
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
