@@ -66,5 +66,6 @@ extern PyType_Spec core_system_spec; /* bd_core_system.c */
 extern PyType_Spec core_ring_spec;   /* bd_core_time.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
+PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwargs);
 
 #endif

@@ -1,4 +1,4 @@
-/* bdamper._core.evaluate_contact: one contact point, for tests and teaching. */
+/* bdamper._core: one contact point, for tests and teaching; many points at once, for the wheel. */
 #include "bd_core.h"
 
 #include <math.h>
@@ -115,4 +115,119 @@ done:
     PyMem_Free(block);
     bd_evaluator_destroy(&evaluator);
     return result;
+}
+
+/* ---- many points ---- */
+
+/* Elements and motions of n_point points, and where their results go; T is NULL where no tangent is asked for. */
+typedef struct {
+    npy_intp n_point, n_coef;
+    int evaluation, n_time;
+    bd_element *element;
+    const double *x;
+    double *F, *T, *share;
+} points_call;
+
+static void fill_elements(points_call *c, const double *kt, const double *kn, const double *mu, const double *n0,
+                          const double *w, const double *load, const int *law) {
+    for (npy_intp p = 0; p < c->n_point; ++p)
+        c->element[p] = (bd_element){.law = (bd_law)law[p],
+                                     .kt = {kt[2 * p], kt[2 * p + 1]},
+                                     .kn = kn[p],
+                                     .mu = mu[p],
+                                     .n0 = n0[p],
+                                     .w = {w[2 * p], w[2 * p + 1]},
+                                     .load = load[p]};
+}
+
+static void evaluate_group(const points_call *c, npy_intp first, int n, bd_evaluator *evaluator) {
+    const size_t n_coef = (size_t)c->n_coef, nn = n_coef * n_coef, at = (size_t)first;
+    bd_response out[BD_LANES];
+    bd_status_share share[BD_LANES];
+    for (int i = 0; i < n; ++i) {
+        out[i] = (bd_response){.F = c->F + 3 * n_coef * (at + (size_t)i)};
+        if (!c->T) continue;
+        double *block = c->T + 7 * nn * (at + (size_t)i);
+        for (int d = 0; d < 2; ++d) {
+            out[i].dT[d] = block + (size_t)d * nn;
+            out[i].dTv[d] = block + (size_t)(2 + d) * nn;
+            out[i].dTc[d] = block + (size_t)(4 + d) * nn;
+        }
+        out[i].dN = block + 6 * nn;
+    }
+    bd_contact_evaluate_many(n, c->element + first, c->x + 3 * n_coef * at, out, share, evaluator);
+    for (int i = 0; i < n; ++i) {
+        if (c->T) bd_element_write_blocks(c->element + first + i, (int)(n_coef / 2), out + i);
+        const bd_status_share s = share[i];
+        const double found[5] = {s.stick[0], s.slip[0], s.stick[1], s.slip[1], s.open};
+        memcpy(c->share + 5 * (at + (size_t)i), found, sizeof found);
+    }
+}
+
+static bd_status evaluate_points(const points_call *c) {
+    bd_evaluator evaluator;
+    const bd_status status = bd_evaluator_create(&evaluator, (bd_evaluation)c->evaluation, (int)(c->n_coef / 2), c->n_time);
+    if (status != BD_OK) return status;
+    for (npy_intp first = 0; first < c->n_point; first += BD_LANES) {
+        const npy_intp left = c->n_point - first;
+        evaluate_group(c, first, left < BD_LANES ? (int)left : BD_LANES, &evaluator);
+    }
+    bd_evaluator_destroy(&evaluator);
+    return BD_OK;
+}
+
+/* The arguments of evaluate_points(), in their order. */
+typedef struct {
+    PyObject *x, *kt, *kn, *mu, *n0, *w, *load, *law, *F, *T, *share;
+} points_objects;
+
+/* Checks and reads all arrays; the elements are the caller's to free. */
+static int read_points(const points_objects *o, points_call *c) {
+    if (!PyArray_Check(o->x) || PyArray_NDIM((PyArrayObject *)o->x) != 3 ||
+        PyArray_DIM((PyArrayObject *)o->x, 2) % 2 != 1) {
+        PyErr_SetString(PyExc_ValueError, "x: expected a numpy array of shape (n_points, 3, 2 n_harm + 1)");
+        return 0;
+    }
+    core_arguments arguments = {0};
+    const npy_intp n = c->n_point = PyArray_DIM((PyArrayObject *)o->x, 0), m = PyArray_DIM((PyArrayObject *)o->x, 2);
+    const npy_intp motion[3] = {n, 3, m}, pair[2] = {n, 2}, tangent[4] = {n, 7, m, m}, shares[2] = {n, 5};
+    c->n_coef = m;
+    if (!core_check_n_harm((m - 1) / 2) || !core_check_evaluation(c->evaluation, c->n_time, (int)((m - 1) / 2))) return 0;
+    const double *kt, *kn, *mu, *n0, *w, *load;
+    const int *law;
+    if (!(c->x = core_numbers(&arguments, o->x, "x", 3, motion, BD_FINITE))) return 0;
+    if (!(kt = core_numbers(&arguments, o->kt, "kt", 2, pair, BD_FINITE))) return 0;
+    if (!(kn = core_numbers(&arguments, o->kn, "kn", 1, &n, BD_NON_NEGATIVE))) return 0;
+    if (!(mu = core_numbers(&arguments, o->mu, "mu", 1, &n, BD_NON_NEGATIVE))) return 0;
+    if (!(n0 = core_numbers(&arguments, o->n0, "n0", 1, &n, BD_FINITE))) return 0;
+    if (!(w = core_doubles(&arguments, o->w, "w", 2, pair, BD_INPUT))) return 0;
+    if (!(load = core_numbers(&arguments, o->load, "load", 1, &n, BD_FINITE))) return 0;
+    if (!(law = core_array(&arguments, o->law, "law", NPY_INT, "intc", 1, &n, BD_INPUT))) return 0;
+    if (!(c->F = core_doubles(&arguments, o->F, "F", 3, motion, BD_OUTPUT))) return 0;
+    if (!(c->share = core_doubles(&arguments, o->share, "share", 2, shares, BD_OUTPUT))) return 0;
+    if (o->T != Py_None && !(c->T = core_doubles(&arguments, o->T, "T", 4, tangent, BD_OUTPUT))) return 0;
+    for (npy_intp p = 0; p < n; ++p)
+        if (!core_check_law(law[p], c->evaluation) || !core_check_slider(w + 2 * p, law[p])) return 0;
+    if (!(c->element = PyMem_Malloc(sizeof(bd_element) * ((size_t)n + 1)))) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    fill_elements(c, kt, kn, mu, n0, w, load, law);
+    return 1;
+}
+
+PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwargs) {
+    (void)module;
+    static char *names[] = {"x",   "kt", "kn",    "mu", "n0",         "w",      "load",
+                            "law", "F",  "share", "T",  "evaluation", "n_time", NULL};
+    points_objects o = {.T = Py_None};
+    points_call call = {0};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOO|Oii:evaluate_points", names, &o.x, &o.kt, &o.kn, &o.mu,
+                                     &o.n0, &o.w, &o.load, &o.law, &o.F, &o.share, &o.T, &call.evaluation, &call.n_time))
+        return NULL;
+    if (!core_check_kernel() || !read_points(&o, &call)) return NULL;
+    bd_status status;
+    Py_BEGIN_ALLOW_THREADS status = evaluate_points(&call);
+    Py_END_ALLOW_THREADS PyMem_Free(call.element);
+    return core_check_status(status) ? Py_NewRef(Py_None) : NULL;
 }
