@@ -28,6 +28,7 @@ from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticEr
 from bdamper.util.hdf5 import load
 from bdamper.util.versions import HERE
 from bdamper.util.warn import PlausibilityWarning
+from bdamper.wheel.wheel import Wheel
 
 __version__ = HERE.bdamper
 
@@ -62,6 +63,8 @@ __all__ = [  # noqa: RUF022
     "draw",
     "uncertain_curve",
     "robust_optimum",
+    # whole wheels
+    "Wheel",
     # what settings and contacts do
     "accuracy_cost",
     "microslip",

@@ -123,7 +123,7 @@ class HarmonicSystem:
         self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
-        mode, n_time = self.evaluation_code = _evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
+        mode, n_time = self.evaluation_code = evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
         self.exact = mode == 0
         damping = [b.damping for b in bases]
         self.arrays: dict[str, Any] = {
@@ -549,14 +549,14 @@ def segments(
     """
     F = np.empty_like(x)
     J = np.empty(x.shape + x.shape)
-    mode, n_time = _evaluation_code(evaluation, x.shape[1] // 2, np.array(law))
+    mode, n_time = evaluation_code(evaluation, x.shape[1] // 2, np.array(law))
     _, parts = _core.evaluate_contact(
         np.ascontiguousarray(x), kt, kn, mu, n0, slider, F, J, law, mode, n_time, n0 if load is None else load
     )
     return list(parts)
 
 
-def _evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
+def evaluation_code(evaluation: str | Sampled, harmonics: int, law: NDArray) -> tuple[int, int]:
     if evaluation == "exact" and ((law == LAW_COUPLED) | (law == LAW_COUPLED_CONSTANT)).any():
         raise SettingError(
             'evaluation: expected Sampled(n_time) with coupled friction, which has no closed form, found "exact"'

@@ -222,16 +222,29 @@ class Coupling:
         """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body."""
         phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
         out = np.zeros((self.n_points, 3, array.shape[2]), complex)
+        for sector in (-1, 0, 1):
+            part = self.sector_rows(body, array, sector)
+            if part is not None:
+                out += np.exp(1j * phase * sector) * part
+        return out
+
+    def sector_rows(self, body: Body, array: NDArray, sector: int) -> NDArray | None:
+        """(n_points, 3, n) relative motion by the motion ``array`` of those ports of a body that lie in one sector.
+
+        None if none does.
+        """
+        out = None
         for port in body.ports:
             name, side = port
             if name not in self.interfaces:
                 continue
             face = self.model.interfaces[name]
-            sector = face.sector_a if side == "a" else face.sector_b
-            sign = -1.0 if side == "a" else 1.0
-            part = array[self.model.port_slice(body.name, port)]
-            out[self.rows(name)] += sign * np.exp(1j * phase * sector) * part
-        out[:, 2] *= -1.0
+            if sector != (face.sector_a if side == "a" else face.sector_b):
+                continue
+            out = np.zeros((self.n_points, 3, array.shape[2]), array.dtype) if out is None else out
+            out[self.rows(name)] += (-1.0 if side == "a" else 1.0) * array[self.model.port_slice(body.name, port)]
+        if out is not None:
+            out[:, 2] *= -1.0
         return out
 
     def basis(self, harmonic: int) -> HarmonicBasis:

@@ -4,5 +4,7 @@ In: a problem whose model has a sector-local basis.  Out: curves and peaks of ev
 """
 
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel.results import WheelCurve, WheelPeak
+from bdamper.wheel.wheel import Wheel
 
-__all__ = ["DamperVariation", "Mistuning"]
+__all__ = ["DamperVariation", "Mistuning", "Wheel", "WheelCurve", "WheelPeak"]

@@ -1,0 +1,165 @@
+"""Newton's method on the equations of a wheel, steps found iteratively.
+
+A step is solved by GMRES with the approximate inverse of :mod:`bdamper.wheel.system` to a tolerance that follows the
+residual; the approximate inverse of one step serves those after it while it serves well.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.progress import end_if_asked
+from bdamper.wheel.krylov import gmres
+from bdamper.wheel.system import Inverse, Linearised, WheelSystem
+
+LOOSE = 1e-2
+"""Largest relative residual of a Newton step's linear equations."""
+WORN = 25
+"""Iterations of GMRES after which an approximate inverse is made anew."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected:
+    """Outcome of a Newton iteration.
+
+    Parameters
+    ----------
+    converged : bool
+    X : (n_blades, n_coefficients, n_sector) float
+    omega : float, rad/s
+    iterations : int
+    residual : float
+    at : Linearised
+        At the returned point.
+    inverse : Inverse or None
+        The last approximate inverse.
+    """
+
+    converged: bool
+    X: NDArray
+    omega: float
+    iterations: int
+    residual: float
+    at: Linearised
+    inverse: Inverse | None
+
+
+def correct(
+    system: WheelSystem,
+    X: NDArray,
+    omega: float,
+    plane: tuple[NDArray, float] | None = None,
+    *,
+    tolerance: float = 1e-9,
+    most: int = 12,
+    line_search: bool = False,
+    level: float = 1.0,
+    inverse: Inverse | None = None,
+    longest: float = np.inf,
+) -> Corrected:
+    """Newton at a fixed frequency, or in a plane of unknowns and frequency.
+
+    Parameters
+    ----------
+    system : WheelSystem
+    X, omega : start
+    plane : (normal, normal_omega), optional
+        Steps are at right angles to it; without it the frequency stays.
+    tolerance : float
+        On the residual, relative to excitation and static load.
+    most : int
+    line_search : bool
+        Shorten steps that do not reduce the residual.
+    level : float
+        Of the excitation.
+    inverse : Inverse, optional
+        An approximate inverse from nearby, used while it serves.
+    longest : float
+        A step longer than this, relative to the unknowns of the vibration, ends the iteration.
+    """
+    end_if_asked()
+    at = system.linearised(X, omega, level)
+    size = system.size(at.residual)
+    worn = inverse is None
+    for iteration in range(most + 1):
+        if size <= tolerance or iteration == most or not np.isfinite(size):
+            return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
+        if worn or inverse is None:
+            inverse, worn = at.inverse(), False
+        wanted = max(0.1 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
+        dX, d_omega, count = solved(at, inverse, plane, min(LOOSE, wanted))
+        worn = count > WORN
+        if line_search:
+            X, omega, at, size = _searched(system, X, omega, at, size, dX, d_omega, level)
+        else:
+            before = size
+            if longest < np.inf and np.sqrt((dX[:, 1:] ** 2).sum()) > longest:
+                return Corrected(False, X, omega, iteration, size, at, inverse)
+            X, omega = X + dX, omega + d_omega
+            at = system.linearised(X, omega, level)
+            size = system.size(at.residual)
+            if size > 1e3 * before and iteration > 1:
+                return Corrected(False, X, omega, iteration + 1, size, at, inverse)
+    raise AssertionError
+
+
+def _searched(
+    system: WheelSystem, X: NDArray, omega: float, at: Linearised, size: float, dX: NDArray, d_omega: float, level: float
+) -> tuple[NDArray, float, Linearised, float]:
+    """The full step, or the best of shorter ones where it does not help."""
+    norm = float(np.linalg.norm(at.residual * system.row_scale))
+    best, factor = np.inf, 1.0
+    for trial in 0.5 ** np.arange(8):
+        r = system.residual(X + trial * dX, omega + trial * d_omega, level)
+        now = float(np.linalg.norm(r * system.row_scale))
+        if now < best:
+            best, factor = now, float(trial)
+        if now < (1.0 - 1e-3 * trial) * norm:
+            break
+    X, omega = X + factor * dX, omega + factor * d_omega
+    at = system.linearised(X, omega, level)
+    return X, omega, at, system.size(at.residual)
+
+
+def solved(
+    at: Linearised,
+    inverse: Inverse,
+    plane: tuple[NDArray, float] | None,
+    tolerance: float,
+    right: tuple[NDArray, float] | None = None,
+) -> tuple[NDArray, float, int]:
+    """Newton step, or the solution for another right-hand side of unknowns and plane; with the iterations it took."""
+    system = at.system
+    shape, scale = system.shape, system.row_scale.ravel()
+    b = -at.residual if right is None else right[0]
+
+    if plane is None:
+        x, count, _ = gmres(
+            lambda x: scale * at.product(x.reshape(shape)).ravel(),
+            lambda r: inverse((r / scale).reshape(shape)).ravel(),
+            scale * b.ravel(),
+            tolerance,
+        )
+        system.iterations += count
+        return x.reshape(shape), 0.0, count
+    normal, normal_omega = plane[0].ravel(), plane[1]
+    weight = float(np.linalg.norm(scale * at.by_omega.ravel())) / max(abs(normal_omega), 1e-300)
+    aside = inverse(at.by_omega).ravel()
+    pivot = normal_omega - float(normal @ aside)
+
+    def product(x: NDArray) -> NDArray:
+        r = at.product(x[:-1].reshape(shape)) + x[-1] * at.by_omega
+        return np.append(scale * r.ravel(), weight * (normal @ x[:-1] + normal_omega * x[-1]))
+
+    def solve(r: NDArray) -> NDArray:
+        x = inverse((r[:-1] / scale).reshape(shape)).ravel()
+        d = (r[-1] / weight - normal @ x) / pivot
+        return np.append(x - d * aside, d)
+
+    b = np.append(scale * b.ravel(), 0.0 if right is None else weight * right[1])
+    x, count, _ = gmres(product, solve, b, tolerance)
+    system.iterations += count
+    return x[:-1].reshape(shape), float(x[-1]), count

@@ -1,0 +1,218 @@
+"""Results of a wheel: its tracking curve, its highest peak, its optimal curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util.cost import Cost
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+
+@brief
+@dataclass(frozen=True)
+class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
+    """Response of all blades of a wheel over frequency at one preload; every point is a converged solution.
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+    response : (n, n_blades, n_harmonics + 1) complex, m
+        Of every blade at the response location, the mean first; each in its own axes.
+    shares : (n, n_blades, 3) float
+        Stick, slip and open of every damper, mean over its friction points and the cycle.
+    residual : (n,) float
+        Relative to excitation and static load.
+    point_kind : tuple of str
+        "regular", "fold" (the first point beyond one) or "end".
+    preload : float, N
+    status, reason : str
+        "complete" if the curve leads from one end of the interval to the other.
+    deviation : (n_blades, n_modes) float
+        Frequency deviations of the blades.
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    frequency: NDArray
+    response: NDArray
+    shares: NDArray
+    residual: NDArray
+    point_kind: tuple[str, ...]
+    preload: float
+    status: str
+    reason: str
+    deviation: NDArray
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the curve leads from one end of the interval to the other."""
+        return self.status == "complete"
+
+    @property
+    def amplitude(self) -> NDArray:
+        """(n, n_blades) float, m: amplitude of the harmonic of the excitation."""
+        return np.abs(self.response[..., 1])
+
+    @property
+    def envelope(self) -> NDArray:
+        """(n,) float, m: amplitude of the highest blade at every point."""
+        return self.amplitude.max(axis=1)
+
+    @property
+    def folds(self) -> NDArray:
+        """(n_folds,) int: points just beyond a fold."""
+        return np.flatnonzero([kind == "fold" for kind in self.point_kind])
+
+    @property
+    def highest(self) -> tuple[int, int]:
+        """Number of the point and of the blade with the largest amplitude."""
+        if not len(self):
+            raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
+        point, blade = np.unravel_index(int(np.argmax(self.amplitude)), self.amplitude.shape)
+        return int(point), int(blade)
+
+    def nodal_diameters(self, point: int) -> NDArray:
+        """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic of a point."""
+        return np.asarray(np.abs(np.fft.fft(self.response[point, :, 1])) / self.response.shape[1])
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each point; amplitudes of all blades for xarray."""
+        return {
+            "frequency": Column(self.frequency, "Hz"),
+            "envelope": Column(self.envelope, "m"),
+            "blade": Column(self.amplitude.argmax(axis=1) if len(self) else np.zeros(0, int)),
+            "kind": Column(np.array(self.point_kind)),
+            "residual": Column(self.residual),
+            "amplitude": Column(self.amplitude, "m", ("point", "sector")),
+        }
+
+    def facts(self) -> tuple[Fact, ...]:
+        """What the curve is of and where it is highest."""
+        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points")
+        if not len(self):
+            return (*head, Fact("reason", self.reason))
+        i, blade = self.highest
+        return (
+            *head,
+            Fact("highest amplitude", float(self.amplitude[i, blade]), "m"),
+            Fact("at the frequency", float(self.frequency[i]), "Hz"),
+            Fact("of blade", blade),
+            Fact("folds", len(self.folds)),
+        )
+
+    def __str__(self) -> str:
+        head = f"curve of a wheel, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
+        if not len(self):
+            return head
+        i, blade = self.highest
+        top = f"highest {self.amplitude[i, blade]:.6g} m at {self.frequency[i]:.6g} Hz, blade {blade}"
+        return f"{head}\n  {top}, {len(self.folds)} folds, largest residual {self.residual.max():.1e}\n  {self.cost}"
+
+
+@brief
+@dataclass(frozen=True)
+class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
+    """The highest amplitude of any blade of a wheel at one preload.
+
+    Parameters
+    ----------
+    preload : float, N
+    frequency : float, Hz
+    amplitude : float, m
+        Of the first harmonic; NaN if no peak was found.
+    blade : int
+        The highest one, -1 if no peak was found.
+    tuned_frequency, tuned_amplitude : float, Hz and m
+        Of the highest peak of the tuned wheel at the same preload and engine order.
+    response : (n_blades, n_harmonics + 1) complex, m
+        Of all blades there, the mean first.
+    shares : (n_blades, 3) float
+        Stick, slip and open of every damper.
+    climbs : (n, 3) float
+        Blade, frequency (Hz) and amplitude (m) of every peak that was climbed.
+    sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
+        The coarse sweep, whose points satisfy the equations only loosely.
+    status, reason : str
+        "converged" or what went wrong.
+    residual : float
+    deviation : (n_blades, n_modes) float
+    unknowns : (n_blades, n_coefficients, n_sector) float
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: float
+    frequency: float
+    amplitude: float
+    blade: int
+    tuned_frequency: float
+    tuned_amplitude: float
+    response: NDArray
+    shares: NDArray
+    climbs: NDArray
+    sweep_frequency: NDArray
+    sweep_amplitude: NDArray
+    status: str
+    reason: str
+    residual: float
+    deviation: NDArray
+    unknowns: NDArray
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
+
+    @property
+    def converged(self) -> bool:
+        return self.status == "converged"
+
+    @property
+    def amplification(self) -> float:
+        """Amplitude over that of the tuned wheel's peak."""
+        return self.amplitude / self.tuned_amplitude
+
+    @property
+    def amplitudes(self) -> NDArray:
+        """(n_blades,) float, m: of all blades at the peak."""
+        return np.abs(self.response[:, 1])
+
+    @property
+    def nodal_diameters(self) -> NDArray:
+        """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic."""
+        return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The highest blade, and how much higher it is than those of the tuned wheel."""
+        if not self.converged:
+            return Fact("preload", self.preload, "N"), Fact("peak of a wheel", f"{self.status}: {self.reason}")
+        return (
+            Fact("preload", self.preload, "N"),
+            Fact("highest amplitude", self.amplitude, "m"),
+            Fact("at the frequency", self.frequency, "Hz"),
+            Fact("of blade", self.blade),
+            Fact("amplification factor", self.amplification),
+        )
+
+    def __str__(self) -> str:
+        if not self.converged:
+            return f"peak of a wheel, preload {self.preload:g} N: {self.status} ({self.reason})"
+        return (
+            f"peak of a wheel, preload {self.preload:g} N: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, blade "
+            f"{self.blade}\n  amplification factor {self.amplification:.4g} (tuned {self.tuned_amplitude:.6g} m at "
+            f"{self.tuned_frequency:.6g} Hz), {len(self.climbs)} peaks climbed, residual {self.residual:.1e}\n  {self.cost}"
+        )

@@ -1,0 +1,224 @@
+r"""One wheel: blades, dampers and disk in coordinates of their own sectors.
+
+The unknowns of sector ``n`` are the local coordinates of blade ``n`` (:class:`~bdamper.model.local.LocalBasis`) and those
+of damper ``n``, which lies between the blades ``n`` and ``n + 1``.  With them
+
+.. math:: v_n = P\, u_{n + s} + D\, y_n,
+
+the motion of a contact point whose blade is that of its own sector (s = 0) or of the next one (s = 1).  Everything is local
+to a sector but the disk, which couples the shapes of all roots, and the damping of the tuned wheel's modes.  Both are
+circulant: one matrix for each nodal diameter, applied by a Fourier transform over the sectors.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.residual_modes import ResidualModes
+from bdamper.model.loads import direction_vector
+from bdamper.model.local import LocalBasis
+from bdamper.model.local_model import local_model
+from bdamper.problem.problem import Problem
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+
+@brief
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Matrices of a wheel, without contact laws and loads.
+
+    Parameters
+    ----------
+    tuned : Problem
+        The study of one sector that spans the same space.
+    local : LocalBasis
+    n_blades, n_damper : int
+        Sectors; coordinates of a damper.
+    stiffness : (n_blades, n, n) float
+        Of every blade, mistuning included.
+    mass : (n, n) float
+    disk_stiffness, disk_mass : (n_blades, r, r) complex
+        Of every nodal diameter from 0 to N - 1.
+    damping : (n_blades, n, n) complex
+        The same for the damping of the tuned wheel.
+    damper_stiffness, damper_mass, damper_damping : (n_damper,) float
+    rows : (n_points, 3, n + n_damper) float
+        Relative motion (u1, u2, v) at the points of one sector, by blade and damper coordinates.
+    sector : (n_points,) int
+        0 or 1: whose blade it is.
+    """
+
+    tuned: Problem
+    local: LocalBasis
+    n_blades: int
+    n_damper: int
+    stiffness: NDArray
+    mass: NDArray
+    disk_stiffness: NDArray
+    disk_mass: NDArray
+    damping: NDArray
+    damper_stiffness: NDArray
+    damper_mass: NDArray
+    damper_damping: NDArray
+    rows: NDArray
+    sector: NDArray
+
+    @property
+    def n(self) -> int:
+        """Coordinates of a blade."""
+        return len(self.mass)
+
+    @property
+    def n_sector(self) -> int:
+        """Coordinates of a blade and a damper."""
+        return self.n + self.n_damper
+
+    @classmethod
+    def of(cls, study: Problem, mistuning: Any = None) -> Structure:
+        """The structure of a wheel with the settings of a study.
+
+        Parameters
+        ----------
+        study : Problem
+        mistuning : Mistuning, optional
+
+        Raises
+        ------
+        SettingError
+            If the study has settings that a wheel does not serve.
+        ModelError
+            If the model has no local basis.
+        """
+        tuned = tuned_problem(study)
+        model, N = tuned.coupling.model, tuned.coupling.model.n_blades
+        blade = next(body for body in model.bodies.values() if body.local is not None)
+        local = blade.local
+        assert local is not None
+        rows, sector = _rows(tuned, blade.name, local)
+        waves = np.arange(N)
+        folded, reverse = np.minimum(waves, N - waves), waves > N - waves
+
+        def of_waves(matrices: NDArray) -> NDArray:
+            full = np.asarray(matrices, complex)[folded]
+            full[reverse] = full[reverse].conj()
+            return full
+
+        ratio = None if tuned.damping_ratio is None else float(tuned.damping_ratio)
+        damping = of_waves(np.array([local.damping(d, ratio) for d in range(N // 2 + 1)]))
+        basis = tuned.damped(tuned.coupling.basis(1))
+        own = np.array([c.body != blade.name for c in basis.coordinates], bool)
+        return cls(
+            tuned=tuned,
+            local=local,
+            n_blades=N,
+            n_damper=int(own.sum()),
+            stiffness=_blades(local, N, mistuning),
+            mass=local.blade_mass,
+            disk_stiffness=of_waves(local.disk_stiffness),
+            disk_mass=of_waves(local.disk_mass),
+            damping=damping,
+            damper_stiffness=basis.omega2[own],
+            damper_mass=basis.mass[own],
+            damper_damping=basis.damping[own],
+            rows=rows,
+            sector=sector,
+        )
+
+    def with_mistuning(self, mistuning: Any) -> Structure:
+        """The same wheel with other blades."""
+        return replace(self, stiffness=_blades(self.local, self.n_blades, mistuning))
+
+    def location_rows(self, location: str, direction: Any, what: str) -> NDArray:
+        """(n,) motion of a location on the blade along a direction, by its coordinates."""
+        place = self.tuned.model.locations[location]
+        if self.local.locations.get(location) is None:
+            raise SettingError(f"{what}: expected a location on the blade, found '{location}' on '{place.body}'")
+        return np.asarray(direction_vector(direction, f"{what} direction") @ self.local.locations[location])
+
+    def wave(self, u: NDArray) -> NDArray:
+        """Unknowns of the wheel, (n_blades, n_coefficients, n_sector), from those of the tuned study."""
+        system, N = self.tuned, self.n_blades
+        bases = system.bases
+        H = len(bases) - 1
+        out = np.zeros((N, 2 * H + 1, self.n_sector))
+        start = 0
+        for l, basis in enumerate(bases):
+            m = basis.n_modes
+            if m == 0:
+                continue
+            q = u[start : start + m] - (1j * u[start + m : start + 2 * m] if l else 0.0)
+            start += m if l == 0 else 2 * m
+            own = np.array([system.model.bodies[c.body].local is None for c in basis.coordinates])
+            d, conjugate = system.model.folded_nodal_diameter(l * int(system.engine_order))
+            phi = self.local.modes(d)[1]
+            x = np.concatenate([(phi.conj() if conjugate else phi) @ q[~own], q[own]])
+            turned = x * np.exp(2j * np.pi * system.engine_order * l * np.arange(N) / N)[:, None]
+            if l == 0:
+                out[:, 0] = turned.real
+            else:
+                out[:, 2 * l - 1], out[:, 2 * l] = turned.real, -turned.imag
+        return out
+
+
+def tuned_problem(study: Problem) -> Problem:
+    """The study of one sector in the space of the wheel: all modes of the local basis.
+
+    The attachments carry the flexibility of the contacts.  A study whose contact stiffness is a method therefore has the
+    stiffness of what the local basis leaves out, by unit tractions; one with values keeps them.
+    """
+    served = {"single_basis": False, "friction_axes": "contact", "separation": True, "variable_normal_load": True}
+    for name, value in served.items():
+        if getattr(study, name) != value:
+            raise SettingError(f"{name}: expected {value!r} for a wheel, found {getattr(study, name)!r}")
+    model = local_model(study.model)
+    local = next(body.local for body in model.bodies.values() if body.local is not None)
+    given = study.contact_stiffness
+    if given is None or given == "residual_modes" or isinstance(given, ResidualModes):
+        given = "model" if local.flexibility is None else "unit_traction"
+    return study.with_(model=model, blade_modes=local.n, contact_stiffness=given)
+
+
+def _blades(local: LocalBasis, n_blades: int, mistuning: Any) -> NDArray:
+    """(n_blades, n, n) stiffness of every blade."""
+    out = np.repeat(local.blade_stiffness[None], n_blades, axis=0)
+    if mistuning is None:
+        return out
+    m = local.n_cantilever
+    modes, rest = mistuning.by_mode(m)
+    out[:, m:, m:] *= 1.0 + rest[:, None, None]
+    k = np.arange(m)
+    out[:, k, k] = local.omega2 * (1.0 + modes)
+    return out
+
+
+def _rows(tuned: Problem, blade: str, local: LocalBasis) -> tuple[NDArray, NDArray]:
+    """Relative motion at the points by blade and damper coordinates, and whose blade it is."""
+    coupling = tuned.coupling
+    n_points = coupling.n_points
+    sector, own, others = np.zeros(n_points, int), np.zeros((n_points, 3, local.n)), []
+    for body in coupling.model.bodies.values():
+        if body.kind == "ground":
+            continue
+        modes = coupling.modes[body.name]
+        shapes = local.contact_modes if body.name == blade else body.bases[0].contact_modes[..., modes].real
+        before, *parts = (coupling.sector_rows(body, shapes, s) for s in (-1, 0, 1))
+        if before is not None or (body.name != blade and parts[1] is not None):
+            raise SettingError(
+                f"model: expected the dampers of a wheel in sector 0, between the blades of sectors 0 and 1, found "
+                f"'{body.name}' elsewhere"
+            )
+        if body.name != blade:
+            others.append(np.zeros((n_points, 3, shapes.shape[2])) if parts[0] is None else parts[0])
+            continue
+        touched = [np.zeros(n_points, bool) if part is None else part.any(axis=(1, 2)) for part in parts]
+        if np.any(touched[0] & touched[1]):
+            raise SettingError("model: expected blades of a wheel that touch dampers, found blades that touch each other")
+        sector[touched[1]] = 1
+        for part in parts:
+            own = own if part is None else own + part
+    return np.concatenate([own, *others], axis=2), sector

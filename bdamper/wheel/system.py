@@ -1,0 +1,389 @@
+r"""Harmonic balance of a whole wheel: residual, its derivative, and an approximate inverse of that.
+
+Unknowns are an array (n_blades, n_coefficients, n_sector): for every sector the coefficients [mean, c1, s1, c2, s2, ...]
+of the coordinates of its blade and its damper (:mod:`bdamper.wheel.structure`).  With :math:`X_l = c_l - i s_l` the
+residual is
+
+.. math::
+    (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l ,
+
+in which the disk and the damping C of the tuned wheel act by a Fourier transform over the sectors and everything else
+sector by sector.  Contact forces F and their tangents are those of the study, point by point.
+
+The **approximate inverse** is that of the present matrix with the couplings of the disk cut to next neighbours, and of the
+damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
+dampers and root shapes (:class:`~bdamper.wheel.ring.Ring`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.harmonic_balance.many_points import PAIRS, ManyPoints
+from bdamper.wheel.ring import Ring
+from bdamper.wheel.structure import Structure
+
+NEUTRAL = 1e-8
+"""Spring on the mean of a damper's coordinates in the approximate inverse alone, relative to its largest stiffness: a
+damper that slips fully is free along the axis, and the matrix of its sector singular."""
+
+
+class WheelSystem:
+    """Equations of one wheel at one preload.
+
+    Parameters
+    ----------
+    structure : Structure
+    contact : ManyPoints
+        All points of the wheel, sector by sector.
+    shift : (n_blades, n_points, 3) float, m
+        Part of the relative motion that the coordinates do not carry.
+    load : (n_blades, n_sector) float
+        Static forces.
+    excitation : (n_blades, n_sector) complex
+        Forces of the first harmonic.
+    force_scale : (2,) float
+        Forces of the mean and of the harmonics to which the residual is related.
+    active : (n_coefficients,) bool
+        Coefficients that are unknowns; others stay zero.
+    pinned : (n_blades,) bool
+        Dampers that are missing; their coordinates stay zero.
+    """
+
+    def __init__(
+        self,
+        structure: Structure,
+        contact: ManyPoints,
+        shift: NDArray,
+        load: NDArray,
+        excitation: NDArray,
+        force_scale: tuple[float, float],
+        active: NDArray,
+        pinned: NDArray,
+    ) -> None:
+        self.structure = structure
+        self.contact = contact
+        self.shift = shift
+        self.n_harmonics = contact.n_harmonics
+        n_coef = 2 * self.n_harmonics + 1
+        self.shape = (structure.n_blades, n_coef, structure.n_sector)
+        self.force = np.zeros(self.shape)
+        self.force[:, 0] = load
+        self.force[:, 1], self.force[:, 2] = excitation.real, -excitation.imag
+        self.order = np.repeat(np.arange(self.n_harmonics + 1), 2)[1:]
+        self.still = np.zeros(self.shape, bool)
+        self.still[:, ~active] = True
+        self.still[pinned, :, structure.n :] = True
+        self.active = active
+        self.row_scale = np.full(self.shape, 1.0 / force_scale[1])
+        self.row_scale[:, 0] = 1.0 / force_scale[0]
+        self.force[self.still] = 0.0
+        # points of each sector whose blade is that sector's, and the next one's
+        self.groups = [np.flatnonzero(structure.sector == s) for s in (0, 1)]
+        self.evaluations = self.factorisations = self.iterations = 0
+
+    # ---- linear part ----
+
+    def _parts(self, X: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """K x, M x, and C x turned by a quarter period, each without the factor of the frequency."""
+        s, n, r = self.structure, self.structure.n, self.structure.local.n_interface
+        K, M, C = np.empty_like(X), np.empty_like(X), np.zeros_like(X)
+        U = X[..., :n]
+        K[..., :n] = U @ s.stiffness.transpose(0, 2, 1)
+        M[..., :n] = U @ s.mass.T
+        K[..., n:], M[..., n:] = s.damper_stiffness * X[..., n:], s.damper_mass * X[..., n:]
+        wave = self._waves(U)
+        root = wave[..., n - r :]
+        for out, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
+            self._add(out[..., n - r : n], np.fft.ifft(root @ disk.transpose(0, 2, 1), axis=0))
+        self._add(C[..., :n], 1j * np.fft.ifft(wave @ s.damping.transpose(0, 2, 1), axis=0))
+        C[:, 1::2, n:], C[:, 2::2, n:] = s.damper_damping * X[:, 2::2, n:], -s.damper_damping * X[:, 1::2, n:]
+        C[:, 0] = 0.0
+        return K, M, C
+
+    @staticmethod
+    def _waves(U: NDArray) -> NDArray:
+        """(n_blades, n_harmonics + 1, n) complex amplitudes of every nodal diameter."""
+        amplitude = np.empty((U.shape[0], U.shape[1] // 2 + 1, U.shape[2]), complex)
+        amplitude[:, 0] = U[:, 0]
+        amplitude[:, 1:] = U[:, 1::2] - 1j * U[:, 2::2]
+        return np.fft.fft(amplitude, axis=0)
+
+    @staticmethod
+    def _add(out: NDArray, amplitude: NDArray) -> None:
+        """Adds complex amplitudes (n_blades, n_harmonics + 1, n) to coefficients."""
+        out[:, 0] += amplitude[:, 0].real
+        out[:, 1::2] += amplitude[:, 1:].real
+        out[:, 2::2] -= amplitude[:, 1:].imag
+
+    def linear(self, X: NDArray, omega: float) -> NDArray:
+        """(K - (l omega)^2 M + i l omega C) x."""
+        K, M, C = self._parts(X)
+        w = (self.order * omega)[:, None]
+        return K - w**2 * M + w * C
+
+    # ---- contact ----
+
+    def motion(self, X: NDArray) -> NDArray:
+        """(n_blades, n_points, 3, n_coefficients) relative motion without the constant part."""
+        s = self.structure
+        x = np.empty((self.shape[0], len(s.sector), 3, self.shape[1]))
+        for which, points in enumerate(self.groups):
+            z = X if which == 0 else np.concatenate([np.roll(X[..., : s.n], -1, axis=0), X[..., s.n :]], axis=2)
+            v = z @ s.rows[points].reshape(-1, self.shape[2]).T
+            x[:, points] = v.transpose(0, 2, 1).reshape(self.shape[0], len(points), 3, self.shape[1])
+        return x
+
+    def gathered(self, F: NDArray) -> NDArray:
+        """Forces at the points (n_blades, n_points, 3, n_coefficients) on the coordinates."""
+        s = self.structure
+        out = np.zeros(self.shape)
+        for which, points in enumerate(self.groups):
+            f = F[:, points].reshape(self.shape[0], -1, self.shape[1]).transpose(0, 2, 1)
+            z = f @ s.rows[points].reshape(-1, self.shape[2])
+            out[..., s.n :] += z[..., s.n :]
+            out[..., : s.n] += np.roll(z[..., : s.n], which, axis=0)
+        return out
+
+    def forces(self, X: NDArray, tangent: bool = False) -> tuple[NDArray, NDArray, NDArray | None]:
+        """Contact forces (n_blades, n_points, 3, n_coefficients), shares (n_blades, n_points, 5), tangents."""
+        x = self.motion(X)
+        x[..., 0] += self.shift
+        F, shares, T = self.contact.forces(x.reshape(-1, *x.shape[2:]), tangent)
+        self.evaluations += 1
+        F[..., ~self.active] = 0.0
+        if T is not None:
+            T[..., ~self.active, :] = 0.0
+            T[..., ~self.active] = 0.0
+            T = T.reshape(*x.shape[:2], *T.shape[1:])
+        return F.reshape(x.shape), shares.reshape(*x.shape[:2], 5), T
+
+    # ---- residual ----
+
+    def residual(self, X: NDArray, omega: float, level: float = 1.0) -> NDArray:
+        """Residual under a level of the excitation."""
+        return self._residual(X, self.linear(X, omega), self.forces(X)[0], level)
+
+    def _residual(self, X: NDArray, linear: NDArray, F: NDArray, level: float) -> NDArray:
+        r = linear + self.gathered(F)
+        r[:, 0] -= self.force[:, 0]
+        r[:, 1:] -= level * self.force[:, 1:]
+        r[self.still] = X[self.still]
+        return r
+
+    def linearised(self, X: NDArray, omega: float, level: float = 1.0) -> Linearised:
+        """Residual with its derivatives at a point."""
+        K, M, C = self._parts(X)
+        l = self.order[:, None]
+        F, shares, T = self.forces(X, True)
+        assert T is not None
+        r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, level)
+        by_omega = -2.0 * l**2 * omega * M + l * C
+        by_omega[self.still] = 0.0
+        return Linearised(self, omega, r, by_omega, T, shares)
+
+    def size(self, r: NDArray) -> float:
+        """Largest entry of a residual, relative to excitation and static load."""
+        return float(np.abs(r * self.row_scale).max())
+
+    # ---- constant parts of the approximate inverse ----
+
+    @cached_property
+    def kept(self) -> int:
+        """Shapes of the root that stay in the ring: all."""
+        return self.structure.local.n_interface
+
+    @cached_property
+    def outer(self) -> list[NDArray]:
+        """For each group of points (n_points * pairs, n_sector^2) products of rows of motion."""
+        rows, n = self.structure.rows, self.shape[2]
+        products = [[np.einsum("pi,pj->pij", rows[g, a], rows[g, b]) for a, b in PAIRS] for g in self.groups]
+        return [np.stack(group, axis=1).reshape(-1, n**2) for group in products]
+
+    @cached_property
+    def kernel(self) -> tuple[NDArray, ...]:
+        """Own parts of disk stiffness, mass and damping, and those of the sector before (stiffness and mass alone)."""
+        s = self.structure
+        turn = np.exp(2j * np.pi * np.arange(s.n_blades) / s.n_blades)[:, None, None]
+        own = [m.mean(axis=0).real for m in (s.disk_stiffness, s.disk_mass, s.damping)]
+        return (*own, (turn * s.disk_stiffness).mean(axis=0).real, (turn * s.disk_mass).mean(axis=0).real)
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Residual and derivatives at a point.
+
+    Parameters
+    ----------
+    system : WheelSystem
+    omega : float, rad/s
+    residual, by_omega : (n_blades, n_coefficients, n_sector) float
+    tangents : (n_blades, n_points, 7, n_coefficients, n_coefficients) float
+    shares : (n_blades, n_points, 5) float
+    """
+
+    system: WheelSystem
+    omega: float
+    residual: NDArray
+    by_omega: NDArray
+    tangents: NDArray
+    shares: NDArray
+
+    @cached_property
+    def _dense(self) -> NDArray:
+        """(n_blades, n_points, 3 n_coefficients, 3 n_coefficients) tangents."""
+        N, P, _, m, _ = self.tangents.shape
+        out = np.zeros((N, P, 3, m, 3, m))
+        for k, (a, b) in enumerate(PAIRS):
+            out[:, :, a, :, b] = self.tangents[:, :, k]
+        return out.reshape(N, P, 3 * m, 3 * m)
+
+    def product(self, X: NDArray) -> NDArray:
+        """Jacobian times a change of the unknowns."""
+        system = self.system
+        x = system.motion(X)
+        F = np.matmul(self._dense, x.reshape(*x.shape[:2], -1, 1)).reshape(x.shape)
+        r = system.linear(X, self.omega) + system.gathered(F)
+        r[system.still] = X[system.still]
+        return r
+
+    def inverse(self) -> Inverse:
+        """The approximate inverse of the Jacobian here."""
+        self.system.factorisations += 1
+        return Inverse.of(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Inverse:
+    """Approximate inverse of a Jacobian (module's docstring).
+
+    Parameters
+    ----------
+    system : WheelSystem
+    own : (n_blades, e, e) float
+        Inverse of the blocks of the blade coordinates that are eliminated first.
+    back : (n_blades, e, q) float
+        That times their coupling to root shapes, own damper and damper of the sector before.
+    rows : (n_blades, q, e) float
+        Coupling of these to the eliminated coordinates.
+    ring : Ring
+    """
+
+    system: WheelSystem
+    own: NDArray
+    back: NDArray
+    rows: NDArray
+    ring: Ring
+
+    @classmethod
+    def of(cls, at: Linearised) -> Inverse:
+        """Factors at a point."""
+        system = at.system
+        first, before = _sector_blocks(at)
+        N, nc, ns = system.shape
+        n, k = system.structure.n, system.kept
+        e, nd = n - k, ns - n
+        ia, iy = slice(e, n), slice(n, ns)
+
+        def flat(block: NDArray) -> NDArray:
+            return block.reshape(N, nc * block.shape[2], -1)
+
+        own = np.linalg.inv(flat(first[:, :, :e, :, :e]))
+        columns = [flat(b) for b in (first[:, :, :e, :, ia], first[:, :, :e, :, iy], before[:, :, :e, :, iy])]
+        rows = [flat(b) for b in (first[:, :, ia, :, :e], first[:, :, iy, :, :e], before[:, :, iy, :, :e])]
+        row, back = np.concatenate(rows, axis=1), own @ np.concatenate(columns, axis=2)
+        S = -row @ back
+        a, y, p = slice(0, nc * k), slice(nc * k, nc * (k + nd)), slice(nc * (k + nd), nc * (k + 2 * nd))
+        ay = slice(0, nc * (k + nd))
+        S[:, a, a] += flat(first[:, :, ia, :, ia])
+        S[:, a, y] += flat(first[:, :, ia, :, iy])
+        S[:, y, a] += flat(first[:, :, iy, :, ia])
+        S[:, y, y] += flat(first[:, :, iy, :, iy])
+        S[:, a, p] += flat(before[:, :, ia, :, iy])
+        S[:, p, a] += flat(before[:, :, iy, :, ia])
+        diagonal, lower, upper = S[:, ay, ay].copy(), np.zeros_like(S[:, ay, ay]), np.zeros_like(S[:, ay, ay])
+        diagonal[:, y, y] += np.roll(S[:, p, p], -1, axis=0)
+        lower[:, :, y] = S[:, ay, p]
+        upper[:, y, :] = np.roll(S[:, p, ay], -1, axis=0)
+        neighbour = _neighbour(system, at.omega)
+        lower[:, a, a] += neighbour
+        upper[:, a, a] += neighbour.T
+        return cls(system, own, back, row, Ring.of(lower, diagonal, upper))
+
+    def __call__(self, r: NDArray) -> NDArray:
+        """Approximate solution (n_blades, n_coefficients, n_sector) of the Jacobian for a right-hand side."""
+        system = self.system
+        N, nc, ns = system.shape
+        n, k = system.structure.n, system.kept
+        e = n - k
+        t = np.matmul(self.own, r[..., :e].reshape(N, -1, 1))[..., 0]
+        left = np.matmul(self.rows, t[..., None])[..., 0]
+        ring = np.concatenate([r[..., e:n].reshape(N, -1), r[..., n:].reshape(N, -1)], axis=1)
+        size = ring.shape[1]
+        ring -= left[:, :size]
+        ring[:, nc * k :] -= np.roll(left[:, size:], -1, axis=0)
+        x = self.ring.solve(ring)
+        y = x[:, nc * k :]
+        t -= np.matmul(self.back, np.concatenate([x, np.roll(y, 1, axis=0)], axis=1)[..., None])[..., 0]
+        out = np.empty(system.shape)
+        out[..., :e] = t.reshape(N, nc, e)
+        out[..., e:n] = x[:, : nc * k].reshape(N, nc, k)
+        out[..., n:] = y.reshape(N, nc, ns - n)
+        return out
+
+
+def _sector_blocks(at: Linearised) -> tuple[NDArray, NDArray]:
+    """Jacobian of each sector's own blade and damper, and of its blade with the damper before: (N, nc, ns, nc, ns)."""
+    system, s = at.system, at.system.structure
+    N, nc, ns = system.shape
+    n = s.n
+
+    def summed(which: int) -> NDArray:
+        T = at.tangents[:, system.groups[which]].reshape(N, -1, nc * nc)
+        return (T.transpose(0, 2, 1) @ system.outer[which]).reshape(N, nc, nc, ns, ns).transpose(0, 1, 3, 2, 4)
+
+    first, right = summed(0).copy(), summed(1)
+    first[:, :, n:, :, n:] += right[:, :, n:, :, n:]
+    before = np.roll(right, 1, axis=0)
+    first[:, :, :n, :, :n] += before[:, :, :n, :, :n]
+    disk_k, disk_m, damping, _, _ = system.kernel
+    r = s.local.n_interface
+    stiffness, mass = s.stiffness.copy(), s.mass.copy()
+    stiffness[:, n - r :, n - r :] += disk_k
+    mass[n - r :, n - r :] += disk_m
+    y = np.arange(n, ns)
+    for c, l in enumerate(system.order):
+        w = l * at.omega
+        first[:, c, :n, c, :n] += stiffness - w**2 * mass
+        first[:, c, y, c, y] += s.damper_stiffness - w**2 * s.damper_mass
+        if l == 0:
+            spring = np.abs(first[:, c, y, c, y]).max(axis=1, keepdims=True)
+            first[:, c, y, c, y] += NEUTRAL * spring
+        elif c % 2:
+            first[:, c, :n, c + 1, :n] += w * damping
+            first[:, c + 1, :n, c, :n] -= w * damping
+            first[:, c, y, c + 1, y] += w * s.damper_damping
+            first[:, c + 1, y, c, y] -= w * s.damper_damping
+    if system.still.any():
+        flat = first.reshape(N, nc * ns, nc * ns)
+        sector, place = np.nonzero(system.still.reshape(N, -1))
+        flat[sector, place] = 0.0
+        flat[sector, :, place] = 0.0
+        flat[sector, place, place] = 1.0
+        first = flat.reshape(first.shape)
+    return first, before
+
+
+def _neighbour(system: WheelSystem, omega: float) -> NDArray:
+    """Coupling of the kept root shapes to those of the sector before, all coefficients."""
+    *_, stiffness, mass = system.kernel
+    k, nc = system.kept, system.shape[1]
+    out = np.zeros((nc, k, nc, k))
+    for c, l in enumerate(system.order):
+        if system.active[c]:
+            out[c, :, c] = (stiffness - (l * omega) ** 2 * mass)[-k:, -k:]
+    return out.reshape(nc * k, nc * k)

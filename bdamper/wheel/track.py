@@ -1,0 +1,234 @@
+"""Tracking curve of a wheel: all its unknowns followed over frequency by arclength continuation.
+
+As for one sector (:mod:`bdamper.continuation.follower`) steps are measured in scaled unknowns, and a step counts only if
+Newton ends near its prediction.  Vibration and frequency count, each with its own unit; the mean does not, since dampers
+that slip fully move along the axis at one frequency, one here and one there.  Directions are those of polynomials through
+the last points instead of tangents, which would each cost a solution of the equations.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost
+from bdamper.wheel.newton import Corrected, correct, solved
+from bdamper.wheel.results import WheelCurve
+from bdamper.wheel.system import WheelSystem
+
+TWO_PI = 2.0 * np.pi
+TOLERANCE = 1e-9
+"""On the residual, relative to excitation and static load."""
+FIRST, LEAST = 0.05, 1e-6
+"""First and least step, relative to the vibration."""
+
+
+def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = TOLERANCE) -> Corrected | None:
+    """A solution at one frequency: from the static state, or by raising the excitation; None if neither leads to one."""
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    X[system.still] = 0.0
+    found = correct(system, X, omega, tolerance=tolerance, most=40, line_search=True)
+    if found.converged:
+        return found
+    level, step, far = 0.0, 0.1, X
+    while level < 1.0 and step > 1e-3:
+        now = min(1.0, level + step)
+        new = correct(system, far, omega, tolerance=tolerance, most=20, line_search=True, level=now)
+        if new.converged:
+            far, level, step, found = new.X, now, 1.5 * step, new
+        else:
+            step *= 0.3
+    return found if level >= 1.0 else None
+
+
+class _Path:
+    """State of one run along the curve."""
+
+    def __init__(self, system: WheelSystem, limits: tuple[float, float]) -> None:
+        self.system, self.limits = system, limits
+        self.points: list[tuple[NDArray, float]] = []
+        self.length: list[float] = []
+        self.failed = 0
+
+    def set_off(self, first: Corrected, up: bool) -> None:
+        """First point, and one before it along the tangent."""
+        inverse = first.inverse or first.at.inverse()
+        aside, _, _ = solved(first.at, inverse, None, 1e-4, (-first.at.by_omega, 0.0))
+        back = (-1e-3 if up else 1e-3) * (self.limits[1] - self.limits[0])
+        self.points = [(first.X + back * aside, first.omega + back), (first.X, first.omega)]
+        self.length = [0.0, self.distance(self.points[0], self.points[1], *self.scale())]
+
+    def scale(self) -> tuple[float, float]:
+        """Units of the vibration and of the frequency."""
+        return max(size_of(self.points[-1][0]), 1e-300), 0.5 * (self.limits[1] - self.limits[0])
+
+    def predicted(self, step: float, unit: float, unit_omega: float) -> tuple[NDArray, float, tuple[NDArray, float]]:
+        """Point ahead by a polynomial through the last points, and the plane of the corrector."""
+        last = self.points[-4:]
+        s = np.array(self.length[-len(last) :])
+        at = s[-1] + step
+        weight = np.array([np.prod([(at - b) / (a - b) for b in s if b != a]) for a in s])
+        X = np.einsum("i,i...->...", weight, np.array([p[0] for p in last]))
+        omega = float(weight @ [p[1] for p in last])
+        # where the polynomial turns back, straight on
+        before, now = last[-2], last[-1]
+        chord, straight = (X - now[0], omega - now[1]), (now[0] - before[0], now[1] - before[1])
+        if _along(chord, straight, unit, unit_omega) < 0.5 * step * self.distance(now, before, unit, unit_omega):
+            ratio = step / (s[-1] - s[-2])
+            X, omega, chord = now[0] + ratio * straight[0], now[1] + ratio * straight[1], straight
+        normal = chord[0] / unit**2
+        normal[:, 0] = 0.0
+        return X, omega, (normal, chord[1] / unit_omega**2)
+
+    def distance(self, a: tuple[NDArray, float], b: tuple[NDArray, float], unit: float, unit_omega: float) -> float:
+        """In scaled unknowns."""
+        apart = a[0] - b[0], a[1] - b[1]
+        return float(np.sqrt(_along(apart, apart, unit, unit_omega)))
+
+    def add(self, X: NDArray, omega: float, unit: float, unit_omega: float) -> None:
+        """One more point; earlier lengths count as they were."""
+        self.length.append(self.length[-1] + self.distance((X, omega), self.points[-1], unit, unit_omega))
+        self.points.append((X, omega))
+        if len(self.points) > 4:
+            del self.points[0], self.length[0]
+
+
+def size_of(X: NDArray) -> float:
+    """Norm of the vibration."""
+    return float(np.sqrt((X[:, 1:] ** 2).sum()))
+
+
+def _along(a: tuple[NDArray, float], b: tuple[NDArray, float], unit: float, unit_omega: float) -> float:
+    """Product of two directions in scaled unknowns."""
+    return float((a[0][:, 1:] * b[0][:, 1:]).sum() / unit**2 + a[1] * b[1] / unit_omega**2)
+
+
+@one_thread
+def track(
+    wheel: Any,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    from_high: bool = False,
+    max_points: int = 3000,
+    max_step: float = 0.15,
+) -> WheelCurve:
+    """Response of all blades over a frequency interval at one preload.
+
+    Parameters
+    ----------
+    wheel : Wheel
+    preload : float, N
+    frequency : (low, high), Hz
+    from_high : bool
+        Set off from the upper end.
+    max_points : int
+    max_step : float
+        Largest step, relative to the vibration of the whole wheel.
+
+    Returns
+    -------
+    WheelCurve
+        The branch from one end; ``status`` is "complete" if it leads to the other end.
+    """
+    watch = time.perf_counter(), time.process_time()
+    frequency = validate.interval("frequency", frequency)
+    validate.flag("from_high", from_high)
+    max_points = validate.whole("max_points", max_points, least=2)
+    max_step = validate.number("max_step", max_step, above=0.0, most=1.0)
+    system, mean = wheel.system(preload)
+    before = system.evaluations, system.factorisations, system.iterations
+    limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
+    records: list[tuple[Any, ...]] = []
+
+    def keep(found: Corrected, kind: str) -> None:
+        shares = wheel.damper_shares(found.at.shares)
+        records.append((found.omega / TWO_PI, wheel.response(found.X), shares, found.residual, kind))
+
+    first = start(system, mean, limits[1 if from_high else 0])
+    if first is None:
+        status, reason, failed = "no start", f"no solution found at {frequency[1 if from_high else 0]:.6g} Hz", 0
+    else:
+        keep(first, "end")
+        path = _Path(system, limits)
+        path.set_off(first, not from_high)
+        status, reason = _run(path, keep, not from_high, max_points, max_step)
+        failed = path.failed
+    return WheelCurve(
+        frequency=np.array([r[0] for r in records]),
+        response=np.array([r[1] for r in records]).reshape(len(records), wheel.n_blades, system.n_harmonics + 1),
+        shares=np.array([r[2] for r in records]).reshape(len(records), wheel.n_blades, 3),
+        residual=np.array([r[3] for r in records]),
+        point_kind=tuple(r[4] for r in records),
+        preload=float(preload),
+        status=status,
+        reason=reason,
+        deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
+        cost=cost_of(system, watch, before, failed),
+        settings=wheel.settings(),
+        model_hash=wheel.study.model.hash,
+    )
+
+
+def cost_of(system: WheelSystem, watch: tuple[float, float], before: tuple[int, int, int], failed: int = 0) -> Cost:
+    """What was spent since a reading of clocks and counts."""
+    return Cost(
+        seconds=time.perf_counter() - watch[0],
+        processor=time.process_time() - watch[1],
+        evaluations=system.evaluations - before[0],
+        factorisations=system.factorisations - before[1],
+        iterations=system.iterations - before[2],
+        failed_steps=failed,
+    )
+
+
+def _run(path: _Path, keep: Any, up: bool, max_points: int, max_step: float) -> tuple[str, str]:
+    """Follows the curve until it leaves the interval; returns status and reason."""
+    system, (low, high) = path.system, path.limits
+    step, rising, inverse = FIRST, up, None
+    for _ in range(max_points):
+        unit, unit_omega = path.scale()
+        here = path.points[-1]
+        X, omega, plane = path.predicted(step, unit, unit_omega)
+        beyond = not low <= omega <= high
+        if beyond:
+            bound = high if omega > high else low
+            share = (bound - here[1]) / (omega - here[1])
+            end = correct(system, here[0] + share * (X - here[0]), bound, tolerance=TOLERANCE, inverse=inverse)
+            if end.converged and path.distance((end.X, end.omega), here, unit, unit_omega) < 2.0 * step:
+                keep(end, "end")
+                whole = (bound == high) == up
+                where = f"{bound / TWO_PI:.6g} Hz"
+                return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
+        new = None if beyond else correct(
+            system, X, omega, plane, tolerance=TOLERANCE, most=8, inverse=inverse, longest=_reach(here, step)
+        )  # fmt: skip
+        off = np.inf
+        if new is not None and new.converged:
+            off = path.distance((new.X, new.omega), (X, omega), unit, unit_omega)
+        if new is None or off > 0.5 * step:
+            path.failed += 1
+            step *= 0.5 if new is None or new.converged else 0.25
+            inverse = None if new is None else inverse
+            if step < LEAST:
+                return "stalled", f"at {here[1] / TWO_PI:.6g} Hz: no solution at the smallest step"
+            continue
+        inverse = new.inverse
+        turned = (new.omega > here[1]) != rising
+        rising = new.omega > here[1]
+        path.add(new.X, new.omega, unit, unit_omega)
+        keep(new, "fold" if turned else "regular")
+        growth = min(2.0, np.sqrt(0.1 * step / max(off, 1e-12)), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
+        step = min(max_step, step * max(0.5, growth))
+    return "too many points", f"{max_points} points before the end of the interval"
+
+
+def _reach(here: tuple[NDArray, float], step: float) -> float:
+    """Longest Newton step on the vibration."""
+    return float(max(2.0 * step, 0.05) * size_of(here[0]))

@@ -1,0 +1,102 @@
+"""Equations of a whole wheel: derivatives, the approximate inverse, and the tuned limit."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.track import find_start
+from bdamper.util.cost import CostMeter
+from bdamper.wheel.krylov import gmres
+from bdamper.wheel.newton import correct
+from bdamper.wheel.ring import Ring
+from bdamper.wheel.wheel import Wheel
+from tests.wheel.lumped import lumped_study
+
+PRELOAD = 300.0
+
+
+def wheel(n_blades=6, harmonics=2, amplitude=100.0, **options):
+    study = lumped_study(n_blades, 1, harmonics=harmonics, n_c=2, r=2, **options)
+    return Wheel(study.with_(excitation=bd.Excitation("tip", amplitude=amplitude)))
+
+
+def dense(operator, shape):
+    """Matrix of a linear map of arrays."""
+    return np.array([operator(e.reshape(shape)).ravel() for e in np.eye(int(np.prod(shape)))]).T
+
+
+def test_the_ring_is_eliminated_exactly():
+    rng = np.random.default_rng(0)
+    for n in (3, 4, 7):
+        lower, diagonal, upper = rng.normal(size=(3, n, 2, 2))
+        diagonal = diagonal + 4.0 * np.eye(2)
+        A = np.zeros((n, 2, n, 2))
+        for k in range(n):
+            A[k, :, k] += diagonal[k]
+            A[k, :, k - 1] += lower[k]
+            A[k, :, (k + 1) % n] += upper[k]
+        b = rng.normal(size=(n, 2))
+        x = Ring.of(lower, diagonal, upper).solve(b)
+        np.testing.assert_allclose(np.einsum("iajb,jb->ia", A, x), b, atol=1e-12)
+
+
+def test_gmres_reaches_its_tolerance():
+    rng = np.random.default_rng(1)
+    A = np.eye(40) + 0.1 * rng.normal(size=(40, 40))
+    b = rng.normal(size=40)
+    x, count, residual = gmres(lambda v: A @ v, lambda v: v, b, 1e-10)
+    assert count < 40 and residual <= 1e-10
+    assert np.linalg.norm(A @ x - b) <= 1.1e-10 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("harmonics", [1, (1, 3)])
+def test_derivatives_are_those_of_the_residual(harmonics):
+    w = wheel(harmonics=harmonics).with_(mistuning=0.03 * np.random.default_rng(2).normal(size=6))
+    system, mean = w.system(PRELOAD)
+    rng = np.random.default_rng(3)
+    X = 1e-6 * rng.normal(size=system.shape)
+    X[:, 0] = mean
+    X[system.still] = 0.0
+    omega = 2.0 * np.pi * 180.0
+    at = system.linearised(X, omega)
+    assert 0.1 < at.shares[..., 1].mean() < 0.9
+    direction = 1e-6 * rng.normal(size=X.shape)
+    direction[system.still] = 0.0
+    h = 1e-5
+    difference = (system.residual(X + h * direction, omega) - system.residual(X - h * direction, omega)) / (2.0 * h)
+    exact = at.product(direction)
+    assert np.abs(difference - exact).max() < 1e-7 * np.abs(exact).max()
+    difference = (system.residual(X, omega + 1e-3) - system.residual(X, omega - 1e-3)) / 2e-3
+    assert np.abs(difference - at.by_omega).max() < 1e-7 * np.abs(at.by_omega).max()
+
+
+def test_the_approximate_inverse_is_exact_on_a_ring_of_three():
+    """All sectors are next neighbours there; what is left out is damping between them alone."""
+    w = wheel(3, 1)
+    system, mean = w.system(PRELOAD)
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    X[:, 1] = 1e-7
+    at = system.linearised(X, 2.0 * np.pi * 150.0)
+    J, B = dense(at.product, X.shape), dense(at.inverse(), X.shape)
+    assert np.abs(np.linalg.eigvals(J @ B) - 1.0).max() < 1e-2
+
+
+@pytest.mark.parametrize("harmonics", [1, 3])
+def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
+    w = wheel(6, harmonics)
+    tuned = w.tuned()
+    system, mean = w.system(PRELOAD)
+    omega = 2.0 * np.pi * 200.0
+    y, _ = find_start(tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
+    wave = w.structure.wave(y[:-1])
+    assert system.size(system.residual(wave, omega)) < 1e-10
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    found = correct(system, X, omega, most=40, line_search=True, tolerance=1e-11)
+    assert found.converged
+    assert 0.1 < found.at.shares[..., 1].mean() < 0.9
+    assert np.abs(found.X - wave).max() < 1e-7 * np.abs(wave).max()
+    rows = tuned.system(PRELOAD).response(y[:-1])
+    np.testing.assert_allclose(w.response(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
