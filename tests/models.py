@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.local import LocalBasis
 from bdamper.model.model import (
     Body,
     BodyLoad,
@@ -103,6 +104,28 @@ def wedge_model(
     damper = _wedge_body(rng, alpha, beta, faces, n_damper_modes)
     bodies = [blade, damper, Body("ground", "ground")]
     return _assemble(n_blades, bodies, faces, [tip], _wedge_mesh(alpha, beta))
+
+
+def lumped_local(model: Model, own: float, disk: float, tie: float, seed: int = 1) -> LocalBasis:
+    """Local basis of the body "blade": unit masses on springs ``own`` (N/m) to unit disk masses, each on a spring ``disk``
+    to the ground and on ``tie`` to its neighbours; contact points and "tip" move with the blade's mass.
+    """
+    n_points = sum(model.interfaces[name].n_points for name, _ in model.bodies["blade"].ports)
+    rng = np.random.default_rng(seed)
+    waves = np.arange(model.n_blades // 2 + 1)
+    stiffness = disk + 2.0 * tie * (1.0 - np.cos(2.0 * np.pi * waves / model.n_blades))
+    shape = rng.normal(size=(n_points, 3, 1))
+    return LocalBasis(
+        region="mass",
+        omega2=np.array([own]),
+        damping_ratio=np.array([1e-3, 2e-3]),
+        blade_stiffness=np.diag([own, 0.0]),
+        blade_mass=np.ones((2, 2)),
+        disk_stiffness=stiffness[:, None, None].astype(complex),
+        disk_mass=np.ones((len(waves), 1, 1), complex),
+        contact_modes=np.concatenate([shape, shape], axis=2),
+        locations={"tip": np.ones((3, 2))},
+    )
 
 
 def ground_model(

@@ -18,12 +18,15 @@ pitch; the phase of the neighbouring sector enters where the interface is put to
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
 from bdamper.model.model import Body, Interface, Model, turn
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
+from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
@@ -54,6 +57,7 @@ def bladed_disk(
     pictures: tuple[int, ...] = (),
     top_speed: float | None = None,
     fe: SectorFE | None = None,
+    wheel: LocalSizes | None = None,
 ) -> Model:
     """Build the reference model.
 
@@ -82,6 +86,8 @@ def bladed_disk(
         Also how modes and flexibility change with rotor speed; their frequencies are checked at this one.
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
+    wheel : LocalSizes, optional
+        Numbers of shapes of a local basis, for wheels of unequal blades; none by default.
 
     Returns
     -------
@@ -91,29 +97,26 @@ def bladed_disk(
     """
     fe = fe or SectorFE(density=MeshDensity.preset(mesh))
     g = fe.geometry
-    if nodal_diameters is None:
-        nodal_diameters = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
-    diameters = tuple(sorted({0, *nodal_diameters}))
-    wanted = set(diameters if flexibility_at is None else flexibility_at)
-
+    of_order = needed_nodal_diameters(g.n_blades, engine_order, harmonics)
+    diameters = tuple(sorted({0, *(of_order if nodal_diameters is None else nodal_diameters)}))
+    at = set(diameters if flexibility_at is None else flexibility_at)
     left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
     front, back = (end_patches(g, side) for side in ("front", "back"))
-    interfaces = _interfaces(left, right, front, back, g.end_gap)
     contact_blade = fe.blade_contact(left, right)
-    contact_damper = fe.damper_contact(left, right, front, back)
 
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = None if top_speed is None else fe.rotation(top_speed)
     blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, wanted, rotation
+        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, at, rotation
     )
+    local = None if wheel is None else fe.local_basis(contact_blade, nodes, damping_ratio, wheel)
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
-    own = (fe.damper, contact_damper, damper_nodes)
+    own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)
     damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, radial)
     return Model(
         n_blades=g.n_blades,
-        bodies={"blade": blade, "damper": damper, "ground": GROUND},
-        interfaces=interfaces,
+        bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
+        interfaces=_interfaces(left, right, front, back, g.end_gap),
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes={
             "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),

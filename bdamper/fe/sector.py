@@ -6,20 +6,24 @@ object serves several grids of contact points and the full finite element soluti
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
-from bdamper.fe.mesh import MeshDensity, damper_mesh, sector_mesh
+from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks, sector_mesh
 from bdamper.fe.spin import stiffness_per_squared_speed
+from bdamper.model.local import LocalBasis
 from bdamper.reduction.bonded import bonded_frequencies
 from bdamper.reduction.cyclic import CyclicSector, match_faces, sector_phase
 from bdamper.reduction.free_body import FreeBody
+from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.spin import Rotation
 
@@ -72,6 +76,26 @@ class SectorFE:
     def rotation(self, check_at: float | None = None) -> Rotation:
         """How the stiffness of the sector changes with rotor speed; frequencies are checked at ``check_at`` (rad/s)."""
         return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), check_at=check_at, source="bdamper.fe")
+
+    def blade_part(self) -> BladePart:
+        """Shank, platform and airfoil, the blade of a wheel; it meets the disk at the rim, under the shank."""
+        blocks = sector_blocks(self.geometry, self.density)[1:]  # without the disk
+        part = discretise(join_blocks(blocks), self.material)
+        nodes = cKDTree(self.blade.nodes).query(part.nodes)[1]
+        dofs = self.blade.dofs(nodes)
+        entries = part.stiffness.tocoo()
+        shape = self.blade.stiffness.shape
+        stiffness = sp.csr_matrix((entries.data, (dofs[entries.row], dofs[entries.col])), shape=shape)
+        fixed = np.zeros((len(self.blade.nodes), 3), bool)
+        fixed[self.clamped] = True
+        return BladePart(self.blade, nodes, fixed, stiffness)
+
+    def local_basis(
+        self, contact: sp.csr_matrix, locations: Mapping[str, int], damping_ratio: float, sizes: LocalSizes
+    ) -> LocalBasis:
+        """Coordinates of blade and disk for wheels of unequal blades; see :func:`bdamper.reduction.local_basis`."""
+        region = "shank, platform and airfoil"
+        return local_basis(self.blade_part(), self.cyclic, contact, locations, damping_ratio, sizes, region)
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
         """Averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.

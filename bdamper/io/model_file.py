@@ -44,6 +44,7 @@ from bdamper.io.model_groups import (
 )
 from bdamper.io.model_speed import read_speed, read_spin, write_speed, write_spin
 from bdamper.io.model_stress import read_stress, write_stress
+from bdamper.io.model_wheel import read_wheel, write_wheel
 from bdamper.model.model import (
     Body,
     BodyLoad,
@@ -172,9 +173,11 @@ def _write_body(group: h5py.Group, model: Model, body: Body) -> None:
         _write_basis(new_group(group, f"nd{d:03d}"), model, body, basis)
     if body.load is not None:
         write_part(new_group(group, "load"), _LOAD, body.load)
+    rows = {f"{interface}.{side}": model.port_slice(body.name, (interface, side)) for interface, side in body.ports}
     if body.spin is not None:
-        rows = {f"{interface}.{side}": model.port_slice(body.name, (interface, side)) for interface, side in body.ports}
         write_spin(new_group(group, "spin"), body.spin, rows)
+    if body.local is not None:
+        write_wheel(new_group(group, "wheel"), body.local, rows)
 
 
 def _write_basis(group: h5py.Group, model: Model, body: Body, basis: ModalBasis) -> None:
@@ -281,7 +284,7 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
             others.append(name)
         else:
             bases[int(match[1])] = name
-    check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load", "constant_force", "spin"])
+    check_members(group, [], [*bases.values(), "mass", "centre", "inertia", "load", "constant_force", "spin", "wheel"])
     ports = _read_ports(group, interfaces)
     points = {f"{interface}.{side}": interfaces[interface].n_points for interface, side in ports}
     return Body(
@@ -295,6 +298,7 @@ def _read_body(group: h5py.Group, interfaces: Mapping[str, Interface]) -> Body:
         load=read_part(subgroup(group, "load"), _LOAD) if "load" in others else None,
         constant_force=read_array(group, "constant_force") if "constant_force" in others else None,
         spin=read_spin(subgroup(group, "spin"), points) if "spin" in others else None,
+        local=read_wheel(subgroup(group, "wheel"), points) if "wheel" in others else None,
     )
 
 

@@ -44,6 +44,10 @@ UNITS = {
     "residual0": "m/N",
     "residual2": "m s2/N",
     "spin": "m s2",
+    "blade_stiffness": "rad2/s2",
+    "blade_mass": "1",
+    "disk_stiffness": "rad2/s2",
+    "disk_mass": "1",
     "mode_stress": "Pa m^-1 kg^-1/2",
     "contact_stress": "Pa/N",
     "static_stress": "Pa s2",
@@ -64,6 +68,7 @@ _TYPES = {
 _TYPE_OF = {"modes": "field", "locations": "field", "flexibility": "field", "quads": "integer", "fallback": "bool"} | {
     "mode_stress": "field", "contact_stress": "field", "near_contact": "bool",
     "stiffness0": "field", "stiffness2": "field", "coriolis": "field", "residual0": "field", "residual2": "field",
+    "disk_stiffness": "field", "disk_mass": "field",
 }  # fmt: skip
 _SHAPE_OF: dict[str, tuple[int | None, ...]] = {"omega2": (None,), "area": (None,), "mass": ()}
 

@@ -115,7 +115,12 @@ def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:
     }
     load = body.load and replace(body.load, displacement=mean(body.load.displacement))
     spin = body.spin and replace(body.spin, contact=mean(body.spin.contact))
-    return replace(body, bases=bases, load=load, spin=spin)
+    local = body.local and replace(
+        body.local,
+        contact_modes=mean(body.local.contact_modes),
+        flexibility=None if body.local.flexibility is None else A @ body.local.flexibility @ A.T,
+    )
+    return replace(body, bases=bases, load=load, spin=spin, local=local)
 
 
 def united_stiffness(face: Interface, n_points: int, stiffness: NDArray) -> NDArray:

@@ -26,7 +26,7 @@ from bdamper.model.model import Body, ContactStiffness, Model, StaticContact, fe
 from bdamper.model.spin import SpinStatic
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import ModelError
-from tests.models import ALL_MODELS, shroud_model, wedge_model
+from tests.models import ALL_MODELS, lumped_local, shroud_model, wedge_model
 
 
 def complete_model() -> Model:
@@ -59,9 +59,14 @@ def complete_model() -> Model:
     turning[0] = replace(turning[0], speed=replace(own, stiffness0=own.stiffness0 * (1.0 + 1e-12)))
     places = {name: rng.standard_normal(3) for name in bases[0].locations}
     spin = SpinStatic(rng.standard_normal((n_forces // 3, 3)), places, "stiffened", 50.0)
+    # on a stiff disk, a little above the frequencies of the modes
+    own = 1.08 * bases[0].omega2[0]
+    local = lumped_local(small, own, 100.0 * own, own)
+    shape = local.contact_modes[..., 0].ravel()
+    local = replace(local, flexibility=2.0 / own * np.outer(shape, shape))
     return replace(
         small,
-        bodies={**small.bodies, "blade": replace(blade, bases=turning, spin=spin)},
+        bodies={**small.bodies, "blade": replace(blade, bases=turning, spin=spin, local=local)},
         stress={"root": stress},
         static={"right": static, "left": static},
         contact={"left": contact},
@@ -425,6 +430,34 @@ BROKEN: list[tuple[str, Callable[[h5py.File], None], str]] = [
         "no modes",
         drop("bodies/blade/nd002/modes/left.b"),
         "nd002/modes/left.b: expected this group or dataset",
+    ),
+    ("no region", drop_attribute("bodies/blade/wheel", "region"), "/wheel/@region: expected this attribute, found nothing"),
+    (
+        "numbers of shapes",
+        set_attribute("bodies/blade/wheel", "n_interface", 2),
+        "/wheel/damping_ratio: expected shape (3,), found (2,)",
+    ),
+    ("negative number", set_attribute("bodies/blade/wheel", "n_attachment", -1), "/wheel: expected numbers of shapes >= 0"),
+    ("no disk", drop("bodies/blade/wheel/disk_mass"), "/wheel/disk_mass: expected this group or dataset, found nothing"),
+    (
+        "disk not Hermitian",
+        values("bodies/blade/wheel/disk_stiffness", lambda x: x * (1.0 + 0.1j)),
+        "/wheel/disk_stiffness at nodal diameter 0: expected a Hermitian matrix",
+    ),
+    (
+        "disk of fewer waves",
+        values("bodies/blade/wheel/disk_stiffness", lambda x: x[1:]),
+        "/wheel/disk_stiffness: expected shape (7, any, any), found (6, 1, 1)",
+    ),
+    (
+        "soft disk",
+        values("bodies/blade/wheel/disk_stiffness", lambda x: -x),
+        "/wheel/disk_stiffness: expected blade and disk positive definite, found not at nodal diameter 0",
+    ),
+    (
+        "other frequencies",
+        values("bodies/blade/wheel/disk_stiffness", lambda x: 0.02 * x),
+        "/wheel: expected frequencies of nd000 or above",
     ),
     ("no location", drop("bodies/blade/nd002/locations/tip"), "nd002/locations: expected ['tip'], found []"),
     (

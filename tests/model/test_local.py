@@ -5,38 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bdamper.model import LocalBasis, check_model, local_model
+from bdamper.model import check_model, local_model, unite_contact_points
 from bdamper.util.errors import ModelError
-from tests.models import wedge_model
+from tests.models import lumped_local, wedge_model
 
 N = 8
 OWN, DISK, TIE = 3.0e6, 4.0e6, 1.5e6
 
 
-def lumped_local(model, n_blades=N, seed=1):
-    """Unit blade masses on springs to unit disk masses, which neighbours tie to each other: u = eta + a, u_disk = a."""
-    n_points = sum(model.interfaces[name].n_points for name, _ in model.bodies["blade"].ports)
-    rng = np.random.default_rng(seed)
-    waves = np.arange(n_blades // 2 + 1)
-    ties = DISK + 2.0 * TIE * (1.0 - np.cos(2.0 * np.pi * waves / n_blades))
-    shape = rng.normal(size=(n_points, 3, 1))
-    return LocalBasis(
-        region="mass",
-        omega2=np.array([OWN]),
-        damping_ratio=np.array([1e-3, 2e-3]),
-        blade_stiffness=np.diag([OWN, 0.0]),
-        blade_mass=np.ones((2, 2)),
-        disk_stiffness=ties[:, None, None].astype(complex),
-        disk_mass=np.ones((len(waves), 1, 1), complex),
-        contact_modes=np.concatenate([shape, shape], axis=2),
-        locations={"tip": np.ones((3, 2))},
-        flexibility=None,
-    )
-
-
 def lumped_wheel_model():
     model = wedge_model(0, n_blades=N, engine_order=3, n_points=4)
-    local = lumped_local(model)
+    local = lumped_local(model, OWN, DISK, TIE)
     blade = model.bodies["blade"]
     blade = replace(blade, bases={0: local.nodal_diameter(0), 3: local.nodal_diameter(3)}, local=local)
     return replace(model, bodies={**model.bodies, "blade": blade})
@@ -101,3 +80,10 @@ def test_a_basis_that_does_not_fit_is_refused(changes, words):
 def test_a_model_without_a_local_basis_says_so():
     with pytest.raises(ModelError, match="no body of the model carries one"):
         local_model(wedge_model(0, n_blades=N, engine_order=3, n_points=4))
+
+
+def test_contact_points_of_a_local_basis_are_united_with_those_of_the_modes():
+    model = unite_contact_points(lumped_wheel_model(), 1)
+    check_model(model)
+    body = model.bodies["blade"]
+    np.testing.assert_allclose(body.local.nodal_diameter(3).contact_modes, body.bases[3].contact_modes, rtol=1e-12)
