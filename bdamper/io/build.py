@@ -22,6 +22,7 @@ from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.from_matrices import constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
 from bdamper.io.import_report import ImportReport, frequencies_of
+from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
 from bdamper.io.plausible import (
     check_frequencies_against,
@@ -37,6 +38,7 @@ from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters
 from bdamper.reduction.cyclic import match_faces
 from bdamper.reduction.facets import corner_count
+from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
@@ -93,6 +95,8 @@ def build_model(
     origin: Sequence[float] = (0.0, 0.0, 0.0),
     expected_frequencies: Mapping[int, Sequence[float]] | None = None,
     check_units: bool = True,
+    wheel: NodeSet | None = None,
+    wheel_shapes: LocalSizes | None = None,
 ) -> BuiltModel:
     """Make a model from finite element bodies.
 
@@ -124,6 +128,10 @@ def build_model(
         Of the program that made the matrices; they are compared to 1 %.
     check_units : bool
         Whether sizes, density and frequencies far from anything built are refused.
+    wheel : set, optional
+        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
+    wheel_shapes : LocalSizes, optional
+        Numbers of shapes of such a blade.
 
     Raises
     ------
@@ -132,8 +140,7 @@ def build_model(
     """
     place = placement(axis, radial, origin, units)
     n_blades = validate.whole("n_blades", n_blades, least=1)
-    counts = {"blade": validate.whole("n_modes", n_modes, 1, MOST_MODES)}
-    counts["damper"] = validate.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)
+    counts = _counts(n_modes, n_damper_modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
     validate.flag("check_units", check_units)
     bodies = _prepared(blade, damper, place)
@@ -142,9 +149,8 @@ def build_model(
     _check_bodies(bodies, n_blades, check_units)
     diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
     ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters)
-    laid = lay_contacts(contacts, bodies, n_blades)
-    places = _locations(locations, bodies)
-    made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed)
+    laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
+    made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes)
     if engine_order is not None:  # of the excited wave alone: they make up most of a file
         d = engine_order % n_blades
         bodies["blade"].pictures = {k: v for k, v in bodies["blade"].pictures.items() if k == min(d, n_blades - d)}
@@ -153,6 +159,11 @@ def build_model(
 
 # -----------------------------------------------------------------------------------------------------------
 # Settings
+
+
+def _counts(n_modes: int, n_damper_modes: int) -> dict[str, int]:
+    blade = validate.whole("n_modes", n_modes, 1, MOST_MODES)
+    return {"blade": blade, "damper": validate.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)}
 
 
 def _prepared(blade: FEBody, damper: FEBody | None, place: Placement) -> dict[str, PreparedBody]:
@@ -264,18 +275,23 @@ def _reduced(
     damping_ratio: float,
     ring: Ring,
     fixed: NodeSet | None,
+    wheel: NodeSet | None,
+    shapes: LocalSizes | None,
 ) -> dict[str, Body]:
     """All bodies with their modes, by the way that the numbers given for each of them allow."""
     made = {}
     for name, body in bodies.items():
         nodes = {key: node for key, (owner, node) in places.items() if owner == name}
         wanted = Wanted(laid.ports[name], laid.rows[name], nodes, counts[name], damping_ratio)
+        part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel)
         if name == "blade" and body.has_matrices:
             made[name] = constrained_from_matrices(body, wanted, ring, fixed)
         elif name == "blade":
             made[name] = constrained_from_modes(body, wanted, ring)
         else:
             made[name] = free_from_matrices(body, wanted) if body.has_matrices else free_from_modes(body, wanted)
+        if part is not None:
+            made[name] = with_local_basis(made[name], body, wanted, ring, part, shapes or LocalSizes())
     if laid.ports["ground"]:
         made["ground"] = Body("ground", "ground", laid.ports["ground"])
     return made

@@ -30,6 +30,6 @@ def local_model(model: Model) -> Model:
     if all(body.local is None for body in model.bodies.values()):
         raise ModelError(
             "a wheel needs a local basis of blade and disk, and no body of the model carries one; "
-            "models of bdamper.fe and build_model have it with wheel=True"
+            "bladed_disk(wheel=LocalSizes()) of bdamper.fe and build_model(wheel=nodes of the blade) make it"
         )
     return replace(model, bodies=bodies, meshes=meshes, stress=stress)

@@ -37,6 +37,7 @@ from bdamper.model.local import LocalBasis
 from bdamper.reduction.bodies import location_rows
 from bdamper.reduction.cyclic import CyclicSector, factorise, fix_phase, lowest_modes
 from bdamper.reduction.structure import Structure
+from bdamper.util import validate
 
 
 @dataclass(frozen=True)
@@ -59,6 +60,10 @@ class LocalSizes:
     attachment: int = 12
     interface: int = 16
     modes: int = 10
+
+    def __post_init__(self) -> None:
+        validate.fields(self, validate.whole, "cantilever", "interface", "modes", least=1)
+        validate.fields(self, validate.whole, "attachment", least=0)
 
 
 @dataclass
@@ -96,6 +101,21 @@ class BladePart:
             raise ValueError("a blade that no node of its root joins to the disk")
         if len(self.own_dofs) < 12:
             raise ValueError(f"a blade of {len(self.own_dofs)} moving components besides its root")
+
+    def check_on_blade(self, contact: sp.csr_matrix, locations: Mapping[str, int]) -> None:
+        """Contact points and locations, as in :func:`local_basis`, are on the blade.
+
+        Raises
+        ------
+        ValueError
+        """
+        inside = np.zeros(len(self.body.nodes), bool)
+        inside[self.nodes] = True
+        if not inside[np.unique(contact.indices // 3)].all():
+            raise ValueError("contact points that are not on the blade")
+        for name, node in locations.items():
+            if not inside[node]:
+                raise ValueError(f"location '{name}', which is not on the blade")
 
     @cached_property
     def solver(self) -> SuperLU:
@@ -176,7 +196,8 @@ def root_shapes(blade: BladePart, sector: Callable[[int], CyclicSector], n_secto
         omega2, shapes = sector(d).modes(sizes.modes)
         found = shapes[blade.root_dofs] / np.sqrt(omega2)
         motion += [found.real, found.imag]
-    return np.asarray(np.linalg.svd(np.hstack(motion), full_matrices=False)[0][:, : sizes.interface])
+    shapes, size, _ = np.linalg.svd(np.hstack(motion), full_matrices=False)
+    return np.asarray(shapes[:, size > 1e-8 * size[0]][:, : sizes.interface])
 
 
 @dataclass(frozen=True)
@@ -252,13 +273,8 @@ def local_basis(
     ValueError
         If contact points or locations are not on the blade, or its root lies on a face at which the sector repeats.
     """
-    body, of_blade = blade.body, np.zeros(len(blade.body.nodes), bool)
-    of_blade[blade.nodes] = True
-    if not of_blade[np.unique(contact.indices // 3)].all():
-        raise ValueError("contact points that are not on the blade")
-    for name, node in locations.items():
-        if not of_blade[node]:
-            raise ValueError(f"location '{name}', which is not on the blade")
+    blade.check_on_blade(contact, locations)
+    body = blade.body
     found = local_shapes(blade, sector, contact, sizes)
     shapes, n = found.shapes, found.shapes.shape[1]
     own = slice(0, n - found.n_interface)

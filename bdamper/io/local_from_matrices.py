@@ -1,0 +1,67 @@
+"""The local basis of an imported sector, for wheels of unequal blades."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
+from bdamper.model.model import Body
+from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
+from bdamper.util.errors import SettingError
+
+
+def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None, blade: NodeSet) -> BladePart:
+    """The blade within a sector.
+
+    Parameters
+    ----------
+    body, wanted, ring, fixed
+        As in :func:`bdamper.io.from_matrices.constrained_from_matrices`.
+    blade : NodeSet
+        Its nodes, those included at which it meets the disk.
+
+    Raises
+    ------
+    ModelError, SettingError
+        If there are no matrices or no sectors, or the set is not a blade with all contact points and locations on it.
+    """
+    if not body.has_matrices or ring.n_blades == 1:
+        found = "an acyclic structure" if body.has_matrices else "modes alone"
+        raise SettingError(f"wheel: expected a sector of a cyclic structure with its matrices, found {found}")
+    nodes, faces = body.node_set(blade, "wheel"), np.concatenate([ring.left, ring.right])
+    with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
+        held = None if fixed is None else body.node_set(fixed, "fixed")
+        part = BladePart(body.structure, nodes, body.fixed(held))
+        part.check_on_blade(wanted.contact, wanted.locations)
+        if np.isin(nodes, faces).any():
+            raise ValueError("nodes on the faces at which the sector repeats")
+    return part
+
+
+def with_local_basis(
+    made: Body, body: PreparedBody, wanted: Wanted, ring: Ring, part: BladePart, sizes: LocalSizes
+) -> Body:
+    """The sector ``made`` with a local basis from its matrices, parameters as in :func:`blade_part`.
+
+    Raises
+    ------
+    ModelError
+        If the matrices of the blade clamped at its root are not positive definite.
+    """
+
+    def sector(d: int) -> CyclicSector:
+        return CyclicSector(body.structure, ring.left, ring.right, part.fixed, ring.n_blades, d)
+
+    with body.refusing("wheel", "a blade that its root holds"):
+        local = local_basis(part, sector, wanted.contact, wanted.locations, wanted.damping_ratio, sizes, "set of nodes")
+    clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
+    worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
+    body.checks += [
+        f"wheel: blade of {len(part.nodes)} nodes, {len(part.root)} of them at its root; clamped there {clamped} ... Hz; "
+        f"{local.n_cantilever} such modes, {local.n_attachment} attachments, {local.n_interface} shapes of the root",
+        f"wheel: the lowest frequency of each nodal diameter at most {100.0 * worst:.2g} % too high",
+    ]
+    return replace(made, local=local)

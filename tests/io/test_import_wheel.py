@@ -1,0 +1,69 @@
+"""A local basis from bare matrices and a set of nodes: that of the finite element model, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+
+from bdamper.io import build_model
+from bdamper.model import check_model
+from bdamper.reduction import LocalSizes
+from bdamper.util.errors import BdamperError
+from tests.annulus import small_sector
+from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
+
+N = 6
+SETTINGS = {
+    "n_blades": N, "sector_faces": ("LOW", "HIGH"), "fixed": "BORE", "nodal_diameters": (0, 1, 2, 3), "n_modes": 6,
+    "n_damper_modes": 6, "contacts": contacts(4), "check_units": False,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def fe():
+    return small_sector(N)
+
+
+@pytest.fixture(scope="module")
+def bodies(fe):
+    blade, damper = sector_and_damper(fe)
+    sets = {**blade.node_sets, "BLADE": FIRST_NUMBER + fe.blade_part().nodes}
+    return replace(blade, node_sets=sets), damper
+
+
+def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
+    built = build_model(*bodies, **SETTINGS, wheel="BLADE", locations={"tip": fe.blade.nodes[:, 1].argmax() + FIRST_NUMBER})
+    check_model(built.model)
+    local = built.model.bodies["blade"].local
+    assert (local.n_cantilever, local.n_attachment, local.n_interface) == (10, 12, 16)
+    np.testing.assert_allclose(local.omega2, fe.blade_part().cantilever(10)[0], rtol=1e-8)
+    for d, basis in built.model.bodies["blade"].bases.items():
+        np.testing.assert_allclose(local.nodal_diameter(d).omega2[:3], basis.omega2[:3], rtol=1e-4)
+    assert np.all(local.blade_stiffness[-16:] == 0.0)
+    assert "of them at its root; clamped there" in str(built)
+    few = build_model(*bodies, **SETTINGS, wheel="BLADE", wheel_shapes=LocalSizes(4, 6, 6)).model.bodies["blade"].local
+    assert few.n == 16
+
+
+@pytest.mark.parametrize(
+    ("wheel", "words"),
+    [
+        ("ALL", "wheel: expected a set out of"),
+        ("BORE", "wheel: expected the nodes of a blade from root to tip, with all its contact faces and locations, found"),
+        ("EVERY", "found a blade that no node of its root joins to the disk"),
+        ("HALF", "found contact points that are not on the blade"),
+    ],
+)
+def test_a_set_that_is_no_blade_is_refused(fe, bodies, wheel, words):
+    blade, damper = bodies
+    nodes = fe.blade_part().nodes
+    own = {
+        "EVERY": FIRST_NUMBER + np.arange(len(fe.blade.nodes)),
+        "HALF": FIRST_NUMBER + nodes[fe.blade.nodes[nodes, 1] > np.median(fe.blade.nodes[nodes, 1])],
+    }
+    blade = replace(blade, node_sets={**blade.node_sets, **own})
+    with pytest.raises(BdamperError) as error:
+        build_model(blade, damper, **SETTINGS, wheel=wheel)
+    assert words in str(error.value)
