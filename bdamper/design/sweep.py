@@ -7,9 +7,8 @@ interruptions.  Finished points can be kept in a file (:mod:`bdamper.util.result
 from __future__ import annotations
 
 import itertools
-import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from concurrent.futures import Executor
 from contextlib import closing, nullcontext
 from dataclasses import asdict, dataclass, field, is_dataclass, replace
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import run_points
+from bdamper.design.workers import run_stored
 from bdamper.model.model import Model
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.plausible import check_question
@@ -30,9 +29,9 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError, SettingError, renamed
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import LongWork, counter
+from bdamper.util.progress import LongWork
 from bdamper.util.repr import brief
-from bdamper.util.results_file import ResultsFile, as_line
+from bdamper.util.results_file import ResultsFile
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.versions import HERE
 
@@ -42,8 +41,6 @@ UNITS = {
     "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
 }  # fmt: skip
 """Units of settings and answers; what is not listed is a plain number or a name."""
-NOT_RUN = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
-"""Record of a point that an interrupted sweep has left out."""
 Values = Mapping[str, Any]
 Task = Callable[[Problem, float | None], Values]
 """The question: a function of a problem and a preload (None if the sweep has none) that returns named numbers, texts or
@@ -364,28 +361,6 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _records(
-    job: _Job, points: Sequence[Mapping[str, Any]], executor: Executor | None, store: ResultsFile | None, progress: bool
-) -> list[dict[str, Any]]:
-    """Records of all points, in the same form whether a point was just computed or read from the file."""
-    records: dict[int | str, dict[str, Any]] = {} if store is None else dict(store.records)
-    todo = [i for i in range(len(points)) if i not in records]
-    not_run = NOT_RUN
-    try:
-        with LongWork(), counter(progress, len(points), len(points) - len(todo), "sweep", "point") as advance:
-
-            def keep(i: int, record: dict[str, Any]) -> None:
-                records[i] = {"index": i, **record}
-                if store is not None and i not in store.records:
-                    store.append(records[i])
-                advance()
-
-            run_points(job, points, todo, executor, keep)
-    except BrokenExecutor as error:
-        not_run = NOT_RUN | {"status": f"not run: {error}"}
-    return [json.loads(as_line(records.get(i, not_run))) for i in range(len(points))]
-
-
 @renamed(results="resume")
 @one_thread
 def sweep(
@@ -450,7 +425,7 @@ def sweep(
         _ = problem.stiffness  # which variants share is made before the job is sent out
     kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, over, combine)))
     with kept as store:
-        ordered = _records(job, points, executor, store, progress)
+        ordered = run_stored(job, points, range(len(points)), executor, store, progress, "sweep", "point")
     values, status, seconds, cost = zip(*((r["values"], r["status"], r["seconds"], Cost(**r["cost"])) for r in ordered))
     return SweepResult(
         names, tuple(points), values, status, np.array(seconds), shape, problem.record(None), problem.model.hash, cost

@@ -10,19 +10,25 @@ but :meth:`concurrent.futures.Executor.submit`.
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import pickle
 import platform
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from bdamper.util.progress import LongWork, counter
+from bdamper.util.results_file import ResultsFile, as_line
+
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
+NOT_RUN: Record = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
+"""Record of a point that interrupted work has left out."""
 
 
 class Job(Protocol):
@@ -162,3 +168,49 @@ def run_points(
             for future in tasks.running:
                 future.cancel()
             _jobs.pop(key, None)
+
+
+def run_stored(
+    job: Job,
+    points: Sequence[Mapping[str, Any]],
+    names: Sequence[int | str],
+    executor: Executor | None,
+    store: ResultsFile | None,
+    progress: bool,
+    what: str,
+    unit: str,
+) -> list[Record]:
+    """Records of all points, in the same form whether a point was just computed or read from the file.
+
+    Parameters
+    ----------
+    job, points, executor
+        As in :func:`run_points`.
+    names : sequence of int or str
+        Of the points in the file.
+    store : ResultsFile, optional
+        What it has is not computed again; each point is added as soon as it is finished.
+    progress : bool
+        Whether to show a bar, of some ``what`` in some ``unit``.
+
+    Returns
+    -------
+    list of mapping
+        After Ctrl-C, or the end of the executor, :data:`NOT_RUN` with the reason for points that were not finished.
+    """
+    records: dict[int | str, Record] = {} if store is None else dict(store.records)
+    todo = [i for i, name in enumerate(names) if name not in records]
+    not_run = NOT_RUN
+    try:
+        with LongWork(), counter(progress, len(points), len(points) - len(todo), what, unit) as advance:
+
+            def keep(i: int, record: Record) -> None:
+                records[names[i]] = {"index": names[i], **record}
+                if store is not None and names[i] not in store.records:
+                    store.append(records[names[i]])
+                advance()
+
+            run_points(job, points, todo, executor, keep)
+    except BrokenExecutor as error:
+        not_run = NOT_RUN | {"status": f"not run: {error}"}
+    return [json.loads(as_line(records.get(name, not_run))) for name in names]

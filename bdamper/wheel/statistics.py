@@ -1,0 +1,184 @@
+"""Statistics of a sample of wheels: percentiles and shares with confidence intervals, and the tail of a distribution.
+
+Intervals of percentiles are those of order statistics, which assume nothing of the distribution: of n independent values
+the number below the percentile is binomial, so that two of the sorted values enclose it with at least the confidence asked
+for.  Where the sample is too small for an upper end, the interval is open.  Intervals of shares are those of Clopper and
+Pearson (Biometrika 26, 1934), which cover with at least their confidence.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.stats import beta, binom, weibull_max
+
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+from bdamper.util.repr import brief
+
+FEWEST_IN_TAIL = 10
+"""Values that a fit of three parameters needs at least."""
+
+
+class Interval(NamedTuple):
+    """An estimate between the ends of its confidence interval; ends are infinite where the sample does not bound it."""
+
+    low: float
+    value: float
+    high: float
+
+    def __str__(self) -> str:
+        high = f"{self.high:.4g}" if np.isfinite(self.high) else "not bounded by the sample"
+        low = f"{self.low:.4g}" if np.isfinite(self.low) else "not bounded by the sample"
+        return f"{self.value:.4g} ({low} to {high})"
+
+
+def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
+    """A percentile of the distribution that independent values are drawn from.
+
+    Parameters
+    ----------
+    values : (n,) float
+        Those that are not known (NaN) are left out.
+    q : float
+        Between 0 and 100.
+    confidence : float
+        At least which the interval has.
+
+    Returns
+    -------
+    Interval
+        The value is the median-unbiased estimate, within the sample; NaN without values.
+    """
+    q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
+    confidence = validate.number("confidence", confidence, above=0.0, below=1.0)
+    known = np.sort(values[np.isfinite(values)])
+    n = len(known)
+    if not n:
+        return Interval(np.nan, np.nan, np.nan)
+    low = int(binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1
+    high = int(binom.ppf(0.5 * (1.0 + confidence), n, q))
+    return Interval(
+        float(known[low]) if low >= 0 else -np.inf,
+        float(np.quantile(known, q, method="median_unbiased")),
+        float(known[high]) if high < n else np.inf,
+    )
+
+
+def share(count: int, n: int, confidence: float = 0.95) -> Interval:
+    """A probability of which ``count`` of ``n`` independent trials came true, with the interval of Clopper and Pearson."""
+    count = validate.whole("count", count, most=validate.whole("n", n))
+    if n == 0:
+        return Interval(0.0, np.nan, 1.0)
+    side = 0.5 * (1.0 - confidence)
+    low = float(beta.ppf(side, count, n - count + 1)) if count > 0 else 0.0
+    high = float(beta.ppf(1.0 - side, count + 1, n - count)) if count < n else 1.0
+    return Interval(low, count / n, high)
+
+
+@brief
+@dataclass(frozen=True)
+class WeibullTail:
+    r"""A Weibull distribution of maxima, bounded above, fitted to the upper values of a sample.
+
+    .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
+
+    The highest of many blades whose amplitudes are bounded tends to it (Castanier and Pierre, J. Propulsion and Power 22, 2006,
+    review such wheels).  Values below the threshold count by their number alone, so that the body of the distribution
+    does not bend its tail.
+
+    Parameters
+    ----------
+    shape, bound, scale : float
+        k, b and s by maximum likelihood.
+    threshold : float
+        Lowest value that the fit has seen.
+    n, n_tail : int
+        Values in all, and from the threshold on.
+    distance : float
+        Largest distance between the distribution and the empirical one from the threshold on.
+    """
+
+    shape: float
+    bound: float
+    scale: float
+    threshold: float
+    n: int
+    n_tail: int
+    distance: float
+
+    def cdf(self, x: NDArray | float) -> NDArray:
+        """Probability of a value of at most ``x``."""
+        return np.asarray(weibull_max.cdf(x, self.shape, self.bound, self.scale))
+
+    def percentile(self, q: float) -> float:
+        """A percentile of the fit, within the tail or beyond the sample.
+
+        Raises
+        ------
+        SettingError
+            Below the threshold, of which the fit knows nothing.
+        """
+        q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
+        if q < 1.0 - self.n_tail / self.n:
+            raise SettingError(f"percentile: expected one of the tail, above {100.0 * (1.0 - self.n_tail / self.n):g}")
+        return float(weibull_max.ppf(q, self.shape, self.bound, self.scale))
+
+    def __str__(self) -> str:
+        return (
+            f"Weibull tail from {self.threshold:.4g} on ({self.n_tail} of {self.n} values): shape {self.shape:.3g}, bound "
+            f"{self.bound:.4g}, largest distance from the empirical distribution {self.distance:.2g}"
+        )
+
+
+def empirical(values: NDArray) -> tuple[NDArray, NDArray]:
+    """Sorted known values, and the share of each: ``(i - 0.5)/n``."""
+    known = np.sort(values[np.isfinite(values)])
+    return known, (np.arange(len(known)) + 0.5) / max(len(known), 1)
+
+
+def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
+    """Fit of the upper values of a sample.
+
+    Parameters
+    ----------
+    values : (n,) float
+        Those that are not known (NaN) are left out.
+    tail : float
+        Share of the values that count as the tail.
+
+    Raises
+    ------
+    SettingError
+        If the tail has fewer than ten different values.
+    """
+    tail = validate.number("tail", tail, above=0.0, most=1.0)
+    known, probability = empirical(values)
+    n = len(known)
+    x = known[n - round(tail * n) :]
+    if len(np.unique(x)) < FEWEST_IN_TAIL:
+        expected = f"at least {FEWEST_IN_TAIL} different values in the tail"
+        raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
+    below, low, top = n - len(x), x[0], x[-1]
+    unit = top - low
+
+    def parameters(p: NDArray) -> tuple[float, float, float]:
+        """Shape, bound and scale; those logarithms are limited of which there is nothing more to tell."""
+        return float(np.exp(p[0])), top + unit * float(np.exp(p[1])), unit * float(np.exp(p[2]))
+
+    def misfit(p: NDArray) -> float:
+        if np.abs(p).max() > 12.0:
+            return np.inf
+        k, b, s = parameters(p)
+        seen = weibull_max.logpdf(x, k, b, s).sum()
+        return -float(seen + (below * weibull_max.logcdf(low, k, b, s) if below else 0.0))
+
+    starts = [np.array([np.log(k), np.log(0.3 * k), np.log(0.6 * k)]) for k in (2.0, 4.0, 8.0)]
+    found = [minimize(misfit, p, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}) for p in starts]
+    k, b, s = parameters(min(found, key=lambda one: one.fun).x)
+    distance = np.abs(weibull_max.cdf(x, k, b, s) - probability[below:]).max()
+    return WeibullTail(k, b, s, float(low), n, len(x), float(distance))
