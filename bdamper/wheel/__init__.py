@@ -4,7 +4,22 @@ In: a problem whose model has a sector-local basis.  Out: curves and peaks of ev
 """
 
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.results import WheelCurve, WheelPeak
+from bdamper.wheel.sample import audit_wheels, mistuned_sample
+from bdamper.wheel.sample_result import Audit, BestPreload, MistunedSample
 from bdamper.wheel.wheel import Wheel
 
-__all__ = ["DamperVariation", "Mistuning", "Wheel", "WheelCurve", "WheelPeak"]
+__all__ = [
+    "Audit",
+    "BestPreload",
+    "DamperVariation",
+    "MistunedSample",
+    "Mistuning",
+    "Wheel",
+    "WheelCurve",
+    "WheelPeak",
+    "WheelPeakOptions",
+    "audit_wheels",
+    "mistuned_sample",
+]

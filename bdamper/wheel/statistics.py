@@ -87,9 +87,9 @@ class WeibullTail:
 
     .. math:: F(x) = \exp\left(-\left(\frac{b - x}{s}\right)^k\right), \quad x \le b .
 
-    The highest of many blades whose amplitudes are bounded tends to it (Castanier and Pierre, J. Propulsion and Power 22, 2006,
-    review such wheels).  Values below the threshold count by their number alone, so that the body of the distribution
-    does not bend its tail.
+    The highest of many blades whose amplitudes are bounded tends to it (reviewed by Castanier and Pierre, J. Propulsion and
+    Power 22, 2006).  Values below the threshold count by their number alone, so that the body of the distribution does not
+    bend its tail.
 
     Parameters
     ----------
@@ -178,7 +178,9 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         return -float(seen + (below * weibull_max.logcdf(low, k, b, s) if below else 0.0))
 
     starts = [np.array([np.log(k), np.log(0.3 * k), np.log(0.6 * k)]) for k in (2.0, 4.0, 8.0)]
-    found = [minimize(misfit, p, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}) for p in starts]
+    found = [
+        minimize(misfit, p, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}) for p in starts
+    ]
     k, b, s = parameters(min(found, key=lambda one: one.fun).x)
     distance = np.abs(weibull_max.cdf(x, k, b, s) - probability[below:]).max()
     return WeibullTail(k, b, s, float(low), n, len(x), float(distance))

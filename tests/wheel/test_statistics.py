@@ -1,4 +1,4 @@
-"""Percentiles, shares and tails: their intervals cover what they say, and fits find the distribution that was drawn from."""
+"""Percentiles, shares and tails: their intervals cover what they say, and fits find the distribution drawn from."""
 
 import numpy as np
 import pytest

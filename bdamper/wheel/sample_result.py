@@ -1,0 +1,334 @@
+"""What a sample of wheels tells: amplification factors and their percentiles, the tail, the best preload, the audit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.design.sweep import interruption
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
+
+RESAMPLES = 2000
+"""Of a bootstrap over wheels."""
+
+
+def highest_wheels(height: NDArray, n: int) -> NDArray:
+    """(n_wheels, ...) bool: the n highest in each cell."""
+    rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
+    return np.asarray((rank < n) & np.isfinite(height))
+
+
+@brief
+@dataclass(frozen=True)
+class Audit:
+    """Highest peaks of a search beside those of whole curves of the same wheels, tracked from both ends.
+
+    Parameters
+    ----------
+    kind : {"drawn before any result", "highest wheels"}
+    wheel : (n,) int
+    standard_deviation, preload : (n,) float
+    search, curve : (n,) float, m
+        Highest amplitude of any blade by either; NaN where it is not known.
+    tolerance : float
+        A peak is missed if the curve is higher by more than this share.
+    status : tuple of str
+        "done", why one direction did not come through, or why there is no curve.
+    """
+
+    kind: str
+    wheel: NDArray
+    standard_deviation: NDArray
+    preload: NDArray
+    search: NDArray
+    curve: NDArray
+    tolerance: float
+    status: tuple[str, ...]
+
+    @property
+    def missed(self) -> NDArray:
+        """(n,) bool: where a curve is higher than the search has found."""
+        return np.asarray(np.isfinite(self.curve) & ~(self.curve <= (1.0 + self.tolerance) * self.search))
+
+    @property
+    def undecided(self) -> NDArray:
+        """(n,) bool: where no curve came through in either direction."""
+        return ~np.isfinite(self.curve)
+
+    @property
+    def share(self) -> Interval:
+        """Share of wheels of which a peak was missed anywhere, with its binomial interval of 95 %."""
+        decided = np.unique(self.wheel[~self.undecided])
+        return share(len(np.unique(self.wheel[self.missed])), len(decided))
+
+    @property
+    def largest(self) -> float:
+        """Largest relative excess of a curve."""
+        return float(np.nanmax(self.curve / self.search, initial=0.0)) - 1.0
+
+    def __str__(self) -> str:
+        n, missed = len(np.unique(self.wheel)), self.missed
+        found = self.share
+        lines = [
+            f"audit of {n} wheels ({self.kind}), {len(self.wheel)} whole curves from both ends: "
+            f"{100.0 * found.value:.3g} % of the wheels ({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %) missed by "
+            f"more than {100.0 * self.tolerance:g} %, {int(self.undecided.sum())} curves not decided"
+        ]
+        for i in np.flatnonzero(missed | self.undecided):
+            excess = f"{100.0 * (self.curve[i] / self.search[i] - 1.0):+.2f} %" if missed[i] else self.status[i]
+            lines.append(
+                f"  wheel {self.wheel[i]}, {100.0 * self.standard_deviation[i]:g} %, {self.preload[i]:g} N: {excess}"
+            )
+        return "\n".join(lines)
+
+
+@brief
+@dataclass(frozen=True)
+class BestPreload:
+    """The preload, of those of a sample, at which a percentile of the worst blade's amplitude is least.
+
+    Parameters
+    ----------
+    percentile : float
+    standard_deviation : float
+    preload : float, N
+    amplitude : Interval, m
+        The percentile there, with its interval of 95 %.
+    low, high : float, N
+        Range of the best preload in 95 % of the samples drawn again from the wheels, whole wheels at a time (bootstrap).
+    kind : {"interior", "end"}
+        Whether the preload lies within the range of the sample or at one end of it.
+    tuned_preload, tuned_amplitude : float, N and m
+        The best of the same preloads for the tuned wheel.
+    wheels : int
+        Those known at every preload, which count.
+    """
+
+    percentile: float
+    standard_deviation: float
+    preload: float
+    amplitude: Interval
+    low: float
+    high: float
+    kind: str
+    tuned_preload: float
+    tuned_amplitude: float
+    wheels: int
+
+    def __str__(self) -> str:
+        tuned = f"tuned {self.tuned_preload:.4g} N, {self.tuned_amplitude:.4g} m"
+        return (
+            f"best preload for the worst blade in {self.percentile:g} % of {self.wheels} wheels, standard deviation "
+            f"{100.0 * self.standard_deviation:g} %: {self.preload:.4g} N ({self.low:.4g} to {self.high:.4g} N, "
+            f"{self.kind} of the preloads asked), {self.amplitude} m; {tuned}"
+        )
+
+
+@brief
+@dataclass(frozen=True)
+class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", version=1):
+    """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
+
+    ``plot`` draws percentiles of the amplification factor over the standard deviation (:func:`bdamper.plot.plot_sample`),
+    ``plot_tail`` the distribution with its tail, ``plot_preload`` percentiles of the amplitude over the preload.
+
+    Parameters
+    ----------
+    n_blades : int
+    wheels : (n_wheels,) int
+        Their numbers, with which they were drawn.
+    standard_deviation : (n_deviations,) float
+    preload : (n_preloads,) float, N
+    amplitude, frequency, blade : float, m and Hz
+        Of the highest blade, and its number.
+    residual : float
+    tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
+        Of the tuned wheel at the same preload.
+    status : tuple of str
+        In the order of the arrays: "done", "failed: " with the reason, or "not run".
+    audited : (n,) int
+        Wheels that were drawn for the audit before any result.
+    curve_amplitude : float, m
+        Highest amplitude on whole curves, of the wheels that were audited.
+    curve_status : tuple of str
+    processor, curve_processor : float, s
+        Spent on the peaks and on the whole curves.
+    drawn : mapping
+        Distribution, treatment of the mean, modes, variations of the dampers and seed.
+    settings : mapping
+        Of the tuned study.
+    model_hash : str
+    """
+
+    n_blades: int
+    wheels: NDArray
+    standard_deviation: NDArray
+    preload: NDArray
+    amplitude: NDArray
+    frequency: NDArray
+    blade: NDArray
+    residual: NDArray
+    tuned_amplitude: NDArray
+    tuned_frequency: NDArray
+    status: tuple[str, ...]
+    audited: NDArray
+    curve_amplitude: NDArray
+    curve_status: tuple[str, ...]
+    processor: NDArray
+    curve_processor: NDArray
+    drawn: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.wheels)
+
+    @property
+    def complete(self) -> bool:
+        """Whether there is an answer for every wheel, and a whole curve of each that was to be audited."""
+        return all(s == "done" for s in self.status) and all(s in ("done", "not asked") for s in self.curve_status)
+
+    @property
+    def amplification(self) -> NDArray:
+        """(n_wheels, n_deviations, n_preloads) amplitude over that of the tuned wheel at the same preload."""
+        return np.asarray(self.amplitude / self.tuned_amplitude)
+
+    def percentile(self, q: float, quantity: str = "amplification", confidence: float = 0.95) -> NDArray:
+        """(3, n_deviations, n_preloads): lower end, estimate, upper end of a percentile over the wheels.
+
+        Intervals are those of order statistics (:mod:`bdamper.wheel.statistics`), infinite where the sample is too small.
+        """
+        values = getattr(self, validate.choice("quantity", quantity, ("amplification", "amplitude", "frequency")))
+        cells = [
+            [percentile(values[:, i, j], q, confidence) for j in range(values.shape[2])] for i in range(values.shape[1])
+        ]
+        return np.moveaxis(np.array(cells), -1, 0)
+
+    def tail(self, standard_deviation: float | None = None, preload: float | None = None, tail: float = 0.5) -> WeibullTail:
+        """Weibull distribution fitted to the upper amplification factors of one cell; the largest values by default."""
+        i, j = self.cell(standard_deviation, preload)
+        return weibull_tail(self.amplification[:, i, j], tail)
+
+    def cell(self, standard_deviation: float | None, preload: float | None) -> tuple[int, int]:
+        """Numbers of a standard deviation and a preload of the sample, the last ones by default.
+
+        Raises
+        ------
+        SettingError
+            If the sample has no such value.
+        """
+        out = []
+        for name, value in (("standard_deviation", standard_deviation), ("preload", preload)):
+            known = getattr(self, name)
+            at = np.flatnonzero(np.isclose(known, known[-1] if value is None else value, rtol=1e-9, atol=0.0))
+            if not len(at):
+                raise SettingError(f"{name}: expected one of {known.tolist()}, found {value!r}")
+            out.append(int(at[0]))
+        return out[0], out[1]
+
+    def best_preload(self, q: float = 99.0, standard_deviation: float | None = None) -> BestPreload:
+        """The preload that protects the worst blade of ``q`` % of the wheels best, of the preloads of the sample.
+
+        Raises
+        ------
+        BdamperError
+            If no wheel is known at every preload.
+        """
+        i, _ = self.cell(standard_deviation, None)
+        height = self.amplitude[:, i]
+        known = height[np.isfinite(height).all(axis=1)]
+        if not len(known):
+            raise BdamperError("best preload: expected wheels with a peak at every preload, found none")
+        ends = [percentile(column, q) for column in known.T]
+        k = int(np.argmin([one.value for one in ends]))
+        generator = np.random.default_rng(0)
+        again = [
+            int(np.argmin(np.quantile(known[generator.integers(len(known), size=len(known))], q / 100.0, axis=0)))
+            for _ in range(RESAMPLES)
+        ]
+        low, high = np.quantile(self.preload[again], [0.025, 0.975], method="nearest")
+        edge = self.preload[k] in (self.preload.min(), self.preload.max())
+        t = int(np.argmin(self.tuned_amplitude))
+        return BestPreload(
+            q, float(self.standard_deviation[i]), float(self.preload[k]), ends[k], float(low), float(high),
+            "end" if edge else "interior", float(self.preload[t]), float(self.tuned_amplitude[t]), len(known),
+        )  # fmt: skip
+
+    def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
+        """The search beside whole curves: of the wheels drawn before any result, or of the highest of each cell."""
+        chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
+        chosen = highest_wheels(self.amplitude, len(self.audited)) if tail else chosen
+        asked = np.array([s != "not asked" and not s.startswith("not run") for s in self.curve_status], bool)
+        flat = np.flatnonzero(chosen.ravel() & asked)
+        i, j, k = np.unravel_index(flat, chosen.shape)
+        kind = "highest wheels" if tail else "drawn before any result"
+        return Audit(
+            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
+            self.curve_amplitude.ravel()[flat], validate.number("tolerance", tolerance, above=0.0),
+            tuple(self.curve_status[n] for n in flat),
+        )  # fmt: skip
+
+    def plot_tail(self, *arguments: Any, **options: Any) -> Any:
+        """Draw the distribution of one cell with its tail (:func:`bdamper.plot.plot_sample_tail`)."""
+        return draw(self, "plot_tail", *arguments, **options)
+
+    def plot_preload(self, *arguments: Any, **options: Any) -> Any:
+        """Draw percentiles of the amplitude over the preload (:func:`bdamper.plot.plot_sample_preload`)."""
+        return draw(self, "plot_preload", *arguments, **options)
+
+    def _dimension(self) -> str:
+        return "wheel"
+
+    def _grid(self) -> dict[str, Any]:
+        return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each wheel at each standard deviation and preload."""
+        grid = np.meshgrid(self.wheels, self.standard_deviation, self.preload, indexing="ij")
+        units = {"amplitude": "m", "frequency": "Hz", "curve_amplitude": "m", "processor": "s"}
+        names = ("amplification", "amplitude", "frequency", "blade", "residual", "curve_amplitude", "processor")
+        own = {name: Column(g.ravel(), unit) for name, g, unit in zip(self._grid(), grid, ("", "", "N"))}
+        values = {name: Column(getattr(self, name).ravel(), units.get(name, "")) for name in names}
+        return own | values | {"run": Column(np.array(self.status))}
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Number of wheels, and the amplification factors of the last cell."""
+        middle, upper = (self.percentile(q)[1, -1, -1] for q in (50.0, 99.0))
+        return (
+            Fact("wheels", len(self)),
+            Fact("standard deviation", 100.0 * float(self.standard_deviation[-1]), "%"),
+            Fact("preload", float(self.preload[-1]), "N"),
+            Fact("amplification factor, median", float(middle)),
+            Fact("amplification factor, 99 %", float(upper)),
+        )
+
+    def __str__(self) -> str:
+        failed = sum(s.startswith("failed") for s in self.status)
+        pattern = self.drawn.get("distribution", "")
+        pattern = pattern if isinstance(pattern, str) else "measured pattern"
+        spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
+        lines = [
+            f"{len(self)} wheels of {self.n_blades} blades ({pattern}, seed {self.drawn.get('seed', '')}), "
+            f"{len(self.standard_deviation)} standard deviations, {len(self.preload)} preloads: {failed} without a peak; "
+            f"{spent[0]:.0f} s of the processor, {spent[1]:.0f} s for the audit"
+        ]
+        lines += interruption(self.status, "peaks")
+        median, upper = self.percentile(50.0), self.percentile(99.0)
+        for i, deviation in enumerate(self.standard_deviation):
+            for j, preload in enumerate(self.preload):
+                factors = f"median {median[1, i, j]:.4g}, 99 % {Interval(*upper[:, i, j])}"
+                lines.append(f"  {100.0 * deviation:g} %, {preload:g} N: amplification factor {factors}")
+        for tail in (False, True):
+            audit = self.audit(tail)
+            if len(audit.wheel):
+                lines.append(f"  {str(audit).splitlines()[0]}")
+        return "\n".join(lines)

@@ -1,0 +1,199 @@
+"""Samples of wheels: the same whatever the order, workers and interruptions; their audit and their statistics."""
+
+import json
+import os
+import random
+import signal
+import time
+from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.util.cost import Cost
+from bdamper.wheel import Mistuning, Wheel, WheelPeakOptions, audit_wheels, mistuned_sample
+from tests.wheel.lumped import lumped_study
+
+MISSED = 3
+"""A wheel of which the search of the stand-in below misses the highest peak by 5 %."""
+
+
+@pytest.fixture(scope="module")
+def study():
+    study = lumped_study(4, 1, harmonics=1, n_c=1, r=1, friction_coefficient=0.3)
+    return study.with_(excitation=bd.Excitation("tip", amplitude=100.0))
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    """Peaks and curves that take no time, of an amplitude that follows from the deviations and the preload."""
+
+    def height(wheel, preload):
+        return 1e-3 * (1.0 + np.abs(wheel.mistuning.deviation).max()) * (1.0 + (preload / 300.0 - 1.0) ** 2)
+
+    def peak(wheel, preload, frequency, *, options):
+        time.sleep(0.002)
+        missed = 0.95 if wheel.mistuning.seed == (0, MISSED) else 1.0
+        return SimpleNamespace(
+            converged=True, sweep_frequency=np.array([180.0, 220.0]), amplitude=missed * height(wheel, preload),
+            frequency=200.0, blade=int(np.argmax(wheel.mistuning.deviation)), residual=1e-12, climbs=[0],
+            cost=Cost(processor=1.0),
+        )  # fmt: skip
+
+    def track(wheel, preload, limits, from_high):
+        assert limits == (176.0, 224.0)
+        top = np.array([[0.1], [1.0]]) * height(wheel, preload)
+        return Curve(
+            complete=not (from_high and wheel.mistuning.seed == (0, 5)), status="stalled", reason="at 200 Hz",
+            amplitude=top, envelope=top.max(axis=1), highest=(1, 0), frequency=np.array([180.0, 200.0]), folds=[],
+            cost=Cost(processor=5.0),
+        )  # fmt: skip
+
+    class Curve(SimpleNamespace):
+        def __len__(self):
+            return 2
+
+    monkeypatch.setattr(Wheel, "peak", peak)
+    monkeypatch.setattr(Wheel, "track", track)
+    monkeypatch.setattr(Wheel, "tuned_peak", lambda _, preload: SimpleNamespace(amplitude=1e-3, frequency=200.0))
+
+
+def sample(study, wheels=8, **options):
+    return mistuned_sample(study, [0.01, 0.03], [200.0, 300.0, 400.0], wheels, **({"audit": 0.25} | options))
+
+
+def same(a, b):
+    names = ("amplitude", "frequency", "blade", "curve_amplitude", "status", "curve_status", "audited")
+    return all(
+        np.array_equal(*(np.asarray(getattr(x, n)) for x in (a, b)), equal_nan=n == "curve_amplitude") for n in names
+    )
+
+
+def test_the_tuned_wheel_is_no_higher_than_its_sector(study):
+    found = mistuned_sample(study, 0.0, 300.0, 1, audit=0.0, options=WheelPeakOptions(least=8, most=8, climbs=1))
+    assert found.complete and abs(found.amplification.item() - 1.0) < 1e-8
+    assert not len(found.audit().wheel)
+
+
+def test_order_workers_and_company_do_not_matter(study, quick):
+    whole = sample(study)
+    with ThreadPoolExecutor(2) as pool:
+        assert same(whole, sample(study, executor=pool))
+    some = sample(study, wheels=[6, 2])
+    assert np.array_equal(some.amplitude, whole.amplitude[[6, 2]])
+    other = sample(study, seed=1)
+    assert not np.array_equal(other.amplitude, whole.amplitude)
+    left = set(np.array(whole.curve_status).reshape(8, 6)[5])
+    assert left <= {"stalled: at 200 Hz", "not asked"}, "one direction of wheel 5 does not come through"
+
+
+def test_wheels_of_the_audit_are_drawn_before_any_result(study, quick, tmp_path):
+    path = tmp_path / "r.jsonl"
+    whole = sample(study, resume=path)
+    first = json.loads(path.read_text().splitlines()[0])
+    assert first["audited"] == whole.audited.tolist() == audit_wheels(range(8), 0.25).tolist()
+    assert len(whole.audited) == 2
+    assert np.array_equal(np.unique(whole.audit().wheel), whole.audited)
+    top = whole.audit(tail=True)
+    for i, deviation in enumerate(whole.standard_deviation):
+        here = top.wheel[(top.standard_deviation == deviation) & (top.preload == 300.0)]
+        assert set(here) == set(np.argsort(whole.amplitude[:, i, 1])[-2:])
+
+
+def test_the_audit_finds_what_the_search_has_missed(study, quick):
+    found = sample(study, audit=1.0).audit()
+    assert found.missed.sum() == 6 and set(found.wheel[found.missed]) == {MISSED}
+    assert np.isclose(found.share.value, 1 / 8) and np.isclose(found.largest, 1 / 0.95 - 1.0)
+    assert 0.003 < found.share.low < 0.0033 and 0.52 < found.share.high < 0.53
+    assert "12.5 % of the wheels" in str(found) and "wheel 3, 1 %, 200 N: +5.26 %" in str(found)
+
+
+def test_best_preload_and_percentiles(study, quick):
+    found = sample(study, wheels=40)
+    best = found.best_preload(90.0, 0.03)
+    assert (best.preload, best.low, best.high, best.kind) == (300.0, 300.0, 300.0, "interior")
+    low, value, high = found.percentile(50.0)
+    assert np.all(low < value) and np.all(value < high) and low.shape == (2, 3)
+    assert np.isclose(value[1, 1], np.median(found.amplification[:, 1, 1]), rtol=1e-3)
+    assert found.tail(0.01, 300.0).n_tail == 20
+    with pytest.raises(bd.SettingError, match=r"preload: expected one of \[200.0, 300.0, 400.0\], found 250.0"):
+        found.tail(preload=250.0)
+
+
+def test_files_and_tables(study, quick, tmp_path):
+    one = sample(study)
+    one.save(tmp_path / "sample.h5")
+    again = bd.load(tmp_path / "sample.h5")
+    assert same(one, again) and str(one) == str(again)
+    one.to_csv(tmp_path / "sample.csv")
+    assert len((tmp_path / "sample.csv").read_text().splitlines()) == 8 * 6 + 5
+
+
+def test_killed_at_random_moments_and_resumed(study, quick, tmp_path):
+    quiet = sample(study)
+    path = tmp_path / "killed.jsonl"
+    rng = random.Random(1)
+    finished = 0
+    for _ in range(6):
+        child = os.fork()
+        if child == 0:
+            try:
+                sample(study, resume=path)
+            finally:
+                os._exit(0)
+        time.sleep(rng.uniform(0.02, 0.1))
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
+        indices = [json.loads(line)["index"] for line in lines]
+        assert len(set(indices)) == len(indices) >= finished
+        finished = len(indices)
+    assert finished > 0
+    assert same(sample(study, resume=path), quiet)
+    before = path.read_bytes()
+    assert same(sample(study, resume=path), quiet) and path.read_bytes() == before
+    with pytest.raises(bd.BdamperError, match="of this sample of wheels, found those of another one: seed"):
+        sample(study, resume=path, seed=1)
+
+
+def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
+    peak, count = Wheel.peak, []
+
+    def stopped(*args, **options):
+        count.append(1)
+        if len(count) > 20:
+            raise KeyboardInterrupt
+        return peak(*args, **options)
+
+    monkeypatch.setattr(Wheel, "peak", stopped)
+    found = sample(study)
+    assert found.status.count("done") == 20 and not found.complete
+    assert np.isfinite(found.amplitude).sum() == 20 and set(found.curve_status) == {"not asked"}
+    assert "interrupted: 28 of 48 peaks were not run" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"wheels": 0}, "wheels: expected a whole number >= 1, found 0"),
+        ({"distribution": "gamma"}, "distribution: expected one of"),
+        ({"mean": "gone"}, "mean: expected one of"),
+        ({"dampers": {"weight": 0.1}}, "dampers: expected variations of dampers out of"),
+        ({"dampers": {"mass": -0.1}}, "standard deviation of mass: expected a finite number >= 0"),
+        ({"modes": 5}, "deviations of at most the 1 cantilever modes of the model, found 5"),
+        ({"audit": 2.0}, "audit: expected a finite number >= 0 and <= 1, found 2.0"),
+        ({"executor": "processes"}, "executor: expected an executor"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_any_work(study, options, message, monkeypatch):
+    monkeypatch.setattr(Wheel, "peak", None)
+    monkeypatch.setattr(Wheel, "tuned_peak", None)
+    with pytest.raises(bd.SettingError, match=message):
+        sample(study, **options)
+
+
+def test_a_measured_pattern(study, quick):
+    pattern = Mistuning.from_frequencies([100.0, 103.0, 98.0, 101.0, 99.0])
+    assert sample(study, distribution=pattern).drawn["distribution"] == pattern.deviation.tolist()
