@@ -28,6 +28,7 @@ from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticEr
 from bdamper.util.hdf5 import load
 from bdamper.util.versions import HERE
 from bdamper.util.warn import PlausibilityWarning
+from bdamper.wheel.sample import mistuned_sample
 from bdamper.wheel.wheel import Wheel
 
 __version__ = HERE.bdamper
@@ -65,6 +66,7 @@ __all__ = [  # noqa: RUF022
     "robust_optimum",
     # whole wheels
     "Wheel",
+    "mistuned_sample",
     # what settings and contacts do
     "accuracy_cost",
     "microslip",

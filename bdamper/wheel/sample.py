@@ -119,6 +119,12 @@ def _checked_dampers(dampers: Any, n_blades: int) -> Mapping[str, Any] | None:
     return given
 
 
+def _numbers(wheels: Any) -> tuple[int, ...]:
+    if np.ndim(wheels) == 0:
+        return tuple(range(validate.whole("wheels", wheels, least=1)))
+    return validate.wholes("wheels", wheels)
+
+
 def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
     """Numbers of the wheels that are audited: a share of them, at least one, drawn before any result is known."""
     share = validate.number("audit", share, least=0.0, most=1.0)
@@ -189,9 +195,7 @@ def mistuned_sample(
     wheel = Wheel(study)
     deviations = validate.numbers("standard_deviation", np.atleast_1d(standard_deviation), least=0.0)
     preloads = validate.numbers("preload", np.atleast_1d(preload), least=0.0, unit="N")
-    if np.ndim(wheels) == 0:
-        wheels = range(validate.whole("wheels", wheels, least=1))
-    numbers = validate.wholes("wheels", wheels)
+    numbers = _numbers(wheels)
     if not isinstance(distribution, Mistuning):
         validate.choice("distribution", distribution, DISTRIBUTIONS)
     validate.choice("mean", mean, ("kept", "taken out"))
