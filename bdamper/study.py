@@ -23,6 +23,8 @@ from bdamper.design import sensitivity
 from bdamper.effects import advice
 from bdamper.effects import compare_laws as laws
 from bdamper.effects import hysteresis as cycles
+from bdamper.fatigue import cycle as stresses
+from bdamper.fatigue import margin as margins
 from bdamper.peaks import marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -232,6 +234,10 @@ class Study(Problem, Comparable):
     optimum = optimal.optimum
     with_marched = marched.with_marched
     with_sweeps = marched.with_sweeps
+
+    # stress and fatigue
+    stress = stresses.stress
+    margin = margins.margin
 
     # effects
     advise = advice.advise

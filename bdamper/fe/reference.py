@@ -24,7 +24,8 @@ from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surface_mesh
 from bdamper.fe.sector import SectorFE
-from bdamper.model.model import Body, Interface, Model, turn
+from bdamper.fe.stress import blade_stress
+from bdamper.model.model import Body, Interface, Model, SurfaceMesh, turn
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
@@ -44,6 +45,11 @@ def _interfaces(left: Patches, right: Patches, front: Patches, back: Patches, en
     return {face.name: face for face in faces}
 
 
+def _meshes(fe: SectorFE, n_modes: int, pictures: tuple[int, ...]) -> dict[str, SurfaceMesh]:
+    shapes = {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}
+    return {"blade": surface_mesh(fe.blade, shapes), "damper": surface_mesh(fe.damper.body)}
+
+
 def bladed_disk(
     points: int | tuple[int, int] = 24,
     mesh: str = "coarse",
@@ -58,6 +64,7 @@ def bladed_disk(
     top_speed: float | None = None,
     fe: SectorFE | None = None,
     wheel: LocalSizes | None = None,
+    stress: bool = False,
 ) -> Model:
     """Build the reference model.
 
@@ -88,6 +95,8 @@ def bladed_disk(
         Finite element objects to use again; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
         Numbers of shapes of a local basis, for wheels of unequal blades; none by default.
+    stress : bool
+        Also the stress set "blade" (:func:`bdamper.fe.stress.blade_points`), at all the nodal diameters.
 
     Returns
     -------
@@ -110,17 +119,14 @@ def bladed_disk(
         "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, at, rotation
     )
     local = None if wheel is None else fe.local_basis(contact_blade, nodes, damping_ratio, wheel)
-    radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
     own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)
-    damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, radial)
+    damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, turn(0.5 * g.pitch)[:, 1])
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
         interfaces=_interfaces(left, right, front, back, g.end_gap),
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
-        meshes={
-            "blade": surface_mesh(fe.blade, {d: fe.cyclic(d).modes(n_modes)[1] for d in pictures}),
-            "damper": surface_mesh(fe.damper.body),
-        },
+        meshes=_meshes(fe, n_modes, pictures),
         provenance=provenance("bdamper.fe.reference.bladed_disk", fe.blade, fe.damper.body),
+        stress={} if not stress else blade_stress(fe, contact_blade, (left, right), diameters, n_modes),
     )

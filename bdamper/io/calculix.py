@@ -336,8 +336,31 @@ def read_frd(path: FilePath) -> FEBody:
         return _Frd(Lines(source, "ascii")).body()
 
 
+def read_frd_stress(path: FilePath) -> list[tuple[NDArray, NDArray]]:
+    """Nodal stress of a result file in text form (``*EL FILE`` with ``S``), in the file's unit.
+
+    Returns
+    -------
+    list of (numbers, stress)
+        For each step or mode of the file: node numbers (n,), and (n, 6) components xx, yy, zz, xy, yz, xz, complex where
+        the file has an imaginary part.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    with reading(path, "a result file of CalculiX in text form (.frd)") as source:
+        file = _Frd(Lines(source, "ascii"), stress=True)
+        file.body()
+        if not file.stress:
+            raise mismatch(str(source), "blocks of stress (STRESS)", "none")
+        return file.stress
+
+
 class _Frd:
-    def __init__(self, lines: Lines) -> None:
+    def __init__(self, lines: Lines, stress: bool = False) -> None:
+        self.wants_stress = stress
+        self.stress: list[tuple[NDArray, NDArray]] = []
         self.source, self.lines = str(lines.source), lines
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
@@ -409,6 +432,14 @@ class _Frd:
         if name == "DISP":
             self.modes.append((diameter, frequency, 1.0, *self._rows(head, 3)))
             self.latest = diameter, mode
+        elif name == "STRESS" and self.wants_stress:
+            self.stress.append(self._rows(head, 6))
+        elif name == "STRESSI" and self.stress:
+            own, real = self.stress[-1]
+            nodes, imaginary = self._rows(head, 6)
+            if not np.array_equal(own, nodes):
+                raise mismatch(f"{self.source}: stress {len(self.stress)}", "the same nodes in both parts", "others")
+            self.stress[-1] = own, real + 1j * imaginary
         elif name == "DISPI" and self.modes and self.latest == (diameter, mode):  # the imaginary part follows the real one
             *_, own, real = self.modes[-1]
             nodes, imaginary = self._rows(head, 3)

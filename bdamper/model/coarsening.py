@@ -14,6 +14,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.model.model import Body, ContactStiffness, Interface, Model, StaticContact
+from bdamper.model.stress import StressSet
 
 
 def group_patches(face: Interface, n_groups: int) -> NDArray:
@@ -93,7 +94,15 @@ def unite_contact_points(model: Model, n_points: int) -> Model:
             )
             for name, s in model.static.items()
         },
+        stress={name: _united_stress(s, model.bodies[s.body], groups) for name, s in model.stress.items()},
     )
+
+
+def _united_stress(stress: StressSet, body: Body, groups: dict[str, _Groups]) -> StressSet:
+    if not stress.contact or not body.ports:
+        return stress
+    A = scipy.linalg.block_diag(*(groups[name].vectors for name, _ in body.ports))
+    return replace(stress, contact={d: rows @ A.T for d, rows in stress.contact.items()})
 
 
 def _united_body(body: Body, groups: dict[str, _Groups]) -> Body:

@@ -29,6 +29,7 @@ from bdamper.plot.curves import (
     plot_verification,
 )
 from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
+from bdamper.plot.fatigue import plot_critical, plot_haigh, plot_margin, plot_stress
 from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
@@ -45,17 +46,20 @@ __all__ = [
     "plot_advice",
     "plot_campbell",
     "plot_contact_map",
+    "plot_critical",
     "plot_crossings",
     "plot_curve",
     "plot_curves",
     "plot_designs",
     "plot_dissipation",
     "plot_energy",
+    "plot_haigh",
     "plot_history",
     "plot_hysteresis",
     "plot_import_report",
     "plot_ladder",
     "plot_laws",
+    "plot_margin",
     "plot_measurement",
     "plot_microslip",
     "plot_mistuning",
@@ -69,6 +73,7 @@ __all__ = [
     "plot_status_bars",
     "plot_status_map",
     "plot_stiffness",
+    "plot_stress",
     "plot_surfaces",
     "plot_sweep",
     "plot_time_sweep",

@@ -1,0 +1,359 @@
+r"""Stress over the cycle of a solution, at the points of the model's stress sets.
+
+.. math:: \sigma(\theta) = \Omega^2 \sigma_1 + S_0 q_0 + A_0 F_0
+          + \sum_{l \ge 1} \mathrm{Re}[(S_l q_l + A_l F_l)\,e^{i l \theta}],
+
+with all modes that the model has: coordinates of the modes that the study retains come from the solution, those of the
+others from the contact forces and the excitation on them, as they answer at ``l omega``.  The centrifugal stress is that of
+the rotor without dampers, whose share comes with ``q_0`` and ``F_0``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.contact.friction_axes import turned
+from bdamper.contact.no_separation import without_separation
+from bdamper.contact.points import PointArrays
+from bdamper.fatigue import criteria
+from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.model.loads import direction_vector
+from bdamper.model.model import Body, ModalBasis
+from bdamper.model.stress import StressSet
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.differences import Comparable
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.repr import brief
+
+
+class Solved(Protocol):
+    """A result with solutions: a peak (``y``), or a curve (``unknowns``)."""
+
+    frequency: Any
+
+
+class Solutions(NamedTuple):
+    """Unknowns (m, n), frequency (Hz), preload (N) and speed of rotation (rad/s), each (m,)."""
+
+    unknowns: NDArray
+    frequency: NDArray
+    preload: NDArray
+    speed: NDArray
+
+
+@brief
+@dataclass(frozen=True)
+class StressCycle(Plottable, Comparable, Storable, kind="bdamper-stress"):
+    """Stress over the cycle of one solution.
+
+    ``plot`` draws the von Mises value and the components over the cycle (:func:`bdamper.plot.plot_stress`).
+
+    Parameters
+    ----------
+    points : (n, 3) float, m
+    names : tuple of str
+        Name of each point: its set and its number in it, from 1.
+    coefficients : (n, 6, H + 1) complex, Pa
+        Mean, centrifugal stress included, and amplitude of each harmonic; components xx, yy, zz, xy, yz, xz.
+    centrifugal : (n, 6) float, Pa
+        Its part from the rotation; NaN where the set does not know it.
+    counted : (n,) bool
+        Points away from contact faces, which margins count.
+    spread : (n,) float
+        Difference between elements over the mean, a sign of the error of the mesh; NaN where the set does not know it.
+    frequency, preload, speed : float, Hz, N, rad/s
+    notes : tuple of str
+    settings : mapping
+    model_hash : str
+    """
+
+    points: NDArray
+    names: tuple[str, ...]
+    coefficients: NDArray
+    centrifugal: NDArray
+    counted: NDArray
+    spread: NDArray
+    frequency: float
+    preload: float
+    speed: float
+    notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def over_cycle(self, theta: NDArray) -> NDArray:
+        """(n, 6, n_theta) stress (Pa) at angles of the excitation (rad)."""
+        return criteria.over_cycle(self.coefficients, np.asarray(theta, float))
+
+    def amplitude_and_mean(self, criterion: str = "von_mises") -> criteria.Cycle:
+        """Amplitude and mean (n,), Pa, by one of "von_mises", "signed_von_mises", "principal"."""
+        validate.choice("criterion", criterion, criteria.CRITERIA[:3])
+        return criteria.amplitude_and_mean(self.coefficients, criterion)
+
+    @property
+    def critical(self) -> int:
+        """The counted point of largest amplitude by von Mises."""
+        return int(np.where(self.counted, self.amplitude_and_mean().amplitude, -1.0).argmax())
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Largest amplitude, where, and the mean there."""
+        i, cycle = self.critical, self.amplitude_and_mean()
+        return (
+            Fact("stress", f"{len(self)} points, {self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"),
+            Fact("largest amplitude, von Mises", 1e-6 * float(cycle.amplitude[i]), "MPa"),
+            Fact("mean there", 1e-6 * float(cycle.mean[i]), "MPa"),
+            Fact("at", self.names[i]),
+        )
+
+    def __str__(self) -> str:
+        cycle, head = self.amplitude_and_mean(), self.facts()[0].value
+        lines = [f"stress over the cycle: {head}; amplitude and mean, von Mises"]
+        for i, name in enumerate(self.names):
+            left = "" if self.counted[i] else ", next to a contact face"
+            lines.append(f"  {name}: {1e-6 * cycle.amplitude[i]:.4g} MPa about {1e-6 * cycle.mean[i]:.4g} MPa{left}")
+        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
+
+
+def stress(
+    problem: Problem,
+    result: Solved,
+    index: int | None = None,
+    *,
+    sets: str | Sequence[str] | None = None,
+    speed: float | None = None,
+) -> StressCycle:
+    """Stress over the cycle of a solution.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Peak, Curve or OptimalCurve
+        Of this problem.
+    index : int, optional
+        Point of a curve; by default the highest of a curve, and the least of an optimal curve.
+    sets : str or sequence of str, optional
+        Stress sets of the model; all by default.
+    speed : float, rad/s, optional
+        Speed of rotation; that of the study if it has one, otherwise the speed at which the engine order excites at the
+        frequency of the solution, and none for a structure that does not rotate.
+
+    Raises
+    ------
+    SettingError
+        If the model has no stress, or the result is not one of this problem.
+    """
+    problem = of(problem, result)
+    found = solutions(problem, result, speed)
+    if len(found.unknowns) > 1:
+        most = len(found.unknowns) - 1
+        index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=most)
+    chosen = Solutions(*(column[[index or 0]] for column in found))
+    return cycles(problem, chosen, sets)[0]
+
+
+def of(problem: Problem, result: Any) -> Problem:
+    """The problem with the harmonics that a tolerance chose for a result."""
+    return problem.matching(getattr(result, "settings", {}))
+
+
+def _highest(result: Any, found: Solutions) -> int:
+    amplitude = np.asarray(result.amplitude)
+    known = np.isfinite(amplitude) & np.isfinite(found.unknowns).all(axis=1)
+    if np.ndim(result.preload):  # over the preload, the best
+        return int(np.where(known, amplitude, np.inf).argmin())
+    return int(np.where(known, amplitude, -np.inf).argmax())
+
+
+def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solutions:
+    """The solutions of a result, NaN where a curve has no value.
+
+    Raises
+    ------
+    SettingError
+        If there are none, or their size is not that of the problem.
+    """
+    if hasattr(result, "y") and not result.converged:
+        raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
+    if hasattr(result, "y"):
+        unknowns, preload = np.asarray(result.y)[None, :-1], np.array([result.parameter])
+    elif hasattr(result, "unknowns"):
+        unknowns, preload = np.asarray(result.unknowns), np.asarray(result.preload, float)
+    else:
+        raise SettingError(f"result: expected a peak or a curve with its solutions, found a {type(result).__name__}")
+    if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
+        n = unknowns.shape[1] if len(unknowns) else 0
+        raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
+    if not np.isfinite(preload).all():
+        raise SettingError("result: expected one at a known preload, found none")
+    frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))
+    turning = speed if speed is not None else getattr(problem, "speed", None)
+    if turning is not None:
+        rotation = np.full(len(unknowns), validate.number("speed", turning, least=0.0, unit="rad/s"))
+    else:
+        own = 2.0 * np.pi / problem.engine_order if problem.model.n_blades > 1 and problem.engine_order else 0.0
+        rotation = own * frequency
+    return Solutions(unknowns, frequency, np.broadcast_to(preload, len(unknowns)), rotation)
+
+
+def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tuple[StressSet, ...]:
+    """The stress sets asked for, as the study's contact points have them."""
+    known = problem.coupling.model.stress
+    if not known:
+        raise SettingError("stress: expected a model with stress sets, found none (docs/fatigue.md tells how to make them)")
+    names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
+    for name in names:
+        validate.choice("stress set", name, list(known))
+    return tuple(known[name] for name in names)
+
+
+def cycles(problem: Problem, found: Solutions, sets: str | Sequence[str] | None = None) -> list[StressCycle]:
+    """Stress over the cycle of each solution."""
+    chosen = chosen_sets(problem, sets)
+    coefficients, centrifugal = coefficients_of(problem, found, chosen)
+    notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in chosen if _bare(problem, s)]
+    notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
+    common: dict[str, Any] = {
+        "points": np.concatenate([s.points for s in chosen]),
+        "names": tuple(f"{s.name} {k + 1}" for s in chosen for k in range(len(s))),
+        "counted": np.concatenate([s.counted for s in chosen]),
+        "spread": np.concatenate([np.full(len(s), np.nan) if s.spread is None else s.spread for s in chosen]),
+        "notes": tuple(notes),
+        "settings": problem.record(None),
+        "model_hash": problem.model.hash,
+    }
+    return [
+        StressCycle(
+            coefficients=coefficients[i], centrifugal=centrifugal[i], frequency=float(found.frequency[i]),
+            preload=float(found.preload[i]), speed=float(found.speed[i]), **common,
+        )
+        for i in range(len(found.unknowns))
+    ]  # fmt: skip
+
+
+def _bare(problem: Problem, chosen: StressSet) -> bool:
+    return not chosen.contact and bool(problem.model.bodies[chosen.body].ports)
+
+
+def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet]) -> tuple[NDArray, NDArray]:
+    """Mean and harmonics (m, n, 6, H + 1) of the stress, Pa, and the centrifugal part (m, n, 6) of the mean."""
+    n, n_harmonics = sum(map(len, sets)), problem.harmonic_numbers[-1]
+    out = np.full((len(found.unknowns), n, 6, n_harmonics + 1), np.nan, complex)
+    centrifugal = np.concatenate([np.full((len(s), 6), np.nan) if s.static is None else s.static for s in sets])
+    present = sorted({0, *problem.active_harmonics})
+    parts = {l: [_Rows.make(problem, s, l) for s in sets] for l in present}
+    systems: dict[float, tuple[HarmonicSystem, NDArray]] = {}
+    for i, (u, frequency, preload, speed) in enumerate(zip(*found)):
+        if not np.isfinite(u).all():
+            continue
+        if preload not in systems:
+            systems = {preload: (problem.system(preload), _contact_axes(problem, preload))}
+        system, axes = systems[preload]
+        F = system.contact(u)[1]
+        out[i] = 0.0
+        for l in present:
+            f = F[..., 0] if l == 0 else F[..., 2 * l - 1] - 1j * F[..., 2 * l]
+            force = np.einsum("pdk,pd->k", axes, f)
+            q = system.amplitudes(u, l)
+            coordinates = problem.bases[l].coordinates
+            if l == 0 and not problem.bias:
+                state = problem.equilibrium(preload)
+                q, force, coordinates = state.q, state.force.ravel(), problem.static_basis.coordinates
+            by_body: dict[str, dict[int, complex]] = {}
+            for coordinate, value in zip(coordinates, q):
+                by_body.setdefault(coordinate.body, {})[coordinate.index] = value
+            values = [rows.stress(by_body.get(rows.body.name, {}), force, 2.0 * np.pi * frequency) for rows in parts[l]]
+            out[i, ..., l] = np.concatenate(values)
+        out[i, ..., 0] = out[i, ..., 0].real + speed**2 * np.nan_to_num(centrifugal)
+    return out, found.speed[:, None, None] ** 2 * centrifugal
+
+
+def _contact_axes(problem: Problem, preload: float) -> NDArray:
+    """(n_system, 3, 3 n_points) from forces at the points of the equations to those along the axes of the model."""
+    n = problem.coupling.n_points
+    basis = replace(problem.bases[1], G=np.eye(3 * n).reshape(n, 3, 3 * n))
+    points = PointArrays(
+        kt=np.ones((n, 2)), kn=np.ones(n), mu=np.zeros(n), n0=np.zeros(n), slider=np.zeros((n, 2)),
+        law=problem.point_laws.copy(), shift=np.zeros((n, 3)),
+    )  # fmt: skip
+    bases = [basis]
+    if problem.friction_axes == "major":
+        bases, points = turned(bases, points, problem.major_directions(preload))
+    if not problem.separation or not problem.variable_normal_load:
+        state = problem.equilibrium(preload)
+        constant = not problem.variable_normal_load
+        bases, _ = without_separation(bases, points, state, problem.friction_points, constant_load=constant)
+    return np.asarray(bases[0].G.real)
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """What gives the stress of one set at one harmonic."""
+
+    problem: Problem
+    body: Body
+    basis: ModalBasis
+    modes: NDArray
+    contact: NDArray | None
+    harmonic: int
+
+    @classmethod
+    def make(cls, problem: Problem, chosen: StressSet, harmonic: int) -> _Rows:
+        model = problem.coupling.model
+        order = problem.engine_order * (1 if problem.single_basis else harmonic)
+        d, conjugate = model.folded_nodal_diameter(order)
+        body = model.bodies[chosen.body]
+        if body.kind != "constrained":
+            d, conjugate = 0, False
+        if d not in chosen.modes:
+            raise SettingError(
+                f"stress set '{chosen.name}': harmonic {harmonic} needs nodal diameter {d}, it has {sorted(chosen.modes)}"
+            )
+        basis, S, A = body.bases[d], chosen.modes[d], chosen.contact.get(d)
+        if conjugate:
+            basis, S, A = basis.conjugate(), S.conj(), None if A is None else A.conj()
+        if harmonic == 0:
+            S, A = S.real, None if A is None else A.real
+        return cls(problem, body, basis, S, A, harmonic)
+
+    def port_forces(self, force: NDArray) -> NDArray:
+        """(3 n,) contact forces on the body at its ports, from those (3 n_points,) of the contacts."""
+        coupling = self.problem.coupling
+        model, out = coupling.model, np.zeros((len(self.basis.contact_modes), 3), complex)
+        force = force.reshape(-1, 3) * np.array([1.0, 1.0, -1.0])
+        for name, side in self.body.ports:
+            if name in coupling.interfaces:
+                face = model.interfaces[name]
+                sector, sense = (face.sector_a, 1.0) if side == "a" else (face.sector_b, -1.0)
+                turn = np.exp(-2j * np.pi * coupling.engine_order * self.harmonic * sector / model.n_blades)
+                out[model.port_slice(self.body.name, (name, side))] = sense * turn * force[coupling.rows(name)]
+        return out.ravel()
+
+    def stress(self, known: dict[int, complex], force: NDArray, omega: float) -> NDArray:
+        """(n, 6) complex amplitude: retained modes by their coordinates, the others by the forces on them."""
+        problem, basis, l = self.problem, self.basis, self.harmonic
+        at_ports = self.port_forces(force)
+        q = basis.contact_modes.reshape(len(at_ports), -1).conj().T @ at_ports
+        place = problem.excitation
+        if l == 1 and place.location in basis.locations:
+            along = direction_vector(place.direction, "excitation direction")
+            q = q + (along @ basis.locations[place.location]).conj() * place.amplitude * np.exp(1j * place.phase)
+        ratio = basis.damping_ratio if problem.damping_ratio is None else np.full(basis.n_modes, problem.damping_ratio)
+        w = l * omega
+        dynamic = basis.omega2 - w**2 + 2j * ratio * np.sqrt(basis.omega2) * w
+        q = np.divide(q, dynamic, out=np.zeros_like(q), where=dynamic != 0.0)
+        for index, value in known.items():
+            q[index] = value
+        out = self.modes @ q
+        if self.contact is not None and len(at_ports):
+            out = out + self.contact @ at_ports
+        return np.asarray(out)

@@ -1,0 +1,424 @@
+"""Margins against fatigue of solutions: the factor that the vibration keeps from the limit of the material.
+
+A result of many solutions, a curve over frequency or over preload, gets a margin at each of them: the least of all counted
+points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.fatigue import criteria
+from bdamper.fatigue import cycle as over_cycle
+from bdamper.fatigue.cycle import Solutions, Solved, StressCycle
+from bdamper.fatigue.material import LINES, ON, Material
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.differences import Comparable
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable, draw
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+
+LARGE_SPREAD = 0.2
+"""Difference between elements, over the mean, from which on the stress at a point is told to be uncertain."""
+HIDES = "signed von Mises hides vibration across the mean stress, such as torsion under tension, and jumps with its sign"
+
+
+@dataclass(frozen=True)
+class Rule:
+    """How a cycle is judged.
+
+    Parameters
+    ----------
+    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
+    line : {"goodman", "gerber", "soderberg"}
+        Not used by "findley", which weighs the mean by itself.
+    on : {"amplitude", "both"}
+        What grows: the vibration alone, or mean and vibration together.
+    """
+
+    criterion: str = "von_mises"
+    line: str = "goodman"
+    on: str = "amplitude"
+
+    def __post_init__(self) -> None:
+        validate.choice("criterion", self.criterion, criteria.CRITERIA)
+        validate.choice("line", self.line, LINES)
+        validate.choice("on", self.on, ON)
+
+    def __str__(self) -> str:
+        line = "" if self.criterion == "findley" else f", {self.line.capitalize()}"
+        what = "amplitude and mean" if self.on == "both" else "amplitude"
+        return f"{self.criterion.replace('_', ' ')}{line}, factor on {what}"
+
+    def judge(self, coefficients: NDArray, material: Material) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Amplitude, mean (Pa), factor, and factor of the largest von Mises stress to yield, each (n,), of (n, 6, H + 1).
+
+        With "findley" amplitude and mean are those by von Mises, to be shown.
+        """
+        by = "von_mises" if self.criterion == "findley" else self.criterion
+        amplitude, mean = criteria.amplitude_and_mean(coefficients, by)
+        if self.criterion != "findley":
+            factor = material.factor(amplitude, mean, self.line, self.on)
+        elif self.on == "both":
+            found, _ = criteria.findley(coefficients, material.findley_k)
+            factor = material.findley_limit / np.maximum(found, 1e-300)
+        else:
+            found, _ = criteria.findley(coefficients, material.findley_k, material.findley_limit)
+            factor = 1.0 / np.maximum(found, 1e-300)
+        largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
+        return amplitude, mean, factor, material.yield_strength / largest
+
+
+@brief
+@dataclass(frozen=True)
+class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins"):
+    """Margins of one solution at every point of the stress sets.
+
+    ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
+    location on the body (:func:`bdamper.plot.plot_critical`).
+
+    Parameters
+    ----------
+    points : (n, 3) float, m
+    names : tuple of str
+    amplitude, mean : (n,) float, Pa
+    factor : (n,) float
+        On the vibration, or on vibration and mean, before the material's limit is met; below 1 it is exceeded.
+    yield_factor : (n,) float
+        Yield strength over the largest von Mises stress of the cycle; below 1 the first cycle yields.
+    counted : (n,) bool
+        Points away from contact faces: only they make a margin.
+    spread : (n,) float
+    material : Material
+    rule : Rule
+    frequency, preload, speed : float, Hz, N, rad/s
+    notes : tuple of str
+    settings : mapping
+    model_hash : str
+    """
+
+    points: NDArray
+    names: tuple[str, ...]
+    amplitude: NDArray
+    mean: NDArray
+    factor: NDArray
+    yield_factor: NDArray
+    counted: NDArray
+    spread: NDArray
+    material: Material
+    rule: Rule
+    frequency: float
+    preload: float
+    speed: float
+    notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.factor)
+
+    @property
+    def critical(self) -> int:
+        """The counted point of least factor."""
+        return int(np.where(self.counted, self.factor, np.inf).argmin())
+
+    @property
+    def least(self) -> float:
+        """The margin: the least factor of the counted points."""
+        return float(self.factor[self.critical])
+
+    @property
+    def yields(self) -> bool:
+        """Whether some counted point yields in the first cycle."""
+        return bool((self.yield_factor < 1.0)[self.counted].any())
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What the margin leaves open."""
+        out = list(self.notes)
+        i = self.critical
+        if self.yields:
+            worst = int(np.where(self.counted, self.yield_factor, np.inf).argmin())
+            out.append(f"{self.names[worst]} yields in the first cycle: factor {self.yield_factor[worst]:.3g}")
+        if self.spread[i] > LARGE_SPREAD:
+            apart = f"{100.0 * self.spread[i]:.3g} %"
+            out.append(f"elements at {self.names[i]} differ by {apart}: its stress may not have converged with the mesh")
+        if not self.counted.all():
+            out.append(f"{int((~self.counted).sum())} points on or next to contact faces are left out")
+        return tuple(out)
+
+    def plot_critical(self, model: Any, path: Any = None, **options: Any) -> Any:
+        """Draw the points on the body in 3-D, coloured by their factor (:func:`bdamper.plot.plot_critical`)."""
+        return draw(self, "plot_critical", model, path, **options)
+
+    def facts(self) -> tuple[Fact, ...]:
+        """The margin, where, and the stress there."""
+        i = self.critical
+        return (
+            Fact("margin", self.least),
+            Fact("at", self.names[i]),
+            Fact("amplitude there", 1e-6 * float(self.amplitude[i]), "MPa"),
+            Fact("mean there", 1e-6 * float(self.mean[i]), "MPa"),
+            Fact("factor to yield", float(self.yield_factor[self.counted].min())),
+            Fact("by", str(self.rule)),
+            Fact("material", self.material.name or "given by the user"),
+        )
+
+    def _dimension(self) -> str:
+        return "location"
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each point."""
+        return {
+            "name": Column(np.array(self.names)),
+            **{axis: Column(self.points[:, k], "m") for k, axis in enumerate("xyz")},
+            "amplitude": Column(self.amplitude, "Pa"),
+            "mean": Column(self.mean, "Pa"),
+            "factor": Column(self.factor),
+            "yield_factor": Column(self.yield_factor),
+            "counted": Column(self.counted),
+        }
+
+    def __str__(self) -> str:
+        i = self.critical
+        place = f"{self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"
+        lines = [
+            f"margin {self.least:.4g} at {self.names[i]}: {1e-6 * self.amplitude[i]:.4g} MPa about "
+            f"{1e-6 * self.mean[i]:.4g} MPa",
+            f"  {place}; {self.rule}; {self.material.name or 'material given by the user'}",
+            f"  factor to yield in the first cycle {self.yield_factor[self.counted].min():.4g}",
+        ]
+        return "\n".join([*lines, *(f"  {warning}" for warning in self.warnings)])
+
+
+@brief
+@dataclass(frozen=True)
+class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin-curve"):
+    """The margin over frequency, preload, speed or the mass of the damper.
+
+    ``plot`` draws it with the amplitude of the response (:func:`bdamper.plot.plot_margin`).
+
+    Parameters
+    ----------
+    over : str
+        What it is a curve over: "frequency", "preload", "speed", "damper mass" ...
+    unit : str
+    values : (n,) float
+    margin : (n,) float
+        Least factor of the counted points; NaN where there is no solution.
+    response : (n,) float, m
+        Amplitude of the response.
+    names : tuple of str
+        Of the points of the stress sets.
+    critical : (n,) int
+        Which of them is the critical one, -1 without a solution.
+    amplitude, mean, factor, yield_factor : (n, n_points) float
+        Pa, Pa, 1, 1; at all points.
+    counted : (n_points,) bool
+    frequency, preload, speed : (n,) float, Hz, N, rad/s
+    material : Material
+    rule : Rule
+    best_value, best_margin : float
+        Of the largest margin: as refined between the values, or the best of them; NaN where it means nothing.
+    best_status : str
+        How far the best is known.
+    notes : tuple of str
+    settings : mapping
+    model_hash : str
+    """
+
+    over: str
+    unit: str
+    values: NDArray
+    margin: NDArray
+    response: NDArray
+    names: tuple[str, ...]
+    critical: NDArray
+    amplitude: NDArray
+    mean: NDArray
+    factor: NDArray
+    yield_factor: NDArray
+    counted: NDArray
+    frequency: NDArray
+    preload: NDArray
+    speed: NDArray
+    material: Material
+    rule: Rule
+    best_value: float = float("nan")
+    best_margin: float = float("nan")
+    best_status: str = ""
+    notes: tuple[str, ...] = ()
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    @classmethod
+    def of(cls, over: str, unit: str, values: Sequence[float] | NDArray, margins: Sequence[Margins],
+           response: Sequence[float] | NDArray) -> MarginCurve:  # fmt: skip
+        """The margins of single solutions as a curve, one for each value of a quantity such as the mass of the damper."""
+        if not margins or len(margins) != len(values) or len(response) != len(values):
+            raise SettingError(f"margins: expected one for each of {len(values)} values, found {len(margins)}")
+        one = margins[0]
+        if any(m.names != one.names or m.rule != one.rule or m.material != one.material for m in margins):
+            raise SettingError("margins: expected those of one material at the same points by the same rule, found others")
+        single = ("amplitude", "mean", "factor", "yield_factor", "frequency", "preload", "speed", "critical")
+        columns: dict[str, Any] = {name: np.array([getattr(m, name) for m in margins]) for name in single}
+        return cls(
+            over=over, unit=unit, values=np.asarray(values, float), margin=np.array([m.least for m in margins]),
+            response=np.asarray(response, float), names=one.names, counted=one.counted, material=one.material,
+            rule=one.rule, notes=one.notes, **columns,
+        )  # fmt: skip
+
+    @property
+    def least(self) -> int:
+        """Place of the least margin."""
+        return int(np.nanargmin(self.margin))
+
+    @property
+    def greatest(self) -> int:
+        """Place of the largest margin."""
+        return int(np.nanargmax(self.margin))
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Least and largest margin and where they are."""
+        i, j = self.least, self.greatest
+        best = [Fact("best", f"{self.best_margin:.4g} at {self.best_value:.6g} {self.unit}, {self.best_status}")]
+        return (
+            Fact("margin over", f"{self.over}, {self.values.min():.6g} to {self.values.max():.6g} {self.unit}"),
+            Fact("least margin", float(self.margin[i])),
+            Fact("least at", f"{self.values[i]:.6g} {self.unit}, {self.names[self.critical[i]]}"),
+            Fact("largest margin", float(self.margin[j])),
+            Fact("largest at", f"{self.values[j]:.6g} {self.unit}, {self.names[self.critical[j]]}"),
+            *(best if np.isfinite(self.best_value) else []),
+            Fact("by", str(self.rule)),
+            Fact("material", self.material.name or "given by the user"),
+        )
+
+    def _dimension(self) -> str:
+        return self.over.replace(" ", "_")
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each value; stresses and factors at all points with the dimension "location"."""
+        dims = (self._dimension(), "location")
+        rows = {self._dimension(): Column(self.values, self.unit)}
+        rows |= {
+            "frequency": Column(self.frequency, "Hz"), "preload": Column(self.preload, "N"),
+            "speed": Column(self.speed, "rad/s"),
+        }  # fmt: skip
+        return rows | {
+            "margin": Column(self.margin),
+            "response": Column(self.response, "m"),
+            "critical": Column(np.array([self.names[k] if k >= 0 else "" for k in self.critical])),
+            "stress_amplitude": Column(self.amplitude, "Pa", dims),
+            "stress_mean": Column(self.mean, "Pa", dims),
+            "factor": Column(self.factor, "", dims),
+        }
+
+    def __str__(self) -> str:
+        head, *rest = self.facts()
+        lines = [f"{head.name} {head.value}"] + [f"  {fact.name}: {fact.text}" for fact in rest]
+        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
+
+
+def margin(
+    problem: Problem,
+    result: Solved | StressCycle,
+    material: Material,
+    index: int | None = None,
+    *,
+    criterion: str = "von_mises",
+    line: str = "goodman",
+    on: str = "amplitude",
+    sets: str | Sequence[str] | None = None,
+    speed: float | None = None,
+) -> Margins | MarginCurve:
+    """Margins against fatigue, of infinite life.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Peak, Curve, OptimalCurve or StressCycle
+        Of this problem.
+    material : Material
+    index : int, optional
+        One point of a curve; by default all of them.
+    criterion : {"von_mises", "signed_von_mises", "principal", "findley"}
+        What amplitude and mean are (:mod:`bdamper.fatigue.criteria`).
+    line : {"goodman", "gerber", "soderberg"}
+        Not used by "findley".
+    on : {"amplitude", "both"}
+        The factor is on the vibration alone, at the mean stress that the speed gives, or on vibration and mean together.
+    sets, speed
+        As for :func:`bdamper.fatigue.cycle.stress`.
+
+    Returns
+    -------
+    Margins or MarginCurve
+        Of one solution, or of every point of a curve.
+    """
+    rule = Rule(criterion, line, on)
+    validate.instance("material", material, Material)
+    if isinstance(result, StressCycle):
+        return of_cycle(result, material, rule)
+    if hasattr(result, "y") or index is not None:
+        return of_cycle(over_cycle.stress(problem, result, index, sets=sets, speed=speed), material, rule)
+    problem = over_cycle.of(problem, result)
+    return of_solutions(problem, result, over_cycle.solutions(problem, result, speed), material, rule, sets)
+
+
+def of_cycle(found: StressCycle, material: Material, rule: Rule) -> Margins:
+    """The margins of one cycle of stress."""
+    amplitude, mean, factor, to_yield = rule.judge(found.coefficients, material)
+    if not found.counted.any():
+        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
+    return Margins(
+        points=found.points, names=found.names, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
+        counted=found.counted, spread=found.spread, material=material, rule=rule, frequency=found.frequency,
+        preload=found.preload, speed=found.speed, notes=_notes(found, rule), settings=found.settings,
+        model_hash=found.model_hash,
+    )  # fmt: skip
+
+
+def _notes(found: StressCycle, rule: Rule) -> tuple[str, ...]:
+    return (*found.notes, *([HIDES] if rule.criterion == "signed_von_mises" else []))
+
+
+def of_solutions(
+    problem: Problem, result: Any, found: Solutions, material: Material, rule: Rule, sets: str | Sequence[str] | None = None
+) -> MarginCurve:
+    """The margin at every point of a curve."""
+    chosen = over_cycle.chosen_sets(problem, sets)
+    known = np.isfinite(found.unknowns).all(axis=1)
+    if not known.any():
+        raise SettingError("margin: expected a curve with solutions, found none")
+    first = over_cycle.cycles(problem, Solutions(*(column[known][:1] for column in found)), sets)[0]
+    if not first.counted.any():
+        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
+    solved = Solutions(*(column[known] for column in found))
+    coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen)
+    m, n = coefficients.shape[:2]
+    columns = [np.full((len(known), n), np.nan) for _ in range(4)]
+    for column, values in zip(columns, rule.judge(coefficients.reshape(m * n, 6, -1), material)):
+        column[known] = values.reshape(m, n)
+    amplitude, mean, factor, to_yield = columns
+    counted = np.where(first.counted, factor, np.inf)
+    critical = np.where(known, np.where(known[:, None], counted, np.inf).argmin(axis=1), -1)
+    least = np.where(known, counted[np.arange(len(known)), critical], np.nan)
+    over = "preload" if np.ndim(result.preload) else "frequency"
+    return MarginCurve(
+        over=over, unit="N" if over == "preload" else "Hz", values=np.asarray(getattr(result, over), float), margin=least,
+        response=np.asarray(result.amplitude, float), names=first.names, critical=critical, amplitude=amplitude, mean=mean,
+        factor=factor, yield_factor=to_yield, counted=first.counted, frequency=np.asarray(found.frequency),
+        preload=np.asarray(found.preload), speed=found.speed, material=material, rule=rule, notes=_notes(first, rule),
+        settings=first.settings, model_hash=first.model_hash,
+    )  # fmt: skip

@@ -1,0 +1,130 @@
+"""Margins of solutions: one, along a curve and over the preload, with their pictures and files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.fatigue import AISI_1050, MarginCurve, Margins
+from bdamper.model.stress import StressSet
+from bdamper.util.errors import SettingError
+
+
+def with_stress(model, n=3, seed=0, static=True):
+    """Random stress rows at a few points, complex as modes are, real at nodal diameter 0."""
+    rng = np.random.default_rng(seed)
+    blade = model.bodies["blade"]
+
+    def rows(d, columns):
+        real = rng.standard_normal((n, 6, columns))
+        return real if d == 0 else real + 1j * rng.standard_normal((n, 6, columns))
+
+    forces = 3 * len(blade.bases[0].contact_modes)
+    stress = StressSet(
+        name="root",
+        body="blade",
+        points=rng.standard_normal((n, 3)),
+        modes={d: 1e11 * rows(d, basis.n_modes) for d, basis in blade.bases.items()},
+        contact={d: 1e4 * rows(d, forces) for d in blade.bases},
+        static=rng.uniform(200.0, 400.0, (n, 6)) if static else None,
+        near_contact=np.arange(n) == n - 1,
+    )
+    return replace(model, stress={"root": stress})
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = with_stress(bd.reference_model("bladed_disk", 9))
+    return bd.Study(model, bd.Excitation("tip", "tangential", 2.0), 5, blade_modes=5)
+
+
+@pytest.fixture(scope="module")
+def peak(study):
+    return study.peak(200.0)
+
+
+@pytest.fixture(scope="module")
+def curve(study, peak):
+    return study.track(200.0, (285.0, 360.0))
+
+
+def test_margins_of_a_peak(study, peak):
+    cycle, margins = study.stress(peak), study.margin(peak, AISI_1050)
+    assert isinstance(margins, Margins) and len(margins) == 3 and margins.names[0] == "root 1"
+    np.testing.assert_allclose(margins.amplitude, cycle.amplitude_and_mean().amplitude)
+    np.testing.assert_allclose(margins.factor, AISI_1050.factor(margins.amplitude, margins.mean))
+    assert margins.critical != 2 and margins.least == margins.factor[:2].min()  # the last is next to a contact
+    assert margins.speed == pytest.approx(2.0 * np.pi * peak.frequency / study.engine_order)
+    assert any("contact faces" in warning for warning in margins.warnings)
+    again = study.margin(cycle, AISI_1050)
+    np.testing.assert_array_equal(again.factor, margins.factor)
+
+
+def test_all_harmonics_count(study, peak):
+    cycle = study.stress(peak)
+    theta = np.array([0.3, 2.0])
+    expected = sum((cycle.coefficients[..., l, None] * np.exp(1j * l * theta)).real for l in range(4))
+    np.testing.assert_allclose(cycle.over_cycle(theta), expected, rtol=1e-12)
+    assert np.abs(cycle.coefficients[..., 3]).max() > 0.0
+
+
+def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_folds(study, curve):
+    margins = study.margin(curve, AISI_1050)
+    assert isinstance(margins, MarginCurve) and len(margins) == len(curve)
+    for i in (0, len(curve) // 2):
+        assert study.margin(curve, AISI_1050, i).least == pytest.approx(margins.margin[i], rel=1e-12)
+    step = np.linalg.norm(np.diff(curve.unknowns, axis=0), axis=1) / np.linalg.norm(curve.unknowns[1:], axis=1)
+    jump = np.abs(np.diff(1.0 / margins.factor, axis=0)) / (1.0 / margins.factor[1:])
+    smooth = step < 0.2
+    assert smooth.sum() > 10 and jump[smooth].max() < 1.0
+    assert margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
+
+
+def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study, peak):
+    slow, fast, broken = (study.margin(peak, AISI_1050, speed=speed) for speed in (0.0, 300.0, 3000.0))
+    assert slow.least > fast.least > broken.least == 0.0 and broken.yields
+    assert any("yields in the first cycle" in warning for warning in broken.warnings)
+
+
+@pytest.mark.parametrize("criterion", ["signed_von_mises", "principal", "findley"])
+def test_other_criteria_lead_to_margins_of_the_same_size(study, peak, criterion):
+    plain, other = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, criterion=criterion)
+    assert other.least < 20.0 * plain.least
+    assert (criterion == "signed_von_mises") == any("hides" in warning for warning in other.warnings)
+
+
+def test_results_are_kept_in_files_and_tables(study, peak, curve, tmp_path):
+    margins = [study.margin(of, AISI_1050) for of in (peak, curve)]
+    for k, result in enumerate([study.stress(peak), *margins, study.margin(curve, AISI_1050, 3)]):
+        result.save(tmp_path / f"{k}.h5")
+        again = bd.load(tmp_path / f"{k}.h5")
+        assert type(again) is type(result) and str(again) == str(result) and not again.compare(result)
+    study.margin(curve, AISI_1050).to_csv(tmp_path / "curve.csv")
+    assert "margin" in (tmp_path / "curve.csv").read_text()
+
+
+def test_margins_over_another_quantity_make_a_curve(study, peak):
+    peaks = [peak, peak]
+    margins = [study.margin(p, AISI_1050) for p in peaks]
+    curve = MarginCurve.of("damper mass", "kg", [0.05, 0.1], margins, [p.amplitude for p in peaks])
+    np.testing.assert_array_equal(curve.margin, [m.least for m in margins])
+    with pytest.raises(SettingError, match="margins: expected one for each of 2 values"):
+        MarginCurve.of("damper mass", "kg", [0.05, 0.1], margins[:1], [1.0, 2.0])
+
+
+def test_what_cannot_be_asked_is_said(study, peak, curve):
+    with pytest.raises(SettingError, match="expected a model with stress sets"):
+        replace(study, model=replace(study.model, stress={})).stress(peak)
+    with pytest.raises(SettingError, match="stress set"):
+        study.stress(peak, sets="tip")
+    with pytest.raises(SettingError, match="unknowns"):
+        study.with_(harmonics=1).stress(peak)
+    with pytest.raises(SettingError, match="criterion"):
+        study.margin(peak, AISI_1050, criterion="tresca")
+    with pytest.raises(SettingError, match="index"):
+        study.stress(curve, len(curve))
+    with pytest.raises(SettingError, match="material"):
+        study.margin(peak, 300e6)
