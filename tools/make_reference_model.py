@@ -30,8 +30,11 @@ from bdamper.fe.rig import rig
 from bdamper.fe.sector import SectorFE
 from bdamper.io.model_file import load_model, save_model
 from bdamper.model.model import Model
+from bdamper.reduction import LocalSizes
 
 POINTS = (9, 24, 48)
+WHEEL_POINTS = 9
+"""Contact points of the model that serves wheels of unequal blades too."""
 BONDED_DIAMETER = 5
 PAPER_GRIDS = {9: (3, 3), 24: (4, 6), 48: (4, 12)}
 """Contact points of the paper's disk along the slope and along the axis; its mesh has five rows of nodes on the slope."""
@@ -41,7 +44,8 @@ FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
 
 def build(fe: SectorFE, points: int) -> Model:
     """One model, with the full finite element frequencies of the bonded damper in its provenance."""
-    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,))
+    wheel = LocalSizes() if points == WHEEL_POINTS else None
+    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,), wheel=wheel)
     bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
     note = {
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
@@ -68,6 +72,9 @@ def differences(new: Model, old: Model) -> dict[str, float]:
                 note(f"{name}, {d}: flexibility", other.flexibility, basis.flexibility)
             modes = [b.contact_modes.reshape(-1, b.n_modes) for b in (other, basis)]
             note(f"{name}, {d}: modes", *(m @ m.conj().T for m in modes))
+        if body.local is not None and (made := new.bodies[name].local) is not None:
+            waves = [[local.modes(d)[0] for d in range(old.n_blades // 2 + 1)] for local in (made, body.local)]
+            note(f"{name}, local basis: omega2", *(np.array(w) for w in waves))
     for name, face in old.interfaces.items():
         for key in ("points", "area", "frame", "gap"):
             note(f"{name}: {key}", getattr(new.interfaces[name], key), getattr(face, key))
