@@ -6,7 +6,7 @@ The analyses are functions of their rooms that take a problem first; here they b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,8 @@ from bdamper.effects import compare_laws as laws
 from bdamper.effects import hysteresis as cycles
 from bdamper.fatigue import cycle as stresses
 from bdamper.fatigue import margin as margins
-from bdamper.peaks import marched, optimal
+from bdamper.fatigue.material import Material
+from bdamper.peaks import best_margin, marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import at_speed
@@ -196,6 +197,8 @@ class Study(Problem, Comparable):
         check: bool = True,
         progress: bool = False,
         resume: str | Path | None = None,
+        quantity: str = "amplitude",
+        material: Material | None = None,
     ) -> OptimalCurve:
         """Resonance over the preload, and what more harmonics would change of it.
 
@@ -213,6 +216,10 @@ class Study(Problem, Comparable):
             Show what is being done, and the time left as far as it is known.
         resume : path, optional
             File that keeps every scan and every curve of the ladder; work that was interrupted goes on from there.
+        quantity : {"amplitude", "margin"}
+            "margin": also the margin against fatigue of a ``material`` over the preload, and the preload that is best for
+            it (:func:`bdamper.peaks.best_margin.best_margin`), in ``curve.margins``.
+        material : Material, optional
 
         Returns
         -------
@@ -225,7 +232,13 @@ class Study(Problem, Comparable):
         check_question(self, optimal.preload_values(preload, n), frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
         shown: dict[str, Any] = {"progress": progress, "resume": resume}
+        margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
+        if margin:
+            validate.instance("material", material, Material, "a Material, since quantity is the margin")
+            stresses.chosen_sets(self)
         curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways, **shown)
+        if margin and material is not None and not curve.interrupted:
+            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material, verify=verify),))
         if curve.interrupted or not check:
             return curve
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
@@ -238,6 +251,8 @@ class Study(Problem, Comparable):
     # stress and fatigue
     stress = stresses.stress
     margin = margins.margin
+
+    best_margin = best_margin.best_margin
 
     # effects
     advise = advice.advise

@@ -37,7 +37,8 @@ from bdamper.util.repr import brief
 class Solved(Protocol):
     """A result with solutions: a peak (``y``), or a curve (``unknowns``)."""
 
-    frequency: Any
+    @property
+    def frequency(self) -> Any: ...
 
 
 class Solutions(NamedTuple):

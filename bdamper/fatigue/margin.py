@@ -376,6 +376,48 @@ def margin(
     return of_solutions(problem, result, over_cycle.solutions(problem, result, speed), material, rule, sets)
 
 
+@dataclass(frozen=True)
+class LeastMargin:
+    """The question for the margin of a solution, as :meth:`bdamper.Study.crossings` takes it.
+
+    Parameters are those of :func:`margin`; a call takes a problem, the unknowns of a solution, its frequency (rad/s) and
+    its preload (N).
+    """
+
+    material: Material
+    criterion: str = "von_mises"
+    line: str = "goodman"
+    on: str = "amplitude"
+    sets: str | tuple[str, ...] | None = None
+    speed: float | None = None
+
+    def __post_init__(self) -> None:
+        validate.instance("material", self.material, Material)
+        Rule(self.criterion, self.line, self.on)
+
+    def __call__(self, problem: Problem, unknowns: NDArray, omega: float, preload: float) -> float:
+        at = _Point(np.append(unknowns, omega), omega / (2.0 * np.pi), preload)
+        rule = Rule(self.criterion, self.line, self.on)
+        cycle = over_cycle.stress(problem, at, sets=self.sets, speed=self.speed)
+        return of_cycle(cycle, self.material, rule).least
+
+    def along(self, problem: Problem, curve: Any) -> MarginCurve:
+        """The margins along a curve."""
+        rule = Rule(self.criterion, self.line, self.on)
+        found = over_cycle.solutions(problem, curve, self.speed)
+        return of_solutions(problem, curve, found, self.material, rule, self.sets)
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A solution by itself."""
+
+    y: NDArray
+    frequency: float
+    parameter: float
+    converged: bool = True
+
+
 def of_cycle(found: StressCycle, material: Material, rule: Rule) -> Margins:
     """The margins of one cycle of stress."""
     amplitude, mean, factor, to_yield = rule.judge(found.coefficients, material)

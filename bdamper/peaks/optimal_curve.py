@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.rattle import NO_STEADY
+from bdamper.fatigue.margin import MarginCurve
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -206,6 +207,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         What :meth:`bdamper.Study.with_marched` has found at some preloads.
     swept : tuple of Swept
         What :meth:`bdamper.Study.with_sweeps` has found at some preloads.
+    margins : tuple of MarginCurve
+        Margins against fatigue along the curve, where they were asked for.
     """
 
     preload: NDArray
@@ -237,6 +240,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     no_steady_below: float = 0.0
     marched: tuple[Marched, ...] = ()
     swept: tuple[Swept, ...] = ()
+    margins: tuple[MarginCurve, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:  # in files of versions before 0.3
@@ -403,6 +407,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines.append(f"  {self.status[0]}")
         lines += [f"  marched at {item}" for item in self.marched]
         lines += [f"  slow sweeps at {item}" for item in self.swept]
+        for item in self.margins:
+            best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
+            lines.append(f"  margin against fatigue ({item.rule}): {best}")
         open_ = [w for w in self.warnings if not w.startswith(("optimum", NO_STEADY))]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")

@@ -1,0 +1,51 @@
+"""The preload of the largest margin, refined between those of an optimal curve."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.fatigue import AISI_1050
+from bdamper.fatigue.margin import LeastMargin
+from bdamper.util.errors import SettingError
+from tests.fatigue.test_margins import with_stress
+
+
+@pytest.fixture(scope="module")
+def study():
+    model = with_stress(bd.reference_model("bladed_disk", 9))
+    return bd.Study(model, bd.Excitation("tip", "tangential", 2.0), 5, blade_modes=5, harmonics=1)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.optimal_curve((40.0, 400.0), 6, check=False, verify=False, quantity="margin", material=AISI_1050)
+
+
+def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, curve, tmp_path):
+    (margins,) = curve.margins
+    assert margins.over == "preload" and len(margins) == len(curve)
+    assert margins.best_margin >= np.nanmax(margins.margin)
+    fresh = study.peak(margins.best_value)
+    assert study.margin(fresh, AISI_1050).least == pytest.approx(margins.best_margin, rel=1e-6)
+    question = LeastMargin(AISI_1050)
+    assert question(study, fresh.y[:-1], fresh.y[-1], margins.best_value) == pytest.approx(margins.best_margin, rel=1e-6)
+    assert "margin against fatigue" in str(curve)
+    curve.save(tmp_path / "curve.h5")
+    assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
+
+
+def test_the_whole_tracking_curve_is_asked(study, curve):
+    status = study.best_margin(curve, AISI_1050).best_status
+    assert status.startswith(("refined between", "at the end")) and status.endswith(", verified"), status
+
+
+def test_a_margin_needs_a_material_and_stress(study):
+    with pytest.raises(SettingError, match="material"):
+        study.optimal_curve((40.0, 400.0), 6, quantity="margin")
+    with pytest.raises(SettingError, match="quantity"):
+        study.optimal_curve((40.0, 400.0), 6, quantity="life", material=AISI_1050)
+    bare = bd.Study(bd.reference_model("bladed_disk", 9), study.excitation, 5)
+    with pytest.raises(SettingError, match="stress sets"):
+        bare.optimal_curve((40.0, 400.0), 6, quantity="margin", material=AISI_1050)
