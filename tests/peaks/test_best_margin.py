@@ -37,8 +37,12 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
 
 
 def test_the_whole_tracking_curve_is_asked(study, curve):
-    status = study.best_margin(curve, AISI_1050).best_status
-    assert status.startswith(("refined between", "at the end")) and status.endswith(", verified"), status
+    """These rows, of random size for high modes too, have a place where another frequency leaves less margin."""
+    best = study.best_margin(curve, AISI_1050)
+    along = study.margin(study.track(best.best_value, tuple(curve.settings["frequency"])), AISI_1050)
+    assert along.margin[along.least] < 0.98 * best.best_margin
+    where = f"{along.margin[along.least]:.4g} at {along.frequency[along.least]:.6g} Hz"
+    assert "not verified" in best.best_status and best.best_status.endswith(where)
 
 
 def test_a_margin_needs_a_material_and_stress(study):
