@@ -132,7 +132,9 @@ def test_files_and_tables(study, quick, tmp_path):
 
 
 def test_killed_at_random_moments_and_resumed(study, quick, tmp_path):
-    quiet = sample(study)
+    begin = time.monotonic()
+    quiet = sample(study, resume=tmp_path / "quiet.jsonl")
+    span = time.monotonic() - begin
     path = tmp_path / "killed.jsonl"
     rng = random.Random(1)
     finished = 0
@@ -143,7 +145,7 @@ def test_killed_at_random_moments_and_resumed(study, quick, tmp_path):
                 sample(study, resume=path)
             finally:
                 os._exit(0)
-        time.sleep(rng.uniform(0.02, 0.1))
+        time.sleep(rng.uniform(0.3, 0.8) * span)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         lines = path.read_bytes().split(b"\n")[1:-1] if path.exists() else []
