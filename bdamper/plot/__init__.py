@@ -34,7 +34,16 @@ from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history,
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
 from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
 from bdamper.plot.together import plot_designs, plot_together
-from bdamper.plot.wheel import plot_mistuning
+from bdamper.plot.wheel import (
+    plot_mistuning,
+    plot_sample,
+    plot_sample_preload,
+    plot_sample_tail,
+    plot_wheel,
+    plot_wheel_curve,
+    plot_wheel_map,
+    plot_wheel_peak,
+)
 
 __all__ = [
     "animate_damper",
@@ -69,6 +78,9 @@ __all__ = [
     "plot_over_measurement",
     "plot_run_up",
     "plot_safe",
+    "plot_sample",
+    "plot_sample_preload",
+    "plot_sample_tail",
     "plot_settled",
     "plot_status_bars",
     "plot_status_map",
@@ -80,5 +92,9 @@ __all__ = [
     "plot_together",
     "plot_uncertain",
     "plot_verification",
+    "plot_wheel",
+    "plot_wheel_curve",
+    "plot_wheel_map",
+    "plot_wheel_peak",
     "save_figure",
 ]

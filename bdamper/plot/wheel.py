@@ -2,12 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
-from bdamper.plot.axes import colours, drawing
+from bdamper.continuation.curve import Curve
+from bdamper.model.model import Model, turn
+from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, few_ticks, length, newtons
+from bdamper.plot.model3d import plot_surfaces
+from bdamper.plot.vtu import shown_shapes
+from bdamper.util import validate
+from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
 from bdamper.wheel.mistuning import Mistuning
+from bdamper.wheel.results import WheelCurve, WheelPeak
+from bdamper.wheel.sample_result import MistunedSample
+from bdamper.wheel.statistics import empirical
+
+PERCENTILES = (50.0, 95.0, 99.0)
+_FACTOR = "Amplification factor of the worst blade"
 
 
 @draws(Mistuning)
@@ -32,4 +48,269 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes | None = None, *, title: str =
             ax.bar(place, column, width=0.8 / n, color=colour, edgecolor="k", linewidth=0.3, label=f"mode {k + 1}")
         ax.axhline(0.0, color="k", linewidth=0.6)
         ax.set(xlabel="Blade", ylabel="Frequency deviation, clamped (%)")
+    return ax
+
+
+@draws(WheelCurve)
+def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve | None = None, title: str = "") -> Axes:
+    """Envelope over all blades through the folds, above the curves of the single blades.
+
+    Parameters
+    ----------
+    curve : WheelCurve
+    ax : matplotlib axes, optional
+    tuned : Curve, optional
+        Of the tuned wheel at the same preload, ``wheel.tuned().track(...)``, dashed.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    _, blade = curve.highest
+    factor, unit = length(curve.envelope)
+    with drawing(ax, title=title or f"{newtons(curve.preload)}, {curve.response.shape[1]} blades", legend=7.0) as ax:
+        lines = ax.plot(curve.frequency, factor * curve.amplitude, color="0.75", linewidth=0.5)
+        lines[0].set_label("single blades")
+        ax.plot(curve.frequency, factor * curve.amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
+        ax.plot(curve.frequency, factor * curve.envelope, color="k", label="highest blade")
+        if len(curve.folds):
+            at = curve.folds
+            ax.plot(curve.frequency[at], factor * curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
+        if tuned is not None:
+            ax.plot(tuned.frequency, factor * tuned.amplitude, color="k", linestyle=DASHED, label="tuned")
+        ax.set(xlabel="Frequency (Hz)", ylabel=f"Amplitude ({unit})")
+    return ax
+
+
+def _on_a_grid(curve: WheelCurve, n: int) -> tuple[NDArray, NDArray]:
+    """Frequencies (n,) and the amplitudes there (n, n_blades), of the highest solution where there are several."""
+    grid = np.linspace(curve.frequency.min(), curve.frequency.max(), n)
+    out = np.full((n, curve.response.shape[1]), np.nan)
+    for a, b, low, high in zip(curve.frequency, curve.frequency[1:], curve.amplitude, curve.amplitude[1:]):
+        inside = (grid >= min(a, b)) & (grid <= max(a, b))
+        share = ((grid[inside] - a) / (b - a))[:, None] if a != b else np.zeros((inside.sum(), 1))
+        values = low + share * (high - low)
+        higher = ~(values.max(axis=1) <= out[inside].max(axis=1, initial=-np.inf))
+        out[inside] = np.where(higher[:, None], values, out[inside])
+    return grid, out
+
+
+@draws(WheelCurve, "plot_map")
+def plot_wheel_map(curve: WheelCurve, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Amplitude of every blade over frequency as a map, light where it is high.
+
+    Parameters
+    ----------
+    curve : WheelCurve
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Of several solutions at one frequency the one with the highest blade is shown; a circle marks the highest of all.
+    """
+    i, blade = curve.highest
+    frequency, amplitude = _on_a_grid(curve, 400)
+    factor, unit = length(curve.envelope)
+    with drawing(ax, title=title or newtons(curve.preload)) as ax:
+        ax.grid(False)
+        edges = np.arange(amplitude.shape[1] + 1) - 0.5
+        step = 0.5 * (frequency[1] - frequency[0])
+        across = np.append(frequency - step, frequency[-1] + step)
+        image = ax.pcolormesh(across, edges, factor * amplitude.T, cmap="viridis", vmin=0.0, rasterized=True)
+        ax.plot(curve.frequency[i], blade, "o", markersize=8.0, markerfacecolor="none", color="w", markeredgewidth=1.5)
+        figure: Any = ax.figure
+        figure.colorbar(image, ax=ax, label=f"Amplitude ({unit})")
+        ax.set(xlabel="Frequency (Hz)", ylabel="Blade")
+    return ax
+
+
+@draws(WheelPeak)
+def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Bars of the amplitudes of all blades at the highest peak, the tuned peak as a line, the highest blade dark.
+
+    Parameters
+    ----------
+    peak : WheelPeak
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    if not peak.converged:
+        raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
+    factor, unit = length(peak.amplitudes)
+    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
+        ax.bar(np.arange(len(peak.amplitudes)), factor * peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
+        ax.axhline(factor * peak.tuned_amplitude, color="k", linestyle=DASHED, label="tuned peak")
+        ax.set(xlabel="Blade", ylabel=f"Amplitude ({unit})")
+    return ax
+
+
+@draws(WheelPeak, "plot_wheel")
+def plot_wheel(
+    peak: WheelPeak, model: Model, path: Any = None, *, mode: int = 1, backend: str | None = None, title: str = ""
+) -> Any:
+    """All blades in 3-D, coloured by their amplitude at the highest peak, in metres at the response location.
+
+    Parameters
+    ----------
+    peak : WheelPeak
+    model : Model
+        Of the wheel, with a surface of the blade that carries mode shapes.
+    path : path-like, optional
+        Where to write a picture; nothing is shown then.
+    mode : int
+        Of the tuned wheel, from 1, whose shape spreads the amplitude over each blade.
+    backend : {"pyvista", "matplotlib"}, optional
+        As in :func:`plot_surfaces`.
+    title : str
+
+    Returns
+    -------
+    pyvista.Plotter or matplotlib axes
+    """
+    if not peak.converged or len(peak.amplitudes) != model.n_blades:
+        found = f"{peak.status}, {len(peak.response)} blades"
+        raise BdamperError(f"picture of a wheel: expected a converged peak of {model.n_blades} blades, found {found}")
+    body, d = shown_shapes(model, None, None, "picture of a wheel")
+    mesh = model.meshes[body]
+    mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
+    shape = np.linalg.norm(np.abs(mesh.modes[d][..., mode - 1]), axis=1)
+    angles = 2.0 * np.pi * np.arange(model.n_blades) / model.n_blades
+    shape = shape / shape.max()
+    points = np.concatenate([mesh.points @ turn(a).T for a in angles])
+    quads = np.concatenate([mesh.quads + k * len(mesh.points) for k in range(model.n_blades)])
+    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, blade {peak.blade} highest"
+    surface = points, quads, np.concatenate([height * shape for height in peak.amplitudes])
+    return plot_surfaces([surface], None, path, backend=backend, title=title)
+
+
+@draws(MistunedSample)
+def plot_sample(
+    sample: MistunedSample, ax: Axes | None = None, *, percentiles: Sequence[float] = PERCENTILES, title: str = ""
+) -> Axes:
+    """Percentiles of the amplification factor over the standard deviation of mistuning, a colour for each preload.
+
+    Parameters
+    ----------
+    sample : MistunedSample
+    ax : matplotlib axes, optional
+    percentiles : sequence of float
+        Up to four, the last one with its confidence interval of 95 %, as far as the sample bounds it.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    styles = ("-.", ":", "--", "-")
+    x = 100.0 * sample.standard_deviation
+    bands = {q: sample.percentile(q) for q in percentiles[-len(styles) :]}
+    with drawing(ax, title=title, legend=7.0) as ax:
+        for j, (preload, colour) in enumerate(zip(sample.preload, colours(len(sample.preload)))):
+            for k, (q, (low, value, high)) in enumerate(bands.items()):
+                last = k == len(bands) - 1
+                marker = MARKERS[j % len(MARKERS)] if last else ""
+                line = {"color": colour, "linestyle": styles[k - len(bands)], "marker": marker, "markersize": 4.0}
+                ax.plot(x, value[:, j], **line, label=newtons(float(preload)) if last else None)
+                if last:
+                    known = np.isfinite(low[:, j]) & np.isfinite(high[:, j])
+                    ax.fill_between(x, low[:, j], high[:, j], where=known, color=colour, alpha=0.15, linewidth=0.0)
+        for k, q in enumerate(bands):
+            ax.plot([], [], color="0.3", linestyle=styles[k - len(bands)], label=f"{q:g} % of wheels")
+        ax.set(xlabel="Standard deviation of blade frequencies (%)", ylabel=_FACTOR)
+    return ax
+
+
+@draws(MistunedSample, "plot_tail")
+def plot_sample_tail(
+    sample: MistunedSample,
+    standard_deviation: float | None = None,
+    preload: float | None = None,
+    ax: Axes | None = None,
+    *,
+    tail: float = 0.5,
+    title: str = "",
+) -> Axes:
+    """Share of the wheels above an amplification factor: the sample, and the Weibull distribution fitted to its tail.
+
+    Parameters
+    ----------
+    sample : MistunedSample
+    standard_deviation, preload : float, optional
+        Of the cell; the last ones by default.
+    ax : matplotlib axes, optional
+    tail : float
+        Share of the wheels that the fit sees.
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+    """
+    i, j = sample.cell(standard_deviation, preload)
+    x, probability = empirical(sample.amplification[:, i, j])
+    fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
+    title = title or f"{100.0 * sample.standard_deviation[i]:g} %, {newtons(float(sample.preload[j]))}, {len(x)} wheels"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        ax.plot(x, 1.0 - probability, "o", color="0.45", markersize=3.0, markerfacecolor="none", label="wheels")
+        least = 0.1 / len(x)
+        at = np.linspace(fit.threshold, fit.bound, 2000)
+        above = 1.0 - fit.cdf(at)
+        shown = above >= least
+        ax.plot(at[shown], above[shown], color="k", label=f"Weibull tail, bound {fit.bound:.3g}")
+        ax.axvline(fit.threshold, color="0.4", linewidth=0.8, linestyle=":", label="threshold of the fit")
+        ax.set(yscale="log", ylim=(least, 1.5), xlabel=_FACTOR, ylabel="Share of wheels above")
+    return ax
+
+
+@draws(MistunedSample, "plot_preload")
+def plot_sample_preload(
+    sample: MistunedSample,
+    standard_deviation: float | None = None,
+    ax: Axes | None = None,
+    *,
+    percentiles: Sequence[float] = PERCENTILES,
+    title: str = "",
+) -> Axes:
+    """Percentiles of the worst blade's amplitude over the preload, beside the tuned wheel.
+
+    Parameters
+    ----------
+    sample : MistunedSample
+    standard_deviation : float, optional
+        The last one by default.
+    ax : matplotlib axes, optional
+    percentiles : sequence of float
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Stars mark the least value of each line among the preloads asked.
+    """
+    i, _ = sample.cell(standard_deviation, None)
+    order = np.argsort(sample.preload)
+    x = sample.preload[order]
+    title = title or f"{len(sample)} wheels, standard deviation {100.0 * sample.standard_deviation[i]:g} %"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
+            low, value, high = sample.percentile(q, "amplitude")[:, i, order]
+            ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"worst blade, {q:g} % of wheels")
+            known = np.isfinite(low) & np.isfinite(high)
+            ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
+            best = int(np.argmin(value))
+            ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
+        tuned = sample.tuned_amplitude[order]
+        ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
+        ax.plot(x[np.argmin(tuned)], tuned.min(), "*", color="k", markersize=9.0)
+        ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Resonance amplitude (m)")
+        few_ticks(ax)
     return ax

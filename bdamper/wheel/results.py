@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
@@ -20,6 +20,8 @@ from bdamper.util.tables import Column, Tabular
 @dataclass(frozen=True)
 class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
     """Response of all blades of a wheel over frequency at one preload; every point is a converged solution.
+
+    ``plot`` draws the envelope over the blades (:func:`bdamper.plot.plot_wheel_curve`).
 
     Parameters
     ----------
@@ -90,6 +92,10 @@ class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
         """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic of a point."""
         return np.asarray(np.abs(np.fft.fft(self.response[point, :, 1])) / self.response.shape[1])
 
+    def plot_map(self, *arguments: Any, **options: Any) -> Any:
+        """Draw the amplitude of every blade over frequency as a map (:func:`bdamper.plot.plot_wheel_map`)."""
+        return draw(self, "plot_map", *arguments, **options)
+
     def columns(self) -> dict[str, Column]:
         """A row for each point; amplitudes of all blades for xarray."""
         return {
@@ -128,6 +134,8 @@ class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
 @dataclass(frozen=True)
 class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     """The highest amplitude of any blade of a wheel at one preload.
+
+    ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
 
     Parameters
     ----------
@@ -195,6 +203,10 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     def nodal_diameters(self) -> NDArray:
         """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
+
+    def plot_wheel(self, model: Any, *arguments: Any, **options: Any) -> Any:
+        """Draw all blades of the model in 3-D, coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
+        return draw(self, "plot_wheel", model, *arguments, **options)
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest blade, and how much higher it is than those of the tuned wheel."""
