@@ -142,8 +142,7 @@ class Events:
         def slope(y: NDArray, t: NDArray) -> float:
             return self.amplitude_slope(y, t, a.scale)
 
-        drifting = is_drift(a.tangent, n) or is_drift(b.tangent, n)
-        if not drifting and slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent):
+        if slope(a.y, a.tangent) > 0.0 > slope(b.y, b.tangent) and not (is_drift(a.tangent, n) or is_drift(b.tangent, n)):
             found.append((slope, "maximum"))
         located = []
         for event, kind in found:
@@ -247,10 +246,9 @@ class Events:
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) > reach:
             return None
-        if float(c.tangent @ direction) < np.cos(self.options.max_turn):
+        back = sign and c.orientation == -sign
+        if back or float(c.tangent @ direction) < np.cos(self.options.max_turn):
             return None
-        if sign and c.orientation == -sign:
-            return None  # on the way back
         moved = (c.y - y) / scale
         if not sign and float(moved @ tangent) < -0.99 * norm2(moved):
             return None
