@@ -34,6 +34,8 @@ def peak_sensitivities(
         Of this problem, at a preload of ``peak.parameter`` newtons.
     parameters : sequence of str
         "preload" or any setting with a number (see :mod:`bdamper.problem.variation`); factors are taken at 1.
+        "damper_mass" is the mass of the free bodies with the preload that goes with it at a fixed rotor speed, as a factor;
+        "damper_mass_factor" is their inertia alone.
     options : PeakOptions
 
     Raises
@@ -47,7 +49,7 @@ def peak_sensitivities(
     if problem.evaluation != "exact":
         raise SettingError(f'sensitivities: expected evaluation="exact", found {problem.evaluation}: the peak has ripples')
     families: dict[str, tuple[Family, float]] = {}
-    parameters = validate.names("parameters", parameters, ("preload", *setting_names(problem)))
+    parameters = validate.names("parameters", parameters, ("preload", "damper_mass", *setting_names(problem)))
     preload = peak.parameter
     for name in parameters:
         if name == "preload":
@@ -56,9 +58,10 @@ def peak_sensitivities(
             continue
         if name == "contact_stiffness_factor" and problem.holds_preload:
             continue
-        if name == "damper_mass_factor" and not any(b.kind == "free" for b in problem.model.bodies.values()):
+        if name.startswith("damper_mass") and not any(b.kind == "free" for b in problem.model.bodies.values()):
             continue
-        families[name] = (setting_family(problem, name, preload), setting_value(problem, name))
+        value = 1.0 if name == "damper_mass" else setting_value(problem, name)
+        families[name] = (setting_family(problem, name, preload), value)
     return sensitivities(peak, families, options)
 
 
@@ -78,6 +81,8 @@ def setting_family(problem: Problem, name: str, preload: float) -> Family:
     """The equations at one preload as a function of one numeric setting."""
 
     def family(value: float) -> HarmonicSystem:
+        if name == "damper_mass":
+            return vary(problem, {"damper_mass_factor": value}).system(value * preload)
         return vary(problem, {name: value}).system(preload)
 
     return family

@@ -20,11 +20,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import resonance_interval, scan
@@ -65,6 +67,8 @@ class Search:
     meter : CostMeter
     near : bool
         Follow peaks no further than to the line.
+    lost : bool
+        Whether a search without a crossing ended early: there may be one.
     """
 
     family: SpeedFamily[Any]
@@ -72,6 +76,7 @@ class Search:
     mode: int
     meter: CostMeter
     near: bool = False
+    lost: bool = False
     scanned: dict[float, Peak | None] = field(default_factory=dict)
     line: dict[float, Peak] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
@@ -84,8 +89,11 @@ class Search:
     def highest(self, omega: float) -> Peak | None:
         """The highest peak at a speed, by a scan over frequency; None where there is none."""
         if omega not in self.scanned:
-            problem = self.family.problem(omega)
-            found = scan(problem, self.family.preload(omega), resonance_interval(problem, self.mode), meter=self.meter)
+            problem, preload = self.family.problem(omega), self.family.preload(omega)
+            limits = resonance_interval(problem, self.mode)
+            found = scan(problem, preload, limits, meter=self.meter)
+            if not found.whole:  # a coarse curve may step over what a fine one locates
+                found = scan(problem, preload, limits, continuation=ContinuationOptions(), meter=self.meter)
             if not found.whole:
                 above = f"; {found.above}" if found.above is not None else ""
                 self.warnings.append(f"scan at {omega:.6g} rad/s {found.ending}{above}")
@@ -155,15 +163,20 @@ class Search:
         tried: set[float] = set()
         while omega is not None and len(self.scanned) < SCANS:
             top = self.highest(omega)
+            self.lost = True
             if top is None:
                 break
             known = self.follow(top)
             self.line = {**known, **self.line} if self.line else known
             found = self.secant(known)
-            if found is None:
+            between = self._between(known)
+            if found is None and between is not None:  # the peak was lost on the way: begin anew near the line
+                omega = between
+            elif found is None:
                 side = _off_line(top, self.order) > 0.0  # the line lies at higher speeds
                 ends = [w for w in self.speeds if (w > max(known) if side else w < min(known))]
                 omega = (min(ends) if side else max(ends)) if ends else None
+                self.lost = bool(ends)
             else:
                 best = self.highest(found.parameter)
                 if best is None or same_peak(best, found, 1e-4) or best.amplitude <= found.amplitude:
@@ -172,6 +185,19 @@ class Search:
                 omega = found.parameter if found.parameter not in tried else None
                 tried.add(found.parameter)
         return None, self._jump()
+
+    def kind(self, peak: Peak | None, low: float) -> str:
+        """What the search has found: a peak, or an interval."""
+        if peak is not None:
+            return "crossing"
+        return "jump" if np.isfinite(low) else "not found" if self.lost else "none"
+
+    def _between(self, known: Mapping[float, Peak]) -> float | None:
+        """Speed of the crossing, linear between two neighbours; None where there are none, or a scan was made there."""
+        off = [(_off_line(p, self.order), w) for w, p in known.items()]
+        pairs = [(a, b) for a, b in pairwise(off) if a[0] * b[0] <= 0.0]
+        places = [w + g / (g - h) * (v - w) for (g, w), (h, v) in pairs if g != h]
+        return next((w for w in places if all(abs(w - other) > 1e-4 * w for other in self.scanned)), None)
 
     def _jump(self) -> tuple[float, float]:
         """Between the scans nearest to where the highest peak changes its side of the line."""
@@ -257,7 +283,7 @@ class CrossingTask:
         nan = float("nan")
         line = list(search.line.values())
         out: dict[str, Any] = {
-            "kind": "crossing" if peak is not None else "jump" if np.isfinite(low) else "none", "low": low, "high": high,
+            "kind": search.kind(peak, low), "low": low, "high": high,
             "line_speed": [p.parameter for p in line], "line_frequency": [p.frequency for p in line],
             "line_amplitude": [p.amplitude for p in line],
             "line_margin": [self._margin(family, p) for p in line], "margin": nan,

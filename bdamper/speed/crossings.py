@@ -73,7 +73,8 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
         Of the first of them that is loaded.
     kind : tuple of str
         "crossing"; "jump" where the highest peak jumps over the line between ``low`` and ``high``; "none" where no peak
-        meets it in the range of speeds; otherwise "failed: " or "not run" as of a sweep.
+        meets it in the range of speeds; "not found" where there may be one; otherwise "failed: " or "not run" as of a
+        sweep.
     speed : (n,) float, rad/s
         NaN without a crossing.
     low, high : (n,) float, rad/s
@@ -146,7 +147,7 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     @property
     def complete(self) -> bool:
         """Whether the search for every crossing came to an end, be it that there is none."""
-        return not any(k.startswith(("failed", "not run")) for k in self.kind)
+        return not any(k.startswith(("failed", "not")) for k in self.kind)
 
     @property
     def excess(self) -> NDArray:

@@ -157,5 +157,9 @@ def test_the_mass_factor_alone_scales_inertia(study):
     at = study.at_speed(470.0)
     heavy = vary(at, {"damper_mass_factor": 1.5})
     same, own = heavy.peak(at.preload).amplitude, heavy.peak(heavy.preload).amplitude
-    base = at.peak(at.preload).amplitude
+    peak = at.peak(at.preload)
+    base = peak.amplitude
+    found = at.peak_sensitivities(peak, ("preload", "damper_mass_factor", "damper_mass"))
+    parts = at.preload * found["preload"].amplitude + found["damper_mass_factor"].amplitude
+    assert found["damper_mass"].amplitude == pytest.approx(parts, rel=1e-5), "load and inertia together"
     assert abs(same / base - 1.0) < 0.05 < abs(own / base - 1.0)

@@ -1,0 +1,41 @@
+"""Crossings over rotor speed: three masses of the damper by eight engine orders, with nine and with 24 contact points.
+
+Eight orders of the first mode of the shipped disk, whose excitation is a fixed share of the preload, three harmonics, peaks
+followed over 13 speeds.  Processor time of one process; the crossings are independent, so that two cores take half of it.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.model.coupling import centrifugal_load
+
+ORDERS = tuple(range(3, 11))
+MASSES = (0.7, 1.0, 1.4)
+SPEEDS = tuple(np.linspace(170.0, 800.0, 13).tolist())
+SHARE = 400.0
+"""Preload of the damper of nominal mass over the excitation."""
+
+
+def table(points: int, masses: tuple[float, ...] = MASSES) -> None:
+    """Print the table of crossings and its processor time."""
+    model = bd.reference_model("bladed_disk", points)
+    arm = centrifugal_load(model)
+    study = bd.Study(model, bd.Excitation("tip"), 5, friction_coefficient=0.3)
+
+    def excitation(omega: float, engine_order: int) -> float:
+        return arm * omega**2 / SHARE
+
+    start = time.process_time()
+    found = study.crossings(SPEEDS, ORDERS, damper_mass=masses, excitation=excitation)
+    spent = time.process_time() - start
+    print(f"{points} points: {len(found)} crossings, {spent:.1f} s of the processor, half of it on two cores\n\n{found}\n")
+
+
+def main() -> None:
+    """Both models, the larger one with the nominal mass alone."""
+    table(9)
+    table(24, (1.0,))
