@@ -155,7 +155,9 @@ def at_speed(problem: P, omega: float, **conditions: Any) -> P:
 
 def under(problem: P, omega: float, conditions: Conditions) -> P:
     """See :func:`at_speed`; for conditions that are made already."""
-    changes: dict[str, Any] = {"model": problem.model.at_speed(omega), "speed": omega}
+    model = problem.model.at_speed(omega)
+    object.__setattr__(model, "_checked", True)  # made from a checked one
+    changes: dict[str, Any] = {"model": model, "speed": omega}
     mu = conditions.friction_at(omega)
     if mu is not None:
         changes["friction_coefficient"] = mu

@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
-from bdamper.peaks.scan import resonance_interval, scan
+from bdamper.peaks.scan import resonance_interval, scan, scan_from
 from bdamper.peaks.sensitivity import NoDerivative, sensitivities
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
@@ -44,6 +44,8 @@ TOLERANCE = 1e-11
 """Relative, on the speed of a crossing."""
 SECANTS, SCANS = 12, 5
 """Most peaks of one secant, and most scans over frequency for one crossing."""
+SPAN = 0.2
+"""Relative, of the speed at which the search begins: peaks are followed so far to both sides, and on as far as the line."""
 BESIDE = 0.05
 """Relative, by which a crossing may lie beyond those of the free and the stuck resonance."""
 TWO_PI = 2.0 * np.pi
@@ -86,12 +88,21 @@ class Search:
         """Engine order."""
         return int(self.family.whole.engine_order)
 
-    def highest(self, omega: float) -> Peak | None:
-        """The highest peak at a speed, by a scan over frequency; None where there is none."""
+    def highest(self, omega: float, known: Peak | None = None) -> Peak | None:
+        """The highest peak at a speed, by a scan over frequency; None where there is none.
+
+        From a known peak the curve is followed both ways; if that does not lead to both ends, or without a known one, it is
+        followed from the ends.
+        """
         if omega not in self.scanned:
             problem, preload = self.family.problem(omega), self.family.preload(omega)
             limits = resonance_interval(problem, self.mode)
-            found = scan(problem, preload, limits, meter=self.meter)
+            found = None
+            if known is not None:
+                ways: dict[str, Any] = {"preload": preload, "options": FOLLOWING, "meter": self.meter}
+                found = scan_from(problem, self.family.system(omega), known.y, limits, **ways)
+            if found is None or not found.whole:
+                found = scan(problem, preload, limits, meter=self.meter)
             if not found.whole:  # a coarse curve may step over what a fine one locates
                 found = scan(problem, preload, limits, continuation=ContinuationOptions(), meter=self.meter)
             if not found.whole:
@@ -103,15 +114,17 @@ class Search:
     def follow(self, start: Peak) -> dict[float, Peak]:
         """A peak at all speeds to which it can be followed, that of its start included."""
         known = {start.parameter: start}
-        for beyond in ([w for w in self.speeds if w > start.parameter], [w for w in self.speeds if w <
-        start.parameter][::-1]):
+        here = start.parameter
+        for beyond in ([w for w in self.speeds if w > here], [w for w in self.speeds if w < here][::-1]):
             follower = PeakFollower(self.family.system, start, FOLLOWING)
             for omega in beyond:
                 peak = follower.go(omega)
                 if peak is None:
                     break
                 known[omega] = peak
-                if self.near and _off_line(peak, self.order) * _off_line(start, self.order) <= 0.0:
+                off = _off_line(peak, self.order)
+                done = off * _off_line(start, self.order) <= 0.0 or off * (omega - here) < 0.0  # beyond the line
+                if done and (self.near or abs(omega - here) > SPAN * here):
                     break
             self.meter.count(follower.iterations)
         return dict(sorted(known.items()))
@@ -178,7 +191,7 @@ class Search:
                 omega = (min(ends) if side else max(ends)) if ends else None
                 self.lost = bool(ends)
             else:
-                best = self.highest(found.parameter)
+                best = self.highest(found.parameter, found)
                 if best is None or same_peak(best, found, 1e-4) or best.amplitude <= found.amplitude:
                     self.line = known
                     return found, (found.parameter, found.parameter)
