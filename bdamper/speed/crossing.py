@@ -18,15 +18,17 @@ x^2)``, ``x = (EO Omega/omega* - 1)/zeta``, the highest point of a slow run-up e
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.fatigue.cycle import stress
+from bdamper.fatigue.margin import Rule, of_cycle
+from bdamper.fatigue.material import Material
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import resonance_interval, scan, scan_from
@@ -272,14 +274,17 @@ class CrossingTask:
         At which the peak is followed.
     mode : int
     conditions : Conditions
-    margin : callable, optional
-        ``margin(problem, unknowns, omega, preload)`` of a solution, its frequency in rad/s.
+    material : Material, optional
+        With it margins against fatigue are found, too.
+    rule : Rule
+        By which they are.
     """
 
     speeds: tuple[float, ...]
     mode: int = 1
     conditions: Conditions = field(default_factory=Conditions)
-    margin: Callable[[Problem, NDArray, float, float], float] | None = None
+    material: Material | None = None
+    rule: Rule = field(default_factory=Rule)
 
     def __post_init__(self) -> None:
         given = validate.numbers("speeds", self.speeds, above=0.0, unit="rad/s")
@@ -319,7 +324,7 @@ class CrossingTask:
 
     def _margin(self, family: SpeedFamily[Any], peak: Peak) -> float:
         """Margin of a peak, NaN if none is asked for."""
-        if self.margin is None:
+        if self.material is None:
             return float("nan")
-        omega = peak.parameter
-        return float(self.margin(family.problem(omega), peak.y[:-1], float(peak.y[-1]), family.preload(omega)))
+        loaded = replace(peak, parameter=family.preload(peak.parameter))
+        return of_cycle(stress(family.problem(peak.parameter), loaded), self.material, self.rule).least

@@ -16,6 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.design.sweep import SweepResult, interruption, sweep
+from bdamper.fatigue.cycle import chosen_sets
+from bdamper.fatigue.margin import Rule
+from bdamper.fatigue.material import Material
 from bdamper.problem.at_speed import Conditions, preload_at
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import CrossingTask, excess
@@ -258,7 +261,9 @@ def crossings(
     executor: Executor | None = None,
     resume: str | Path | None = None,
     progress: bool = False,
-    margin: Any = None,
+    material: Material | None = None,
+    criterion: str = "von_mises",
+    line: str = "goodman",
     **conditions: Any,
 ) -> Crossings:
     """Crossings of a mode with engine orders, for several masses of the damper.
@@ -276,8 +281,10 @@ def crossings(
         Mode of the constrained bodies, 1 for the lowest.
     executor, resume, progress
         As :func:`bdamper.sweep` explains them.
-    margin : optional
-        Question for a margin of fatigue, a function of a problem, unknowns, frequency (rad/s) and preload.
+    material : Material, optional
+        With it the margin against fatigue of each crossing and of the peaks beside it, for a model with stress sets.
+    criterion, line
+        Of the margin, as :func:`bdamper.fatigue.margin.margin` explains them.
     **conditions
         ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions`
         explains them.
@@ -307,7 +314,10 @@ def crossings(
         for order in orders:
             given.excitation_at(omega, order)
     over = {"damper_mass_factor": factors.tolist(), "engine_order": list(orders)}
-    task = CrossingTask(tuple(values.tolist()), mode, given, margin)
+    if material is not None:
+        validate.instance("material", material, Material)
+        chosen_sets(problem)
+    task = CrossingTask(tuple(values.tolist()), mode, given, material, Rule(criterion, line))
     answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
     return _table(problem, answers, values, mode)
 
