@@ -65,7 +65,15 @@ def with_needed_bases(problem: P, harmonics: set[int]) -> P:
         name: replace(body, bases={d: b for d, b in body.bases.items() if d in needed}) if body.kind != "free" else body
         for name, body in problem.model.bodies.items()
     }
-    return replace(problem, model=_checked(replace(problem.model, bodies=bodies)))
+    stress = {
+        name: replace(
+            rows,
+            modes={d: s for d, s in rows.modes.items() if d in needed},
+            contact={d: s for d, s in rows.contact.items() if d in needed},
+        )
+        for name, rows in problem.model.stress.items()
+    }
+    return replace(problem, model=_checked(replace(problem.model, bodies=bodies, stress=stress)))
 
 
 def _checked(model: Model) -> Model:
