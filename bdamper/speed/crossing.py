@@ -26,9 +26,7 @@ from typing import Any
 import numpy as np
 
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.fatigue.cycle import stress
-from bdamper.fatigue.margin import Rule, of_cycle
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.margin import LeastMargin
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
 from bdamper.peaks.scan import resonance_interval, scan, scan_from
@@ -274,17 +272,14 @@ class CrossingTask:
         At which the peak is followed.
     mode : int
     conditions : Conditions
-    material : Material, optional
+    margin : LeastMargin, optional
         With it margins against fatigue are found, too.
-    rule : Rule
-        By which they are.
     """
 
     speeds: tuple[float, ...]
     mode: int = 1
     conditions: Conditions = field(default_factory=Conditions)
-    material: Material | None = None
-    rule: Rule = field(default_factory=Rule)
+    margin: LeastMargin | None = None
 
     def __post_init__(self) -> None:
         given = validate.numbers("speeds", self.speeds, above=0.0, unit="rad/s")
@@ -324,7 +319,7 @@ class CrossingTask:
 
     def _margin(self, family: SpeedFamily[Any], peak: Peak) -> float:
         """Margin of a peak, NaN if none is asked for."""
-        if self.material is None:
+        if self.margin is None:
             return float("nan")
-        loaded = replace(peak, parameter=family.preload(peak.parameter))
-        return of_cycle(stress(family.problem(peak.parameter), loaded), self.material, self.rule).least
+        omega = peak.parameter
+        return self.margin(family.problem(omega), peak.y[:-1], float(peak.y[-1]), family.preload(omega))

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from bdamper.design.sweep import SweepResult, interruption, sweep
 from bdamper.fatigue.cycle import chosen_sets
-from bdamper.fatigue.margin import Rule
-from bdamper.fatigue.material import Material
+from bdamper.fatigue.margin import LeastMargin
 from bdamper.problem.at_speed import Conditions, preload_at
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import CrossingTask, excess
@@ -261,9 +260,7 @@ def crossings(
     executor: Executor | None = None,
     resume: str | Path | None = None,
     progress: bool = False,
-    material: Material | None = None,
-    criterion: str = "von_mises",
-    line: str = "goodman",
+    margin: LeastMargin | None = None,
     **conditions: Any,
 ) -> Crossings:
     """Crossings of a mode with engine orders, for several masses of the damper.
@@ -281,10 +278,9 @@ def crossings(
         Mode of the constrained bodies, 1 for the lowest.
     executor, resume, progress
         As :func:`bdamper.sweep` explains them.
-    material : Material, optional
-        With it the margin against fatigue of each crossing and of the peaks beside it, for a model with stress sets.
-    criterion, line
-        Of the margin, as :func:`bdamper.fatigue.margin.margin` explains them.
+    margin : LeastMargin, optional
+        With it the margin against fatigue of each crossing and of the peaks beside it, for a model with stress sets:
+        ``bdamper.fatigue.margin.LeastMargin(material)``.
     **conditions
         ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions`
         explains them.
@@ -314,10 +310,10 @@ def crossings(
         for order in orders:
             given.excitation_at(omega, order)
     over = {"damper_mass_factor": factors.tolist(), "engine_order": list(orders)}
-    if material is not None:
-        validate.instance("material", material, Material)
+    if margin is not None:
+        validate.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask(tuple(values.tolist()), mode, given, material, Rule(criterion, line))
+    task = CrossingTask(tuple(values.tolist()), mode, given, margin)
     answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
     return _table(problem, answers, values, mode)
 
