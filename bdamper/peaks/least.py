@@ -215,7 +215,13 @@ def _least(known: PeakEnvelope) -> tuple[OptimumPoint, float]:
             what = "no steady response is expected" if k + side < known.first else "no value is known"
             why = f"{NOT_VERIFIED}the amplitude falls toward {known.preload[k + side]:.6g} N, where {what}"
             return replace(at_grid, uncertainty=width, status=why), best.parameter
-        out = search.between(near, search.at(float(x[k + side])))
+        far = search.at(float(x[k + side]))
+        if known.isolated(known.branches[far.branch], k):  # it parts from the curve that a sweep follows, somewhere between
+            if width <= NARROW:
+                return replace(at_grid, kind="jump", uncertainty=width), best.parameter
+            middle = float(np.exp(0.5 * (near.x + far.x)))
+            raise _Unknown(middle, f"a higher peak parts from the curve of sweeps near {middle:.6g} N")
+        out = search.between(near, far)
         return out, out.preload * (1.0 - side * BESIDE if out.kind == "jump" else 1.0)
     except (*LOST, SettingError) as error:
         width = float(np.max(np.abs(np.diff(x[max(k - 1, 0) : k + 2]))))
