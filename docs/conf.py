@@ -1,25 +1,35 @@
-"""Settings of the documentation; ``make docs`` runs the examples first and then builds it."""
+"""Settings of the documentation; sphinx-gallery runs the examples that have changed."""
 
+import os
 import shutil
-import sys
 from pathlib import Path
 
 import bdamper
 
 DOCS = Path(__file__).resolve().parent
-sys.path.insert(0, str(DOCS))
+os.environ.setdefault("MPLBACKEND", "Agg")
 
 project = "bdamper"
 author = "the authors of bdamper"
 release = bdamper.__version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "sphinx_gallery.gen_gallery"]
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_use_ivar = True
 napoleon_use_rtype = False
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py"]
+sphinx_gallery_conf = {
+    "examples_dirs": "../examples",
+    "gallery_dirs": "gallery",
+    "ignore_pattern": r"/(?!fig)[^/]*\.py$",
+    "filename_pattern": r"/fig",
+    "within_subsection_order": "FileNameSortKey",
+    "image_srcset": ["2x"],
+    "abort_on_example_error": True,
+    "download_all_examples": False,
+}
 nb_execution_mode = "cache"  # a notebook runs again when one of its cells has changed
 nb_execution_cache_path = str(DOCS / "_build" / "notebooks")
 nb_execution_in_temp = True
@@ -29,10 +39,6 @@ linkcheck_timeout = 10
 linkcheck_retries = 1
 html_theme = "alabaster"
 html_theme_options = {"page_width": "1080px", "description": "Forced response of structures with friction contacts"}
-
-from gallery_pages import write_gallery  # noqa: E402
-
-write_gallery(DOCS.parent / "examples", DOCS.parent / "figures", DOCS / "gallery")
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
 shutil.rmtree(DOCS / "tutorial", ignore_errors=True)

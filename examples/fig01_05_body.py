@@ -1,33 +1,20 @@
-"""The body: contact model, axes, contact stiffness, finite element models and modes (Figs 1 to 5 of the paper).
+"""
+The body: contact model, axes, contact stiffness, finite element models and modes (Figs 1 to 5)
+==============================================================================================
 
 Drawn from the shipped model; nothing is computed but the contact stiffness.
-
-* Fig. 1: contact points on the faces of the damper, and the three springs of a pair, along t1 and t2 in the face and along
-  its normal n.
-* Fig. 2: axes of the blade at the axis of rotation and of the damper, which stand half a pitch apart.
-* Fig. 3: the faces of the damper, their angles alpha and beta from the radial direction, and their axes.
-* Fig. 4: blade and damper bonded, each with its residual stiffness; equation (11) puts the two in series.  Beside it are
-  the stiffnesses that equations (4) and (10) give on this body.  White points are open, or their values would be negative
-  or implausible, which holds for nine in ten along the axis: there the stiffness under uniform tractions stands in.
-* Fig. 5: meshes, the point of excitation and response at the trailing-edge corner of the tip, and the modes of Figs 6
-  to 11.
 """
 
-from __future__ import annotations
-
-import argparse
-from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from paper_disk import MODES, study
+from paper_disk import MODES, keep, study
 from scipy.spatial import ConvexHull
 
 import bdamper as bd
 from bdamper.model.model import turn
-from bdamper.plot import save_figure
 from bdamper.plot.axes import PAPER
 from bdamper.plot.contact import plot_stiffness
 from bdamper.plot.model3d import plot_surfaces
@@ -60,7 +47,7 @@ def arrow(ax: Axes, start: np.ndarray, direction: np.ndarray, name: str, length:
     """An axis with its name."""
     end = start + length * direction
     ax.annotate("", end, start, arrowprops={"arrowstyle": "-|>", "linewidth": 1.3, "color": "k", **style})
-    ax.text(*(start + 1.22 * length * direction), name, ha="center", va="center", fontsize=8.0)
+    ax.text(*(start + 1.32 * length * direction), name, ha="center", va="center", fontsize=8.0)
 
 
 def spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], width: float, coils: int = 5) -> None:
@@ -72,155 +59,150 @@ def spring(ax: Axes, start: tuple[float, float], end: tuple[float, float], width
     ax.plot(*(a[:, None] + along[:, None] * where + across[:, None] * off), color="k", linewidth=1.0)
 
 
-def contact_model(model: bd.Model, path: Path) -> None:
-    """Fig. 1."""
-    rotation = turn(np.pi / model.n_blades).T  # the axes of the damper
-    with plt.rc_context(PAPER):
-        figure, (ax, pair) = plt.subplots(1, 2, figsize=(7.4, 3.4), width_ratios=[1.5, 1.0])
-        draw_section(ax, model, rotation)
-        for name in ("left", "right"):
-            points = 1e3 * model.interfaces[name].points @ rotation.T
-            ax.plot(points[:, 0], points[:, 1], "o", color="k", markersize=3.5)
-        centre = 1e3 * rotation @ model.bodies["damper"].centre
-        ax.set(xlim=(-22.0, 22.0), ylim=(centre[1] - 14.0, centre[1] + 22.0))
-        ax.annotate("blade 0", (-17.0, centre[1] + 13.0), ha="center", fontsize=8.0)
-        ax.annotate("blade 1", (17.0, centre[1] + 13.0), ha="center", fontsize=8.0)
-        ax.annotate("damper", (0.0, centre[1] - 2.0), ha="center", fontsize=8.0)
-        pair.fill([-1.0, 1.0, 1.0, -1.0], [0.9, 0.9, 1.4, 1.4], facecolor=BLADE, edgecolor="0.5")
-        pair.fill([-1.0, 1.0, 1.0, -1.0], [-0.9, -0.9, -1.4, -1.4], facecolor=DAMPER, edgecolor="0.5")
-        spring(pair, (-0.65, -0.9), (-0.65, 0.9), 0.08)
-        pair.text(-0.9, 0.0, "$k_n$", ha="center", va="center")
-        for x, y, name in ((0.0, 0.35, "$k_{t1}$"), (0.55, -0.35, "$k_{t2}$")):
-            spring(pair, (x - 0.35, y), (x + 0.3, y), 0.08)
-            pair.plot([x - 0.35, x - 0.35], [y, 0.9], "k", linewidth=1.0)
-            pair.plot([x + 0.3, x + 0.3], [y, -0.9], "k", linewidth=1.0)
-            pair.plot([x + 0.2, x + 0.4], [-0.9, -0.9], "k", linewidth=3.0)
-            pair.text(x, y + 0.2, name, ha="center")
-        pair.text(0.0, 1.15, "blade", ha="center", va="center", fontsize=8.0)
-        pair.text(0.0, -1.15, "damper", ha="center", va="center", fontsize=8.0)
-        pair.set(aspect="equal", xlim=(-1.15, 1.15), ylim=(-1.5, 1.5))
-        pair.set_axis_off()
-        pair.set_title("springs of a pair; thick: sliding", fontsize=8.0)
-    save_figure(figure, path)
+model = bd.reference_model("paper_disk")
+rotation = turn(np.pi / model.n_blades).T  # the axes of the damper
 
+# %%
+# **Fig. 1.** Contact points on the faces of the damper, and the three springs of a pair, along t1 and t2 in the face and
+# along its normal n.
 
-def axes_of_bodies(model: bd.Model, path: Path) -> None:
-    """Fig. 2."""
-    pitch = 2.0 * np.pi / model.n_blades
-    with plt.rc_context(PAPER):
-        figure, ax = plt.subplots(figsize=(4.2, 5.6))
-        draw_section(ax, model, np.eye(3), (-1, 0, 1))
-        mesh = 1e3 * model.meshes["blade"].points
-        for k in (-1, 0, 1):  # the airfoils, whose faces do not look along the axis
-            airfoil = (mesh[mesh[:, 1] > 1e3 * model.locations["platform"].position[1] - 1e-6] @ turn(k * pitch).T)[:, :2]
-            narrow = airfoil[np.abs(airfoil @ turn(k * pitch)[:2, 0]) < 14.0]  # without the edges of the platform
-            ax.fill(*narrow[ConvexHull(narrow).vertices].T, facecolor=BLADE, edgecolor="0.5", linewidth=0.3)
-        for direction, name in ((np.array([1.0, 0.0]), "X"), (np.array([0.0, 1.0]), "Y")):
-            arrow(ax, np.zeros(2), direction, name, 90.0)
-        ax.text(0.0, -18.0, "Z: toward the reader", fontsize=7.0, ha="center", va="top")
-        centre, half = 1e3 * model.bodies["damper"].centre[:2], turn(0.5 * pitch)[:2, :2]
-        for direction, name in ((half[:, 0], "$X_D$"), (half[:, 1], "$Y_D$")):
-            arrow(ax, centre, direction, name, 60.0)
-        ax.plot([0.0, centre[0]], [0.0, centre[1]], "k:", linewidth=0.8)
-        ax.text(*(0.55 * centre + [8.0, 0.0]), "half a pitch", fontsize=7.0, rotation=0.0)
-        ax.set(xlim=(-170.0, 170.0), ylim=(-60.0, mesh[:, 1].max() + 15.0))
-    save_figure(figure, path)
-
-
-def faces_of_the_damper(model: bd.Model, path: Path) -> None:
-    """Fig. 3."""
-    rotation = turn(np.pi / model.n_blades).T
+with plt.rc_context(PAPER):
+    figure, (ax, pair) = plt.subplots(1, 2, figsize=(7.4, 3.4), width_ratios=[1.5, 1.0])
+    draw_section(ax, model, rotation)
+    for name in ("left", "right"):
+        points = 1e3 * model.interfaces[name].points @ rotation.T
+        ax.plot(points[:, 0], points[:, 1], "o", color="k", markersize=3.5)
     centre = 1e3 * rotation @ model.bodies["damper"].centre
-    with plt.rc_context(PAPER):
-        figure, (ax, side) = plt.subplots(1, 2, figsize=(7.6, 3.6))
-        for face in front_faces(model, "damper", rotation):
-            ax.fill(*(face - centre[:2]).T, facecolor=DAMPER, edgecolor="0.5", linewidth=0.3)
-        for name, angle in (("left", r"$\alpha$"), ("right", r"$\beta$")):
-            interface = model.interfaces[name]
-            frame = interface.frame[0] @ rotation.T
-            middle = (1e3 * interface.points.mean(axis=0) @ rotation.T - centre)[:2]
-            arrow(ax, middle, frame[0, :2], "$t_1$", 5.0)
-            arrow(ax, middle, frame[2, :2], "n", 5.0)
-            outer = 1.0 if name == "right" else -1.0
-            ax.plot([middle[0]] * 2, [middle[1] - 11.0, middle[1] + 9.0], "k:", linewidth=0.7)
-            # between the radial direction downward and the slope of the face
-            slope = np.arctan2(*(frame[0, :2] * np.sign(-frame[0, 1]))[::-1])
-            turns = np.linspace(-0.5 * np.pi, slope, 30)
-            ax.plot(middle[0] + 6.5 * np.cos(turns), middle[1] + 6.5 * np.sin(turns), "k", linewidth=0.8)
-            where = 0.5 * (turns[0] + turns[-1])
-            ax.text(middle[0] + 8.3 * np.cos(where), middle[1] + 8.3 * np.sin(where), angle, ha="center", va="center")
-            ax.text(middle[0] + outer * 9.0, middle[1] + 7.5, f"{name} face", ha="center", fontsize=8.0)
-        ax.set(aspect="equal", xlabel="$X_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-21.0, 21.0), ylim=(-14.0, 14.0))
-        mesh = 1e3 * model.meshes["damper"].points @ rotation.T - centre
-        corners = mesh[:, [2, 1]]
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        side.fill([low[0], high[0], high[0], low[0]], [low[1], low[1], high[1], high[1]], facecolor=DAMPER, edgecolor="0.5")
-        for name, sign in (("front", 1.0), ("back", -1.0)):
-            frame = model.interfaces[name].frame[0] @ rotation.T
-            middle = np.array([sign * high[0], 0.0])
-            arrow(side, middle, frame[1, [2, 1]], "$t_2$", 6.0)
-            arrow(side, middle, frame[2, [2, 1]], "n", 6.0)
-            gap = 1e3 * model.interfaces[name].gap[0]
-            side.text(middle[0] + sign * 9.0, -9.5, f"{name} face\nstop after\n{gap:.2f} mm",
-                      ha="center", va="center", fontsize=7.0)  # fmt: skip
-        side.set(aspect="equal", xlabel="$Z_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-41.0, 41.0), ylim=(-17.0, 14.0))
-        for one in (ax, side):
-            one.grid(False)
-    save_figure(figure, path)
+    ax.set(xlim=(-22.0, 22.0), ylim=(centre[1] - 14.0, centre[1] + 22.0))
+    ax.annotate("blade 0", (-17.0, centre[1] + 13.0), ha="center", fontsize=8.0)
+    ax.annotate("blade 1", (17.0, centre[1] + 13.0), ha="center", fontsize=8.0)
+    ax.annotate("damper", (0.0, centre[1] - 2.0), ha="center", fontsize=8.0)
+    pair.fill([-1.0, 1.0, 1.0, -1.0], [0.9, 0.9, 1.4, 1.4], facecolor=BLADE, edgecolor="0.5")
+    pair.fill([-1.0, 1.0, 1.0, -1.0], [-0.9, -0.9, -1.4, -1.4], facecolor=DAMPER, edgecolor="0.5")
+    spring(pair, (-0.65, -0.9), (-0.65, 0.9), 0.08)
+    pair.text(-0.9, 0.0, "$k_n$", ha="center", va="center")
+    for x, y, name in ((0.0, 0.35, "$k_{t1}$"), (0.55, -0.35, "$k_{t2}$")):
+        spring(pair, (x - 0.35, y), (x + 0.3, y), 0.08)
+        pair.plot([x - 0.35, x - 0.35], [y, 0.9], "k", linewidth=1.0)
+        pair.plot([x + 0.3, x + 0.3], [y, -0.9], "k", linewidth=1.0)
+        pair.plot([x + 0.2, x + 0.4], [-0.9, -0.9], "k", linewidth=3.0)
+        pair.text(x, y + 0.2, name, ha="center")
+    pair.text(0.0, 1.15, "blade", ha="center", va="center", fontsize=8.0)
+    pair.text(0.0, -1.15, "damper", ha="center", va="center", fontsize=8.0)
+    pair.set(aspect="equal", xlim=(-1.15, 1.15), ylim=(-1.5, 1.5))
+    pair.set_axis_off()
+    pair.set_title("springs of a pair; thick: sliding", fontsize=8.0)
+keep(figure, "fig01_contact_model")
 
+# %%
+# **Fig. 2.** Axes of the blade at the axis of rotation and of the damper, which stand half a pitch apart.
 
-def bonded(path: Path) -> None:
-    """Fig. 4, the scheme."""
-    with plt.rc_context(PAPER):
-        figure, ax = plt.subplots(figsize=(4.6, 2.0))
-        for x, shade, name in ((-2.6, BLADE, "blade"), (2.0, DAMPER, "damper")):
-            ax.fill([x, x + 0.6, x + 0.6, x], [-0.8, -0.8, 0.8, 0.8], facecolor=shade, edgecolor="0.5")
-            ax.text(x + 0.3, 0.0, name, rotation=90.0, ha="center", va="center", fontsize=8.0)
-        spring(ax, (-2.0, 0.0), (0.0, 0.0), 0.18)
-        spring(ax, (0.0, 0.0), (2.0, 0.0), 0.18)
-        ax.plot(0.0, 0.0, "ko", markersize=5.0)
-        ax.text(-1.0, 0.45, "$K_{cB}$", ha="center")
-        ax.text(1.0, 0.45, "$K_{cD}$", ha="center")
-        ax.text(0.0, -0.75, "bonded pair:  $K_c^{-1} = K_{cB}^{-1} + K_{cD}^{-1}$", ha="center", fontsize=8.0)
-        ax.set(aspect="equal", xlim=(-2.8, 2.8), ylim=(-1.0, 1.0))
-        ax.set_axis_off()
-    save_figure(figure, path)
+pitch = 2.0 * np.pi / model.n_blades
+with plt.rc_context(PAPER):
+    figure, ax = plt.subplots(figsize=(4.2, 5.6))
+    draw_section(ax, model, np.eye(3), (-1, 0, 1))
+    mesh = 1e3 * model.meshes["blade"].points
+    for k in (-1, 0, 1):  # the airfoils, whose faces do not look along the axis
+        airfoil = (mesh[mesh[:, 1] > 1e3 * model.locations["platform"].position[1] - 1e-6] @ turn(k * pitch).T)[:, :2]
+        narrow = airfoil[np.abs(airfoil @ turn(k * pitch)[:2, 0]) < 14.0]  # without the edges of the platform
+        ax.fill(*narrow[ConvexHull(narrow).vertices].T, facecolor=BLADE, edgecolor="0.5", linewidth=0.3)
+    for direction, name in ((np.array([1.0, 0.0]), "X"), (np.array([0.0, 1.0]), "Y")):
+        arrow(ax, np.zeros(2), direction, name, 90.0, shrinkA=0.0)
+    ax.text(0.0, -18.0, "Z: toward the reader", fontsize=7.0, ha="center", va="top")
+    middle, half = 1e3 * model.bodies["damper"].centre[:2], turn(0.5 * pitch)[:2, :2]
+    for direction, name in ((half[:, 0], "$X_D$"), (half[:, 1], "$Y_D$")):
+        arrow(ax, middle, direction, name, 60.0)
+    ax.plot([0.0, middle[0]], [0.0, middle[1]], "k:", linewidth=0.8)
+    ax.text(*(0.55 * middle + [8.0, 0.0]), "half a pitch", fontsize=7.0, rotation=0.0)
+    ax.set(xlim=(-170.0, 170.0), ylim=(-60.0, mesh[:, 1].max() + 15.0))
+keep(figure, "fig02_axes")
 
+# %%
+# **Fig. 3.** The faces of the damper, their angles alpha and beta from the radial direction, and their axes.
 
-def meshes_and_modes(model: bd.Model, figures: Path) -> None:
-    """Fig. 5, and the modes that Figs 6 to 11 excite."""
-    blade, damper = model.meshes["blade"], model.meshes["damper"]
-    corner = model.locations["tip_trailing_edge"].position
-    ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))], backend="matplotlib",
-                       title="blade; dot: excitation and response")  # fmt: skip
-    ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, zorder=100)
-    save_figure(ax, figures / "fig05_blade.png")
-    points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
-    plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points, figures / "fig05_damper.png",
-                  backend="matplotlib", title="damper; dots: contact points")  # fmt: skip
-    for mode in MODES:
-        model.plot_mode(mode, figures / f"fig05_mode_{mode}.png", body="blade", backend="matplotlib")
+centre = 1e3 * rotation @ model.bodies["damper"].centre
+with plt.rc_context(PAPER):
+    figure, (ax, side) = plt.subplots(1, 2, figsize=(7.6, 3.6))
+    for face in front_faces(model, "damper", rotation):
+        ax.fill(*(face - centre[:2]).T, facecolor=DAMPER, edgecolor="0.5", linewidth=0.3)
+    for name, angle in (("left", r"$\alpha$"), ("right", r"$\beta$")):
+        interface = model.interfaces[name]
+        frame = interface.frame[0] @ rotation.T
+        middle = (1e3 * interface.points.mean(axis=0) @ rotation.T - centre)[:2]
+        arrow(ax, middle, frame[0, :2], "$t_1$", 5.0)
+        arrow(ax, middle, frame[2, :2], "n", 5.0)
+        outer = 1.0 if name == "right" else -1.0
+        ax.plot([middle[0]] * 2, [middle[1] - 11.0, middle[1] + 9.0], "k:", linewidth=0.7)
+        # between the radial direction downward and the slope of the face
+        slope = np.arctan2(*(frame[0, :2] * np.sign(-frame[0, 1]))[::-1])
+        turns = np.linspace(-0.5 * np.pi, slope, 30)
+        ax.plot(middle[0] + 6.5 * np.cos(turns), middle[1] + 6.5 * np.sin(turns), "k", linewidth=0.8)
+        where = 0.5 * (turns[0] + turns[-1])
+        ax.text(middle[0] + 8.3 * np.cos(where), middle[1] + 8.3 * np.sin(where), angle, ha="center", va="center")
+        ax.text(middle[0] + outer * 9.0, middle[1] + 7.5, f"{name} face", ha="center", fontsize=8.0)
+    ax.set(aspect="equal", xlabel="$X_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-21.0, 21.0), ylim=(-14.0, 14.0))
+    mesh = 1e3 * model.meshes["damper"].points @ rotation.T - centre
+    corners = mesh[:, [2, 1]]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    side.fill([low[0], high[0], high[0], low[0]], [low[1], low[1], high[1], high[1]], facecolor=DAMPER, edgecolor="0.5")
+    for name, sign in (("front", 1.0), ("back", -1.0)):
+        frame = model.interfaces[name].frame[0] @ rotation.T
+        middle = np.array([sign * high[0], 0.0])
+        arrow(side, middle, frame[1, [2, 1]], "$t_2$", 6.0)
+        arrow(side, middle, frame[2, [2, 1]], "n", 6.0)
+        gap = 1e3 * model.interfaces[name].gap[0]
+        side.text(middle[0] + sign * 9.0, -9.5, f"{name} face\nstop after\n{gap:.2f} mm",
+                  ha="center", va="center", fontsize=7.0)  # fmt: skip
+    side.set(aspect="equal", xlabel="$Z_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-41.0, 41.0), ylim=(-17.0, 14.0))
+    for one in (ax, side):
+        one.grid(False)
+keep(figure, "fig03_faces")
 
+# %%
+# **Fig. 4.** Blade and damper bonded, each with its residual stiffness; equation (11) puts the two in series.
 
-def main(figures: Path = Path("figures")) -> bd.Model:
-    """Draw the figures; returns the model."""
-    figures.mkdir(parents=True, exist_ok=True)
-    model = bd.reference_model("paper_disk")
-    contact_model(model, figures / "fig01_contact_model.png")
-    axes_of_bodies(model, figures / "fig02_axes.png")
-    faces_of_the_damper(model, figures / "fig03_faces.png")
-    bonded(figures / "fig04_bonded.png")
-    asked = study(1, **bd.PAPER)
-    comparison = asked.compare_stiffness()
-    save_figure(plot_stiffness(comparison, "eq4"), figures / "fig04_stiffness.png")
-    print(comparison)
-    meshes_and_modes(model, figures)
-    frequencies = np.sqrt(model.bodies["blade"].bases[5].omega2[:7]) / (2.0 * np.pi)
-    print("modes of the blade at nodal diameter 5:", ", ".join(f"{f:.1f}" for f in frequencies), "Hz")
-    return model
+with plt.rc_context(PAPER):
+    figure, ax = plt.subplots(figsize=(4.6, 2.0))
+    for x, shade, name in ((-2.6, BLADE, "blade"), (2.0, DAMPER, "damper")):
+        ax.fill([x, x + 0.6, x + 0.6, x], [-0.8, -0.8, 0.8, 0.8], facecolor=shade, edgecolor="0.5")
+        ax.text(x + 0.3, 0.0, name, rotation=90.0, ha="center", va="center", fontsize=8.0)
+    spring(ax, (-2.0, 0.0), (0.0, 0.0), 0.18)
+    spring(ax, (0.0, 0.0), (2.0, 0.0), 0.18)
+    ax.plot(0.0, 0.0, "ko", markersize=5.0)
+    ax.text(-1.0, 0.45, "$K_{cB}$", ha="center")
+    ax.text(1.0, 0.45, "$K_{cD}$", ha="center")
+    ax.text(0.0, -0.75, "bonded pair:  $K_c^{-1} = K_{cB}^{-1} + K_{cD}^{-1}$", ha="center", fontsize=8.0)
+    ax.set(aspect="equal", xlim=(-2.8, 2.8), ylim=(-1.0, 1.0))
+    ax.set_axis_off()
+keep(figure, "fig04_bonded")
 
+# %%
+# The stiffnesses that equations (4) and (10) give on this body.  White points are open, or their values would be negative
+# or implausible, which holds for nine in ten along the axis: there the stiffness under uniform tractions stands in.
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
-    main(parser.parse_args().figures)
+comparison = study(1, **bd.PAPER).compare_stiffness()
+print(comparison)
+keep(plot_stiffness(comparison, "eq4"), "fig04_stiffness")
+
+# %%
+# **Fig. 5.** Meshes, with the point of excitation and response at the trailing-edge corner of the tip and with the contact
+# points.
+
+blade, damper = model.meshes["blade"], model.meshes["damper"]
+corner = model.locations["tip_trailing_edge"].position
+ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))], backend="matplotlib",
+                   title="blade; dot: excitation and response")  # fmt: skip
+ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, zorder=100)
+keep(ax, "fig05_blade")
+points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
+ax = plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points, backend="matplotlib",
+                   title="damper; dots: contact points")  # fmt: skip
+keep(ax, "fig05_damper")
+
+# %%
+# The modes of Figs 6 to 11.
+
+for mode in MODES:
+    keep(model.plot_mode(mode, body="blade", backend="matplotlib"), f"fig05_mode_{mode}")
+frequencies = np.sqrt(model.bodies["blade"].bases[5].omega2[:7]) / (2.0 * np.pi)
+print("modes of the blade at nodal diameter 5:", ", ".join(f"{f:.1f}" for f in frequencies), "Hz")

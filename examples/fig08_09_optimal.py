@@ -1,4 +1,6 @@
-r"""Optimal and frequency-shift curves of the first two blade modes (Figs 8 and 9 of the paper).
+r"""
+Optimal and frequency-shift curves of the first two blade modes (Figs 8 and 9)
+==============================================================================
 
 The highest resonance amplitude and its frequency over preload, with the preload of least amplitude.
 
@@ -17,41 +19,23 @@ mode 2, frequency shift      3.4 %    3.4 %                  2.5 %
 * The decrease from the free amplitude is larger in mode 1: as a ratio it does not hold with the paper's approximations (4.5
   against 5.6), it holds converged (16 against 5.1).
 
-The converged optimum of mode 1 is the least value found, not a verified one: below 150 N no steady response is expected.
-
 A damper that only slips as a whole, with stiffness kd in parallel with k and under constant normal load, reaches at best an
 amplitude of pi F/kd; beside the stuck amplitude F/(2 zeta (k + kd)) that is the ratio
 
-    (1 - f_free^2/f_stuck^2)/(2 pi zeta),
+.. math:: \frac{1 - (f_{free}/f_{stuck})^2}{2 \pi \zeta},
 
 printed as "macroslip".  It is no bound where the normal load varies: mode 2 exceeds it.
 """
 
-from __future__ import annotations
-
-import argparse
-from dataclasses import dataclass
-from pathlib import Path
-
 import numpy as np
-from paper_disk import MODES, plot_optimal_beside, stored, study
+from paper_disk import DAMPING_RATIO, MODES, keep, plot_optimal_beside, stored, study
 
 import bdamper as bd
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot import save_figure
 
-PAPER_RATIO = {1: 4.4, 2: 5.5}
-PAPER_SHIFT = {1: 17.2, 2: 3.4}
-INTERVAL = (50.0, 25e3)
-DAMPING_RATIO = 0.0021
-
-
-@dataclass(frozen=True)
-class Optimal:
-    """Optimal curve of one mode with the settings of the paper, and the converged one."""
-
-    paper: OptimalCurve
-    converged: OptimalCurve
+PAPER = {1: (4.4, 17.2), 2: (5.5, 3.4)}
+"""Ratio and shift (%) of the paper."""
+paper, converged = {}, {}
 
 
 def macroslip_ratio(curve: OptimalCurve) -> float:
@@ -59,28 +43,29 @@ def macroslip_ratio(curve: OptimalCurve) -> float:
     return (1.0 - (curve.free.frequency / curve.stuck.frequency) ** 2) / (2.0 * np.pi * DAMPING_RATIO)
 
 
-def main(figures: Path = Path("figures"), n: int = 40) -> dict[int, Optimal]:
-    """Compute and draw both figures; returns the optimal curves of each mode."""
-    figures.mkdir(parents=True, exist_ok=True)
-    print(f"{'':32}{'optimum':>24}{'stuck/optimum':>15}{'paper':>7}{'macroslip':>11}{'free/optimum':>14}{'shift':>9}{'paper':>9}")
-    out = {}
-    for mode in (1, 2):
-        paper = study(mode, **bd.PAPER).optimal_curve(INTERVAL, n, frequency=MODES[mode].band, check=False)
-        both = {"settings of the paper": paper, "converged": stored(f"optimal_{mode}")}
-        out[mode] = Optimal(*both.values())
-        for name, curve in both.items():
-            o = curve.optimum
-            print(
-                f"mode {mode}, {name:24}{1e3 * o.amplitude:>11.5f} mm{o.preload:>8.0f} N{curve.ratio:>15.1f}"
-                f"{PAPER_RATIO[mode]:>7.1f}{macroslip_ratio(curve):>11.1f}{curve.free.amplitude / o.amplitude:>14.1f}"
-                f"{curve.stuck_shift_percent:>7.1f} %{PAPER_SHIFT[mode]:>7.1f} %"
-            )
-        figure = plot_optimal_beside(*both.values(), f"Mode {mode}")
-        save_figure(figure, figures / f"fig0{7 + mode}_optimal_mode_{mode}.png")
-    return out
+def optimal(mode: int) -> None:
+    """Optimal curve with the settings of the paper, and the stored one; draws and prints both."""
+    driven = MODES[mode]
+    paper[mode] = study(mode, **bd.PAPER).optimal_curve(driven.interval, 24, frequency=driven.band, check=False)
+    converged[mode] = stored(f"optimal_{mode}")
+    print(f"the paper: ratio {PAPER[mode][0]}, shift {PAPER[mode][1]} %")
+    for name, curve in (("settings of the paper", paper[mode]), ("converged", converged[mode])):
+        o = curve.optimum
+        print(
+            f"{name}: {1e3 * o.amplitude:.5f} mm at {o.preload:.0f} N, ratio {curve.ratio:.1f} (macroslip "
+            f"{macroslip_ratio(curve):.1f}), free over optimum {curve.free.amplitude / o.amplitude:.1f}, shift "
+            f"{curve.stuck_shift_percent:.1f} %"
+        )
+    keep(plot_optimal_beside(paper[mode], converged[mode], f"Mode {mode}"), f"fig0{7 + mode}_optimal_mode_{mode}")
 
 
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
-    main(parser.parse_args().figures)
+# %%
+# **Fig. 8.** The converged optimum of mode 1 is the least value found, not a verified one: below 150 N no steady response
+# is expected.
+
+optimal(1)
+
+# %%
+# **Fig. 9.** In mode 2 both optima are verified.
+
+optimal(2)

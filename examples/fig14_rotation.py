@@ -1,4 +1,8 @@
-"""What the rotation of the damper does: with and without its rotational modes at four preloads (Fig. 14 of the paper).
+"""
+What the rotation of the damper does (Fig. 14)
+==============================================
+
+Tracking curves with and without the rotational modes of the damper at four preloads.
 
 * Without rotation the amplitude is underestimated: holds at all four preloads, but the paper's approximations exaggerate
   it.  They make it a factor of 8, 4.7 and 2 at 100, 200 and 1000 N; converged it is 1.5, 1.1 and 1.5.
@@ -6,66 +10,34 @@
 * Without rotation there is no jump: holds from 200 N on with the settings of the paper, converged from 1 kN on.
 """
 
-from __future__ import annotations
-
-import argparse
-from dataclasses import dataclass
-from pathlib import Path
-
 import matplotlib.pyplot as plt
-from paper_disk import MODES, stored, study
+from paper_disk import MODES, ROTATION_PRELOADS, TRANSLATIONS, keep, print_curves, stored, study
 
 import bdamper as bd
-from bdamper.continuation.curve import Curve
-from bdamper.plot import plot_curves, save_figure
+from bdamper.plot import plot_curves
 from bdamper.plot.axes import PAPER
 
-PRELOADS = (100.0, 200.0, 1000.0, 10000.0)
-LABELS = ("all rigid modes", "translations only")
+asked, band = study(1, **bd.PAPER), MODES[1].band
+translation = asked.with_(rigid_modes=TRANSLATIONS)
+# curves of a damper that turns and of one that only translates
+pairs = {
+    "settings of the paper": [(asked.track(p, band), translation.track(p, band)) for p in ROTATION_PRELOADS],
+    "converged": [(stored(f"mode_1_{p:g}N"), stored(f"translations_{p:g}N")) for p in ROTATION_PRELOADS],
+}
+for name, found in pairs.items():
+    for which, curves in zip(("all rigid modes", "translations only"), zip(*found)):
+        print_curves(f"{name}, {which}", curves)
 
+# %%
+# The same frequencies in each column, the same amplitudes in both rows of it.
 
-@dataclass(frozen=True)
-class Pair:
-    """Curves of a damper that turns and of one that only translates."""
-
-    preload: float
-    rotating: Curve
-    translating: Curve
-
-
-def main(figures: Path = Path("figures")) -> dict[str, list[Pair]]:
-    """Compute and draw the figure; returns the two curves of each preload, with the settings of the paper and converged."""
-    figures.mkdir(parents=True, exist_ok=True)
-    asked, band = study(1, **bd.PAPER), MODES[1].band
-    translation = asked.with_(rigid_modes=("TX", "TY", "TZ"))
-    out = {
-        "settings of the paper": [Pair(p, asked.track(p, band), translation.track(p, band)) for p in PRELOADS],
-        "converged": [Pair(p, stored(f"mode_1_{p:g}N"), stored(f"translations_{p:g}N")) for p in PRELOADS],
-    }
-    free = asked.free(band).peak.frequency
-    with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(2, 4, figsize=(10.0, 5.4), sharex=True, sharey="col")
-    for row, (name, pairs) in zip(axes, out.items()):
-        print(f"{name:30}{'preload':>10}{'with rotation':>22}{'without':>24}{'folds':>14}{'shift':>13}")
-        for ax, pair in zip(row, pairs):
-            a, b = pair.rotating.peak, pair.translating.peak
-            folds = f"{len(pair.rotating.folds):>6} /{len(pair.translating.folds):>2}"
-            shifts = " /".join(f"{100.0 * (peak.frequency / free - 1.0):>6.1f}" for peak in (a, b))
-            peaks = "".join(f"{1e3 * peak.amplitude:>11.4f} mm{peak.frequency:>8.2f} Hz" for peak in (a, b))
-            print(f"{'':30}{pair.preload:>8.0f} N{peaks}{folds}{shifts} %")
-            plot_curves([pair.rotating, pair.translating], ax, labels=LABELS, title=f"{pair.preload:g} N, {name}")
-            ax.get_legend().remove()
-            if ax is not row[0]:
-                ax.set_ylabel("")
-            if ax in axes[0]:
-                ax.set_xlabel("")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, ncols=4, fontsize=8.0, loc="outside lower center")
-    save_figure(figure, figures / "fig14_rotation.png")
-    return out
-
-
-if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--figures", type=Path, default=Path("figures"), help="where to write figures")
-    main(parser.parse_args().figures)
+with plt.rc_context(PAPER):
+    figure, axes = plt.subplots(2, 4, figsize=(10.0, 5.4), sharex=True, sharey="col")
+for row, (name, found) in zip(axes, pairs.items()):
+    for ax, pair in zip(row, found):
+        plot_curves(pair, ax, labels=("all rigid modes", "translations only"), title=f"{pair[0].preload:g} N, {name}")
+        ax.get_legend().remove()
+        ax.set(xlabel=ax.get_xlabel() if ax in axes[1] else "", ylabel=ax.get_ylabel() if ax is row[0] else "")
+handles, labels = axes[0, 0].get_legend_handles_labels()
+figure.legend(handles, labels, ncols=4, fontsize=8.0, loc="outside lower center")
+keep(figure, "fig14_rotation")

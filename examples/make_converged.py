@@ -15,14 +15,21 @@ from dataclasses import replace
 from functools import cache, partial
 from typing import Any
 
-import fig06_07_tracking as fig06
-import fig08_09_optimal as fig08
-import fig10_11_higher_modes as fig10
-import fig12_13_rigid_body_motion as fig12
-import fig14_rotation as fig14
-import fig15_16_contact_points as fig15
 import numpy as np
-from paper_disk import MODES, STORED, study
+from paper_disk import (
+    DAMPING_RATIO,
+    MODES,
+    MOTION_PRELOADS,
+    POINTS_PRELOADS,
+    RIG_BAND,
+    RIG_LOADS,
+    ROTATION_PRELOADS,
+    STORED,
+    TRANSLATIONS,
+    motion_over_preload,
+    rig_study,
+    study,
+)  # fmt: skip
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
@@ -35,9 +42,9 @@ def tracking(preload: float, mode: int = 1, **settings: Any) -> Curve:
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
 
-def optimal(mode: int, interval: tuple[float, float], n: int) -> OptimalCurve:
+def optimal(asked: bd.Study, interval: tuple[float, float], n: int, band: tuple[float, float]) -> OptimalCurve:
     """An optimal curve without its unknowns."""
-    curve = study(mode).optimal_curve(interval, n, frequency=MODES[mode].band, check=False)
+    curve = asked.optimal_curve(interval, n, frequency=band, check=False)
     return replace(curve, unknowns=np.empty((len(curve), 0)))
 
 
@@ -48,7 +55,7 @@ def model(n: int) -> bd.Model:
     from bdamper.fe.geometry import paper_geometry
 
     fe = SectorFE(paper_geometry(), MeshDensity.preset("coarse"))
-    return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=0.0021)
+    return bladed_disk({9: (3, 3), 48: (4, 12)}[n], fe=fe, n_modes=20, harmonics=3, damping_ratio=DAMPING_RATIO)
 
 
 def points(n: int, preload: float) -> Curve:
@@ -56,25 +63,22 @@ def points(n: int, preload: float) -> Curve:
     return tracking(preload, model=model(n))
 
 
-def rigid_motion() -> dict[str, np.ndarray]:
-    """Rigid-body motion of the damper at the resonance of mode 1."""
-    return fig12.motion_over_preload(study(1), fig12.PRELOADS[::2])
-
-
 def jobs() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Names of the files and what computes them."""
-    preloads = {1: fig06.PRELOADS[1] + fig14.PRELOADS + fig15.PRELOADS, 2: fig06.PRELOADS[2]}
-    preloads |= {mode: case.preloads for mode, case in fig10.CASES.items()}
-    for mode, values in preloads.items():
-        for preload in sorted(set(values)):
+    lowest = POINTS_PRELOADS[0]
+    for mode, driven in MODES.items():
+        more = (*ROTATION_PRELOADS, lowest) if mode == 1 else ()
+        for preload in sorted({*driven.preloads, *more}):
             yield f"mode_{mode}_{preload:g}N", partial(tracking, preload, mode)
-    for preload in fig14.PRELOADS:
-        yield f"translations_{preload:g}N", partial(tracking, preload, rigid_modes=("TX", "TY", "TZ"))
-    yield "rigid_motion", rigid_motion
-    for mode in (2, 1):
-        yield f"optimal_{mode}", partial(optimal, mode, (20.0, fig08.INTERVAL[1]), 15)
+    for preload in ROTATION_PRELOADS:
+        yield f"translations_{preload:g}N", partial(tracking, preload, rigid_modes=TRANSLATIONS)
+    yield "rigid_motion", partial(motion_over_preload, study(1), MOTION_PRELOADS[::2])
+    for mode, driven in MODES.items():
+        interval = (20.0, driven.interval[1]) if mode < 3 else driven.interval
+        yield f"optimal_{mode}", partial(optimal, study(mode), interval, 15, driven.band)
     for n in (9, 48):
-        yield f"points_{n}_{fig15.PRELOADS[0]:g}N", partial(points, n, fig15.PRELOADS[0])
+        yield f"points_{n}_{lowest:g}N", partial(points, n, lowest)
+    yield "optimal_rig", partial(optimal, rig_study(), RIG_LOADS, 20, RIG_BAND)
 
 
 def save(result: Any, name: str) -> str:

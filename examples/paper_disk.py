@@ -14,6 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import bdamper as bd
@@ -21,26 +23,43 @@ from bdamper.continuation.curve import Curve
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_curves, plot_optimal
 from bdamper.plot.axes import PAPER
+from bdamper.plot.motion import rigid_motion
 
 STORED = Path(__file__).parent / "converged"
+FIGURES = Path(__file__).parents[1] / "figures"
 FRICTION = 0.46
+DAMPING_RATIO = 0.0021
 
 
 @dataclass(frozen=True)
 class Mode:
-    """How a mode is driven at the trailing-edge corner of the tip, and where its resonances lie (Hz)."""
+    """How a mode is driven at the trailing-edge corner of the tip, where its resonances lie (Hz), the preloads of its
+    tracking curves and the interval of its optimal curve (N).
+    """
 
     direction: str
     force: float
     band: tuple[float, float]
+    preloads: tuple[float, ...]
+    interval: tuple[float, float]
+
+    @property
+    def name(self) -> str:
+        """What is driven."""
+        return f"{self.force:g} N {self.direction}"
 
 
 MODES = {
-    1: Mode("tangential", 1.0, (245.0, 330.0)),
-    2: Mode("radial", 12.0, (442.0, 490.0)),
-    3: Mode("tangential", 1.0, (1150.0, 1600.0)),
-    7: Mode("axial", 1.0, (3060.0, 3180.0)),
+    1: Mode("tangential", 1.0, (245.0, 330.0), (50.0, 100.0, 200.0, 500.0, 1000.0, 2000.0, 5000.0), (50.0, 25e3)),
+    2: Mode("radial", 12.0, (442.0, 490.0), (50.0, 120.0, 250.0, 500.0, 1000.0, 2000.0), (50.0, 25e3)),
+    3: Mode("tangential", 1.0, (1150.0, 1600.0), (50.0, 100.0, 200.0, 500.0, 2000.0), (50.0, 10e3)),
+    7: Mode("axial", 1.0, (3060.0, 3180.0), (20.0, 50.0, 100.0, 200.0, 500.0), (10.0, 5e3)),
 }
+TRANSLATIONS = ("TX", "TY", "TZ")
+ROTATION_PRELOADS = (100.0, 200.0, 1000.0, 10000.0)
+MOTION_PRELOADS = tuple(float(p) for p in np.geomspace(50.0, 25e3, 21))
+POINTS, POINTS_PRELOADS = (9, 24, 48), (100.0, 200.0, 1000.0, 25000.0)
+RIG_LOADS, RIG_BAND = (25.0, 1.5e5), (240.0, 380.0)
 
 
 def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any) -> bd.Study:
@@ -55,19 +74,64 @@ def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **
     )
 
 
+def rig_study(**settings: Any) -> bd.Study:
+    """The test rig, driven by 1 N in the tangential direction at the tip."""
+    return bd.Study(bd.reference_model("test_rig"), bd.Excitation("tip"), friction_coefficient=0.4, **settings)
+
+
 def stored(name: str) -> Any:
     """A converged result, as ``python examples/make_converged.py`` has made it."""
     return bd.load(STORED / f"{name}.h5")
 
 
+def keep(target: Axes | Figure, name: str) -> None:
+    """Write a figure to the folder ``figures`` as well, and leave it open for the gallery."""
+    FIGURES.mkdir(exist_ok=True)
+    figure = target.get_figure()
+    with plt.rc_context(PAPER):
+        figure.savefig(FIGURES / f"{name}.png")
+    figure.set_layout_engine("none")  # the gallery has it as it was written
+
+
+def motion_over_preload(asked: bd.Study, preloads: Sequence[float]) -> dict[str, np.ndarray]:
+    """Rigid-body motion of the damper at the resonance of mode 1 for each preload.
+
+    Returns
+    -------
+    dict
+        ``preload`` (n,), ``bias`` and ``vibratory`` (n, 6) in m and rad, ``modal_bias`` and ``modal_vibratory`` (n, 6).
+    """
+    columns: dict[str, list[np.ndarray]] = {"bias": [], "vibratory": [], "modal_bias": [], "modal_vibratory": []}
+    for preload in preloads:
+        curve = asked.track(preload, MODES[1].band)
+        motion = rigid_motion(asked, curve.unknowns[curve.peak.index])
+        modal = np.abs(motion.modal_vibratory[0])
+        for name, value in zip(columns, (motion.bias, motion.amplitude, motion.modal_bias, modal)):
+            columns[name].append(value)
+    return {"preload": np.array(preloads), **{name: np.array(rows) for name, rows in columns.items()}}
+
+
+def print_curves(name: str, curves: list[Curve]) -> None:
+    """A line of a table for each curve."""
+    print(f"{name}\n{'preload':>10}{'peak':>13}{'at':>12}{'folds':>7}{'open at the peak':>18}")
+    for c in curves:
+        peak, opened = c.peak, 100 * c.shares[c.peak.index, 2]
+        status = "" if c.complete else f"  {c.status}"
+        print(
+            f"{c.preload:>8.0f} N{1e3 * peak.amplitude:>10.5f} mm{peak.frequency:>9.2f} Hz{len(c.folds):>7}"
+            f"{opened:>16.0f} %{status}"
+        )
+
+
 def plot_beside(paper: Sequence[Curve], converged: Sequence[Curve], title: str) -> Figure:
     """Curves with the paper's settings on the left, converged ones on the right, on the same axes."""
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.9), sharex=True, sharey=True)
+        figure, axes = plt.subplots(1, 2, figsize=(8.0, 4.2), sharex=True, sharey=True)
         for ax, curves, name in zip(axes, (paper, converged), ("settings of the paper", "converged")):
             plot_curves(curves, ax, title=f"{title}, {name}")
-            ax.legend(ncols=2, fontsize=6.5, loc="lower left")
+            ax.get_legend().remove()
         axes[1].set_ylabel("")
+        figure.legend(*axes[0].get_legend_handles_labels(), ncols=5, fontsize=8.0, loc="outside lower center")
     return figure
 
 
@@ -80,7 +144,7 @@ def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str
             shifts.append(plot_optimal(curve, ax, title=f"{title}, {name}", coexisting=False)[1])
             handles = dict(zip(*ax.get_legend_handles_labels()[::-1]))
             ax.legend(*zip(*[(h, n) for n, h in handles.items() if n.startswith(("optimum", "least"))]), fontsize=7.5,
-                      loc="center right")  # fmt: skip
+                      loc="lower right")  # fmt: skip
         axes[0].set_xlim(0.9 * paper.preload[0], 1.1 * paper.preload[-1])
         lowest, highest = (f([f(s.get_ylim()) for s in shifts]) for f in (min, max))
         for shift in shifts:
