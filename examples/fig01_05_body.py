@@ -1,6 +1,6 @@
 """
 The body: contact model, axes, contact stiffness, finite element models and modes (Figs 1 to 5)
-==============================================================================================
+================================================================================================
 
 Drawn from the shipped model; nothing is computed but the contact stiffness.
 """

@@ -14,7 +14,7 @@ import sys
 
 import matplotlib.pyplot as plt
 import numpy as np
-from paper_disk import MODES, RIG_BAND, RIG_LOADS, keep, rig_study, stored, study
+from paper_disk import RIG_BAND, RIG_LOADS, keep, rig_study, stored
 
 import bdamper as bd
 from bdamper.io.measured import load_measured
@@ -79,7 +79,9 @@ curves = {
     for n in (10, 20, 40)
 }
 curves["converged"] = stored("optimal_rig")
-curves["bladed disk"] = study(1, **bd.PAPER).optimal_curve((50.0, 1.5e5), 30, frequency=MODES[1].band, check=False)
+disk = bd.reference_model("bladed_disk", contact_points=24)
+wheel = bd.Study(disk, bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, blade_modes=10, **PLAIN)
+curves["bladed disk"] = wheel.optimal_curve((60.0, 1.5e5), 30, frequency=(270.0, 380.0), check=False)
 for name, curve in curves.items():
     ratio, slip = at_normalised_load(curve, 100.0)
     print(
