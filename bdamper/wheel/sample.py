@@ -2,10 +2,10 @@
 
 Wheel ``k`` has the deviations (and dampers) that are drawn with the seed ``(seed, k)``: one unit pattern, scaled to every
 standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a study with
-more harmonics.
+more harmonics.  A sample can be continued with more wheels in the same results file.
 
 **Audit.**  The highest peak is that of a coarse sweep and a few climbs (:mod:`bdamper.wheel.peak`), which can miss it.  So
-a share of the wheels, drawn before any result is known and named in the results file, is tracked over whole curves, from
+a share of the wheels, drawn by their numbers before any result is known, is tracked over whole curves, from
 both ends; and after the sample so is the same share of the highest wheels in each cell, since the tail is what is quoted.
 The interval of these curves is that of the sweep and a tenth more at each end.
 """
@@ -126,10 +126,9 @@ def _numbers(wheels: Any) -> tuple[int, ...]:
 
 
 def audit_wheels(wheels: Sequence[int], share: float, seed: int = 0) -> NDArray:
-    """Numbers of the wheels that are audited: a share of them, at least one, drawn before any result is known."""
+    """Numbers of the wheels that are audited, each drawn by itself with a probability, before any result is known."""
     share = validate.number("audit", share, least=0.0, most=1.0)
-    n = int(np.ceil(share * len(wheels) - 1e-9))
-    return np.sort(np.random.default_rng([seed, _AUDIT]).choice(np.asarray(wheels, int), n, replace=False))
+    return np.array([k for k in wheels if np.random.default_rng([seed, k, _AUDIT]).random() < share], int)
 
 
 @one_thread
@@ -174,11 +173,12 @@ def mistuned_sample(
     frequency, options
         Of the search for each peak, as in ``Wheel.peak``.
     audit : float
-        Share of the wheels that are tracked over whole curves, once drawn before any result is known, once the highest.
+        Probability with which each wheel is drawn, before any result is known, to be tracked over its whole curves, and
+        share of the highest wheels that are.
     seed : int
         Equal seeds give equal wheels.
     executor, resume, progress
-        As in :func:`bdamper.design.sweep.sweep`.
+        As in :func:`bdamper.design.sweep.sweep`; a results file serves more wheels, too.
 
     Returns
     -------
@@ -207,7 +207,7 @@ def mistuned_sample(
     validate.flag("progress", progress)
     job = _Job(wheel, distribution, mean, modes, _checked_dampers(dampers, wheel.n_blades), frequency, options, seed)
     job.drawn(0, float(deviations.max()))  # deviations beyond what a blade can have, or more modes than there are
-    asked = _Asked(numbers, deviations, preloads, audit_wheels(numbers, audit, seed))
+    asked = _Asked(numbers, deviations, preloads, float(audit), audit_wheels(numbers, audit, seed))
     for value in preloads:
         wheel.tuned_peak(float(value))  # made before the job is sent out
     kept = nullcontext() if resume is None else closing(ResultsFile(resume, _header(job, asked), "sample of wheels"))
@@ -217,11 +217,12 @@ def mistuned_sample(
 
 @dataclass(frozen=True)
 class _Asked:
-    """Wheels, standard deviations, preloads, and the wheels to be audited whatever they show."""
+    """Wheels, standard deviations, preloads, share of the audits, and the wheels to be audited whatever they show."""
 
     wheels: tuple[int, ...]
     deviations: NDArray
     preloads: NDArray
+    audit: float
     audited: NDArray
 
     @property
@@ -238,9 +239,8 @@ def _header(job: _Job, asked: _Asked) -> dict[str, Any]:
     """What identifies a sample in its results file."""
     return {
         "format": "bdamper-wheel-sample", "version": 1, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
-        **_drawn(job), "wheels": list(asked.wheels), "standard_deviation": asked.deviations.tolist(),
-        "preload": asked.preloads.tolist(), "audited": asked.audited.tolist(), "frequency": job.frequency,
-        "options": repr(job.options),
+        **_drawn(job), "standard_deviation": asked.deviations.tolist(), "preload": asked.preloads.tolist(),
+        "frequency": job.frequency, "options": repr(job.options),
     }  # fmt: skip
 
 
@@ -263,7 +263,7 @@ def _records(
     if any(r["status"].startswith("not run") for r in peaks):
         return peaks, curves
     height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(asked.shape)
-    whole = highest_wheels(height, len(asked.audited)) | np.isin(asked.wheels, asked.audited)[:, None, None]
+    whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]
     at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
     audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
     for i, record in zip(
@@ -289,6 +289,7 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
         tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),
         audited=asked.audited,
+        audit_share=asked.audit,
         curve_amplitude=array(curves, "amplitude"),
         curve_status=tuple(_left(r) for r in curves),
         processor=array(peaks, "processor", "cost", 0.0),

@@ -21,8 +21,9 @@ RESAMPLES = 2000
 """Of a bootstrap over wheels."""
 
 
-def highest_wheels(height: NDArray, n: int) -> NDArray:
-    """(n_wheels, ...) bool: the n highest in each cell."""
+def highest_wheels(height: NDArray, audit: float) -> NDArray:
+    """(n_wheels, ...) bool: a share of the wheels, the highest in each cell."""
+    n = int(np.ceil(audit * len(height) - 1e-9))
     rank = np.argsort(np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=0, kind="stable"), axis=0, kind="stable")
     return np.asarray((rank < n) & np.isfinite(height))
 
@@ -157,6 +158,8 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         In the order of the arrays: "done", "failed: " with the reason, or "not run".
     audited : (n,) int
         Wheels that were drawn for the audit before any result.
+    audit_share : float
+        Probability with which they were, and share of the highest wheels that are audited.
     curve_amplitude : float, m
         Highest amplitude on whole curves, of the wheels that were audited.
     curve_status : tuple of str
@@ -181,6 +184,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     tuned_frequency: NDArray
     status: tuple[str, ...]
     audited: NDArray
+    audit_share: float
     curve_amplitude: NDArray
     curve_status: tuple[str, ...]
     processor: NDArray
@@ -266,7 +270,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
         """The search beside whole curves: of the wheels drawn before any result, or of the highest of each cell."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
-        chosen = highest_wheels(self.amplitude, len(self.audited)) if tail else chosen
+        chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
         asked = np.array([s != "not asked" and not s.startswith("not run") for s in self.curve_status], bool)
         flat = np.flatnonzero(chosen.ravel() & asked)
         i, j, k = np.unravel_index(flat, chosen.shape)

@@ -89,12 +89,10 @@ def test_order_workers_and_company_do_not_matter(study, quick):
     assert left <= {"stalled: at 200 Hz", "not asked"}, "one direction of wheel 5 does not come through"
 
 
-def test_wheels_of_the_audit_are_drawn_before_any_result(study, quick, tmp_path):
-    path = tmp_path / "r.jsonl"
-    whole = sample(study, resume=path)
-    first = json.loads(path.read_text().splitlines()[0])
-    assert first["audited"] == whole.audited.tolist() == audit_wheels(range(8), 0.25).tolist()
-    assert len(whole.audited) == 2
+def test_wheels_of_the_audit_are_drawn_before_any_result(study, quick):
+    whole = sample(study)
+    drawn = audit_wheels(range(1000), 0.25)
+    assert whole.audited.tolist() == drawn[drawn < 8].tolist() and 200 < len(drawn) < 300
     assert np.array_equal(np.unique(whole.audit().wheel), whole.audited)
     top = whole.audit(tail=True)
     for i, deviation in enumerate(whole.standard_deviation):
@@ -156,6 +154,8 @@ def test_killed_at_random_moments_and_resumed(study, quick, tmp_path):
     assert same(sample(study, resume=path), quiet)
     before = path.read_bytes()
     assert same(sample(study, resume=path), quiet) and path.read_bytes() == before
+    assert same(sample(study, wheels=10, resume=path), sample(study, wheels=10))
+    assert len(path.read_bytes()) < 1.5 * len(before), "wheels were computed again"
     with pytest.raises(bd.BdamperError, match="of this sample of wheels, found those of another one: seed"):
         sample(study, resume=path, seed=1)
 
