@@ -18,7 +18,7 @@ PAGE = Path(__file__).resolve().parents[2] / "docs" / "how-to.md"
 @pytest.mark.slow
 def test_recipes(tmp_path, monkeypatch):
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 16 and max(len(block.splitlines()) for block in blocks) <= 10
+    assert len(blocks) == 17 and max(len(block.splitlines()) for block in blocks) <= 10
     monkeypatch.chdir(tmp_path)
     seen = []
     space = {"__name__": "__main__"}
@@ -37,5 +37,6 @@ def test_recipes(tmp_path, monkeypatch):
     assert space["designs"].curves[1].peak.amplitude < 0.9 * space["designs"].curves[0].peak.amplitude
     assert not space["short"].complete and space["short"].left_out and space["further"].complete
     assert len(space["settled"].harmonics) == 16
+    assert space["strongest"].best_margin >= np.nanmax(space["strongest"].margin) and space["margins"].least > 0.0
     assert space["optimal"].optimum.verified and space["richer"].ladder.converged
     assert {path.suffix for path in tmp_path.iterdir()} >= {".vtu", ".png", ".csv", ".jsonl", ".h5"}

@@ -9,6 +9,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins
+from bdamper.fatigue.criteria import amplitude_and_mean
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import SettingError
 
@@ -76,11 +77,12 @@ def test_along_a_curve_the_margin_is_that_of_each_point_and_continuous_over_fold
     assert isinstance(margins, MarginCurve) and len(margins) == len(curve)
     for i in (0, len(curve) // 2):
         assert study.margin(curve, AISI_1050, i).least == pytest.approx(margins.margin[i], rel=1e-12)
-    step = np.linalg.norm(np.diff(curve.unknowns, axis=0), axis=1) / np.linalg.norm(curve.unknowns[1:], axis=1)
-    jump = np.abs(np.diff(1.0 / margins.factor, axis=0)) / (1.0 / margins.factor[1:])
-    smooth = step < 0.2
-    assert smooth.sum() > 10 and jump[smooth].max() < 1.0
-    assert margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
+    # the amplitude is a seminorm of the stress: it cannot jump where the solution does not
+    cycles = np.array([study.stress(curve, i).coefficients for i in range(0, len(curve), 5)])
+    change = amplitude_and_mean(np.diff(cycles, axis=0).reshape(-1, 6, 4)).amplitude.reshape(-1, 3)
+    apart = np.abs(np.diff(margins.amplitude[::5], axis=0))
+    assert (apart <= change * (1.0 + 1e-9)).all() and apart.max() > 0.3 * change.max()
+    assert curve.folds and margins.margin[int(curve.amplitude.argmax())] < 2.0 * margins.margin.min()
 
 
 def test_more_speed_leaves_less_margin_and_a_mean_beyond_the_strength_none(study, peak):

@@ -1,0 +1,66 @@
+"""Pictures of stress and margins show what the results hold."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bdamper.fatigue import AISI_1050, MarginCurve, Margins, StressCycle
+from bdamper.fatigue.margin import Rule
+from bdamper.model.stress import StressSet
+from bdamper.plot import plot_margin
+from bdamper.util.errors import SettingError
+from tests.models import wedge_model
+
+
+@pytest.fixture(scope="module")
+def margins():
+    amplitude, mean = np.array([50e6, 90e6, 120e6]), np.array([200e6, 150e6, 10e6])
+    factor = AISI_1050.factor(amplitude, mean)
+    seen = np.array([True, True, False])
+    return Margins(
+        np.eye(3) * 0.01, ("root 1", "root 2", "root 3"), amplitude, mean, factor, 3.0 * factor, seen, np.full(3, 0.1),
+        AISI_1050, Rule(), 300.0, 200.0, 400.0,
+    )  # fmt: skip
+
+
+def test_haigh_diagram_has_the_lines_and_every_point(margins):
+    axes = margins.plot()
+    lines = {line.get_label(): line for line in axes.lines}
+    assert {"Goodman", "Gerber", "Soderberg", "points", "next to contact", "critical"} <= set(lines)
+    np.testing.assert_allclose(lines["points"].get_xdata(), [200.0, 150.0])
+    np.testing.assert_allclose(lines["critical"].get_data(), ([150.0], [90.0]))
+    assert lines["Goodman"].get_linewidth() > lines["Gerber"].get_linewidth()
+
+
+def test_stress_over_the_cycle_is_drawn_at_the_critical_point():
+    coefficients = np.zeros((2, 6, 2), complex)
+    coefficients[:, 1, 0], coefficients[:, 1, 1] = 100e6, [20e6, 50e6]
+    nothing, seen = np.zeros((2, 6)), np.ones(2, bool)
+    cycle = StressCycle(np.zeros((2, 3)), ("a 1", "a 2"), coefficients, nothing, seen, nothing[:, 0], 300.0, 200.0, 400.0)
+    axes = cycle.plot()
+    whole = next(line for line in axes.lines if line.get_label() == "von Mises")
+    assert whole.get_ydata().max() == pytest.approx(150.0) and "a 2" in axes.get_title()
+
+
+def test_curves_in_the_same_axes_differ_by_line_and_marker(margins):
+    curve = MarginCurve.of("damper mass", "kg", [0.05, 0.1], [margins, margins], [1e-4, 2e-4])
+    axes = curve.plot()
+    assert axes.get_xlabel() == "Damper mass (kg)" and len(axes.figure.axes) == 2
+    axes = plot_margin(curve, label="one")
+    plot_margin(curve, axes, label="two")
+    drawn = [line for line in axes.lines if line.get_gid() == "margin"]
+    assert len(drawn) == 2 and drawn[0].get_marker() != drawn[1].get_marker()
+
+
+def test_the_critical_location_is_drawn_on_its_body(margins, tmp_path):
+    model = wedge_model()
+    points, rows = margins.points, {0: np.zeros((3, 6, 5))}
+    meshes = {"blade": replace(next(iter(model.meshes.values())))}
+    model = replace(model, meshes=meshes, stress={"root": StressSet("root", "blade", points, rows)})
+    margins.plot_critical(model, tmp_path / "critical.png")
+    assert (tmp_path / "critical.png").stat().st_size > 1000
+    with pytest.raises(SettingError, match="expected the surface of"):
+        margins.plot_critical(replace(model, meshes={}))
