@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import run_stored
+from bdamper.design.workers import check_executor, run_stored
 from bdamper.model.model import Model
 from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
 from bdamper.problem.plausible import check_question
@@ -415,8 +415,7 @@ def sweep(
     """
     names, points, shape = _points(over, combine)
     _check_names(validate.instance("study", problem, Problem, "a Study"), over, model)
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
+    check_executor(executor)
     validate.flag("progress", progress)
     evaluate = _question(evaluate, names, preload, frequency, mode)
     _check_plausible(problem, evaluate, over)

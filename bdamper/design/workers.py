@@ -22,6 +22,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from bdamper.util import validate
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.results_file import ResultsFile, as_line
 
@@ -168,6 +169,12 @@ def run_points(
             for future in tasks.running:
                 future.cancel()
             _jobs.pop(key, None)
+
+
+def check_executor(executor: Any) -> None:
+    """Refuse what takes no tasks; None stands for this process."""
+    if executor is not None and not callable(getattr(executor, "submit", None)):
+        raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
 
 
 def run_stored(

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.workers import run_stored
+from bdamper.design.workers import check_executor, run_stored
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
@@ -202,8 +202,7 @@ def mistuned_sample(
     seed = validate.whole("seed", seed)
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     frequency = None if frequency is None else validate.interval("frequency", frequency)
-    if executor is not None and not callable(getattr(executor, "submit", None)):
-        raise validate.unfit("executor", "an executor with a method submit, as those of concurrent.futures", executor)
+    check_executor(executor)
     validate.flag("progress", progress)
     job = _Job(wheel, distribution, mean, modes, _checked_dampers(dampers, wheel.n_blades), frequency, options, seed)
     job.drawn(0, float(deviations.max()))  # deviations beyond what a blade can have, or more modes than there are
