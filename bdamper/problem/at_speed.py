@@ -77,6 +77,15 @@ class Conditions:
                 else:
                     validate.number(f"excitation of engine order {order}", value, above=0.0, unit="N")
 
+    @staticmethod
+    def of(given: Mapping[str, Any]) -> Conditions:
+        """The conditions given by name, an error for other names."""
+        known = Conditions.__dataclass_fields__
+        unknown = [name for name in given if name not in known]
+        if unknown:
+            raise SettingError(f"conditions over speed: expected some of {list(known)}, found {unknown}")
+        return Conditions(**given)
+
     def __repr__(self) -> str:  # the same from run to run, as files of long work need it
         def named(value: Any) -> str:
             return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
@@ -146,11 +155,7 @@ def at_speed(problem: P, omega: float, **conditions: Any) -> P:
         If no free body carries a load, or a table does not reach the speed.
     """
     omega = validate.number("rotor speed", omega, above=0.0, unit="rad/s")
-    known = Conditions.__dataclass_fields__
-    unknown = [name for name in conditions if name not in known]
-    if unknown:
-        raise SettingError(f"conditions over speed: expected some of {list(known)}, found {unknown}")
-    return under(problem, omega, Conditions(**conditions))
+    return under(problem, omega, Conditions.of(conditions))
 
 
 def under(problem: P, omega: float, conditions: Conditions) -> P:

@@ -196,7 +196,7 @@ def campbell(
         validate.instance("damped", item, Crossings, "crossings, as Study.crossings returns them")
         if item.model_hash != problem.model.hash:
             raise SettingError("damped: expected crossings of this model, found those of another one")
-    given = Conditions(**conditions)
+    given = Conditions.of(conditions)
     found = sorted({d for body in problem.model.bodies.values() if body.kind == "constrained" for d in body.bases})
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)

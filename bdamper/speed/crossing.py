@@ -1,10 +1,10 @@
 """One crossing: where a resonance lies on the line of an engine order, by a secant on the peak at fixed speed.
 
-The highest peak ``f*`` at the preload of each speed is followed over speed, and
+With the highest peak ``f*`` at the preload of each speed
 
     g(Omega) = 2 pi f*(Omega)/EO - Omega = 0
 
-is solved between two speeds where ``g`` changes its sign.  Plain substitution contracts by ``d ln f*/d ln Omega``, some
+is solved from a scan over frequency near the line.  Plain substitution contracts by ``d ln f*/d ln Omega``, some
 0.25 on a bladed disk, so that the secant needs three or four peaks.  A scan over frequency at the crossing says whether the
 peak is the highest there; if another is, that one is followed.  Where the highest peak jumps over the line there is no
 crossing of it: the answer is then the interval of speeds between scans on both sides.
@@ -18,9 +18,7 @@ x^2)``, ``x = (EO Omega/omega* - 1)/zeta``, the highest point of a slow run-up e
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -42,10 +40,12 @@ from bdamper.util.errors import SettingError
 FOLLOWING = PeakOptions(max_halvings=4)
 TOLERANCE = 1e-11
 """Relative, on the speed of a crossing."""
-SECANTS, SCANS = 12, 5
+SECANTS, SCANS = 12, 8
 """Most peaks of one secant, and most scans over frequency for one crossing."""
 SPAN = 0.2
-"""Relative, of the speed at which the search begins: peaks are followed so far to both sides, and on as far as the line."""
+"""Relative, of the speed of a crossing: the peak is followed so far to both sides, to be drawn."""
+USUAL_SLOPE = 0.25
+"""Of ln(frequency) over ln(speed), for the first step of the secant."""
 BESIDE = 0.05
 """Relative, by which a crossing may lie beyond those of the free and the stuck resonance."""
 TWO_PI = 2.0 * np.pi
@@ -67,8 +67,6 @@ class Search:
         At which peaks are followed.
     mode : int
     meter : CostMeter
-    near : bool
-        Follow peaks no further than to the line.
     lost : bool
         Whether a search without a crossing ended early: there may be one.
     """
@@ -77,7 +75,6 @@ class Search:
     speeds: tuple[float, ...]
     mode: int
     meter: CostMeter
-    near: bool = False
     lost: bool = False
     scanned: dict[float, Peak | None] = field(default_factory=dict)
     line: dict[float, Peak] = field(default_factory=dict)
@@ -112,47 +109,42 @@ class Search:
         return self.scanned[omega]
 
     def follow(self, start: Peak) -> dict[float, Peak]:
-        """A peak at all speeds to which it can be followed, that of its start included."""
-        known = {start.parameter: start}
+        """A peak at the speeds around its own to which it can be followed, that of its start included."""
         here = start.parameter
-        for beyond in ([w for w in self.speeds if w > here], [w for w in self.speeds if w < here][::-1]):
+        known = {here: start}
+        near = [w for w in self.speeds if abs(w - here) <= SPAN * here]
+        for beyond in ([w for w in near if w > here], [w for w in near if w < here][::-1]):
             follower = PeakFollower(self.family.system, start, FOLLOWING)
             for omega in beyond:
                 peak = follower.go(omega)
                 if peak is None:
                     break
                 known[omega] = peak
-                off = _off_line(peak, self.order)
-                done = off * _off_line(start, self.order) <= 0.0 or off * (omega - here) < 0.0  # beyond the line
-                if done and (self.near or abs(omega - here) > SPAN * here):
-                    break
             self.meter.count(follower.iterations)
         return dict(sorted(known.items()))
 
-    def secant(self, known: Mapping[float, Peak]) -> Peak | None:
-        """The peak on the line, between two neighbours of a followed one on both sides of it; None if there are none."""
-        peaks = list(known.values())
-        off = [_off_line(p, self.order) for p in peaks]
-        for i in np.flatnonzero(np.sign(off[:-1]) * np.sign(off[1:]) <= 0.0).tolist():
-            nearest = sorted(peaks[max(i - 1, 0) : i + 3], key=lambda p: -abs(_off_line(p, self.order)))
-            follower = PeakFollower(self.family.system, nearest, FOLLOWING)
-            trials = [(_off_line(p, self.order), p.parameter) for p in nearest]
-            for _ in range(SECANTS):
-                g, omega = trials[-1]
-                if abs(g) <= TOLERANCE * omega:
-                    self.meter.count(follower.iterations)
-                    return follower.known[-1]
-                # polynomial through the last trials, speed over distance from the line
-                points = trials[-4:]
-                step = sum(
-                    w * np.prod([b / (b - a) for b, _ in points if b != a]) for a, w in points
-                )  # fmt: skip
-                low, high = peaks[i].parameter, peaks[i + 1].parameter
-                peak = follower.go(float(np.clip(step, low, high)))
-                if peak is None:
-                    break
-                trials.append((_off_line(peak, self.order), peak.parameter))
-        return None
+    def secant(self, start: Peak) -> tuple[Peak | None, float]:
+        """The peak on the line that is reached from one near it, and its speed; without it the speed that was wanted."""
+        follower = PeakFollower(self.family.system, start, FOLLOWING)
+        trials: list[tuple[float, float]] = []
+        peak: Peak | None = start
+        wanted = start.parameter
+        while peak is not None and len(trials) < SECANTS:
+            g, omega = _off_line(peak, self.order), peak.parameter
+            if abs(g) <= TOLERANCE * omega:
+                self.meter.count(follower.iterations)
+                return peak, omega
+            trials.append((g, omega))
+            # polynomial through the last trials, speed over distance from the line
+            points = trials[-4:]
+            wanted = float(sum(w * np.prod([b / (b - a) for b, _ in points if b != a]) for a, w in points))
+            if len(points) == 1:
+                wanted = omega + g / (1.0 - USUAL_SLOPE)
+            if not self.speeds[0] <= wanted <= self.speeds[-1]:
+                break
+            peak = follower.go(wanted)
+        self.meter.count(follower.iterations)
+        return None, wanted
 
     def start(self) -> float | None:
         """Speed at which to begin: in the middle between the crossings of the free and the stuck resonance, None if out of
@@ -173,44 +165,39 @@ class Search:
         """The peak at the crossing and its speed twice; or None and the interval in which the highest peak jumps over the
         line, NaN if it does not meet it."""
         omega = self.start()
-        tried: set[float] = set()
         while omega is not None and len(self.scanned) < SCANS:
-            top = self.highest(omega)
             self.lost = True
+            top = self.highest(omega)
             if top is None:
                 break
-            known = self.follow(top)
-            self.line = {**known, **self.line} if self.line else known
-            found = self.secant(known)
-            between = self._between(known)
-            if found is None and between is not None:  # the peak was lost on the way: begin anew near the line
-                omega = between
-            elif found is None:
-                side = _off_line(top, self.order) > 0.0  # the line lies at higher speeds
-                ends = [w for w in self.speeds if (w > max(known) if side else w < min(known))]
-                omega = (min(ends) if side else max(ends)) if ends else None
-                self.lost = bool(ends)
-            else:
-                best = self.highest(found.parameter, found)
-                if best is None or same_peak(best, found, 1e-4) or best.amplitude <= found.amplitude:
-                    self.line = known
-                    return found, (found.parameter, found.parameter)
-                omega = found.parameter if found.parameter not in tried else None
-                tried.add(found.parameter)
+            found, wanted = self.secant(top)
+            if found is None:  # lost on the way, or out of the range
+                self.lost = inside = self.speeds[0] <= wanted <= self.speeds[-1]
+                omega = wanted if inside and self._new(wanted) else self._halfway()
+                continue
+            best = self.highest(wanted, found)
+            if best is None or same_peak(best, found, 1e-4) or best.amplitude <= found.amplitude:
+                self.line = self.follow(found)
+                return found, (wanted, wanted)
+            again, other = self.secant(best)
+            omega = other if again is not None and self._new(other) else self._halfway()
+        self.line = {w: p for w, p in sorted(self.scanned.items()) if p is not None}
         return None, self._jump()
+
+    def _new(self, omega: float) -> bool:
+        """Whether no scan was made at a speed."""
+        return all(abs(omega - other) > 1e-4 * omega for other in self.scanned)
+
+    def _halfway(self) -> float | None:
+        """Between the scans on both sides of the line; None where there are none, or they are close."""
+        low, high = self._jump()
+        return 0.5 * (low + high) if high - low > 1e-3 * high else None
 
     def kind(self, peak: Peak | None, low: float) -> str:
         """What the search has found: a peak, or an interval."""
         if peak is not None:
             return "crossing"
         return "jump" if np.isfinite(low) else "not found" if self.lost else "none"
-
-    def _between(self, known: Mapping[float, Peak]) -> float | None:
-        """Speed of the crossing, linear between two neighbours; None where there are none, or a scan was made there."""
-        off = [(_off_line(p, self.order), w) for w, p in known.items()]
-        pairs = [(a, b) for a, b in pairwise(off) if a[0] * b[0] <= 0.0]
-        places = [w + g / (g - h) * (v - w) for (g, w), (h, v) in pairs if g != h]
-        return next((w for w in places if all(abs(w - other) > 1e-4 * w for other in self.scanned)), None)
 
     def _jump(self) -> tuple[float, float]:
         """Between the scans nearest to where the highest peak changes its side of the line."""

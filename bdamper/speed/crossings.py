@@ -304,7 +304,7 @@ def crossings(
     preload_at(problem, float(values[-1]))
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
-    given = Conditions(**conditions)
+    given = Conditions.of(conditions)
     for omega in (float(values[0]), float(values[-1])):  # what tables do not reach is told before any work
         given.friction_at(omega)
         for order in orders:

@@ -374,8 +374,8 @@ def run_up(
     validate.instance("study", problem, Problem, "a Study")
     asked = speed_values(speeds or within, 5)
     meter = CostMeter(time.perf_counter())
-    family = SpeedFamily(problem, Conditions(**conditions))
-    search = Search(family, tuple(asked.tolist()), validate.whole("mode", mode, least=1), meter, near=True)
+    family = SpeedFamily(problem, Conditions.of(conditions))
+    search = Search(family, tuple(asked.tolist()), validate.whole("mode", mode, least=1), meter)
     peak, ends = search.run()
     if peak is None:
         order = problem.engine_order

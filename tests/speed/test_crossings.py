@@ -39,7 +39,7 @@ def test_the_peak_lies_on_the_line_at_the_preload_of_its_speed(study, found):
     assert peak.amplitude == pytest.approx(found.amplitude[i], rel=1e-8)
     assert peak.frequency == pytest.approx(found.frequency[i], rel=1e-8)
     line = found.lines[i]
-    assert set(SPEEDS) <= set(line.speed) and line.engine_order == 5
+    assert found.speed[i] in line.speed and len(line.speed) > 1 and line.engine_order == 5
 
 
 def test_derivatives_by_the_mass_are_those_of_crossings_at_other_masses(found):
@@ -70,7 +70,7 @@ def line(study):
     )
     conditions = Conditions(friction={300.0: 0.3, 600.0: 0.4}, excitation=lambda omega, order: 0.04 * omega)
     family = SpeedFamily(turning, conditions)
-    peak, _ = Search(family, SPEEDS, 1, CostMeter(0.0), near=True).run()
+    peak, _ = Search(family, SPEEDS, 1, CostMeter(0.0)).run()
     u = peak.y[:-1] * (1.0 + 1e-3 * np.random.default_rng(0).standard_normal(len(peak.y) - 1))
     return RunUpSystem(family, (440.0, 500.0)), family, peak, u
 
