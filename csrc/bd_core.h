@@ -14,6 +14,7 @@
 
 #include "bd_newton.h"
 #include "bd_time.h"
+#include "bd_wheel.h"
 
 typedef struct {
     bd_lapack lapack;
@@ -64,6 +65,7 @@ int core_check_status(bd_status status);
 
 extern PyType_Spec core_system_spec; /* bd_core_system.c */
 extern PyType_Spec core_ring_spec;   /* bd_core_time.c */
+extern PyType_Spec core_wheel_spec;  /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
 PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwargs);

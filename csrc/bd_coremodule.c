@@ -83,19 +83,30 @@ static int find_function(PyObject *capi, const char *name, const char *pattern, 
     return 0;
 }
 
+/* The functions that a SciPy Cython module offers; a new reference, or NULL. */
+static PyObject *functions_of(const char *name) {
+    PyObject *module = PyImport_ImportModule(name);
+    PyObject *api = module ? PyObject_GetAttrString(module, "__pyx_capi__") : NULL;
+    Py_XDECREF(module);
+    return api;
+}
+
 static int find_lapack(bd_lapack *lapack) {
     int failed = -1;
-    PyObject *lapack_module = PyImport_ImportModule("scipy.linalg.cython_lapack");
-    PyObject *api = lapack_module ? PyObject_GetAttrString(lapack_module, "__pyx_capi__") : NULL;
-    if (api)
+    PyObject *api = functions_of("scipy.linalg.cython_lapack"),
+             *blas = api ? functions_of("scipy.linalg.cython_blas") : NULL;
+    if (blas)
         failed = find_function(api, "dgetrf", "iidiii", &lapack->dgetrf) ||
                          find_function(api, "dgetrs", "ciidiidii", &lapack->dgetrs) ||
                          find_function(api, "dgecon", "cididddii", &lapack->dgecon) ||
-                         find_function(api, "dgelsy", "iiididiididii", &lapack->dgelsy)
+                         find_function(api, "dgelsy", "iiididiididii", &lapack->dgelsy) ||
+                         find_function(api, "dgetri", "idiidii", &lapack->dgetri) ||
+                         find_function(blas, "dgemm", "cciiiddididdi", &lapack->dgemm) ||
+                         find_function(blas, "dgemv", "ciiddididdi", &lapack->dgemv)
                      ? -1
                      : 0;
     Py_XDECREF(api);
-    Py_XDECREF(lapack_module);
+    Py_XDECREF(blas);
     return failed;
 }
 #endif
@@ -104,7 +115,7 @@ static int core_exec(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
     if (core_add_results(module, state) < 0) return -1;
-    PyType_Spec *const spec[] = {&core_system_spec, &core_ring_spec};
+    PyType_Spec *const spec[] = {&core_system_spec, &core_ring_spec, &core_wheel_spec};
     for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
         PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);
         const int failed = type ? PyModule_AddType(module, (PyTypeObject *)type) : -1;

@@ -1,8 +1,9 @@
-"""Forces and tangents of many contact points at once, each with its own motion and parameters."""
+"""What the C core does for all sectors of a wheel at once: contact points, and the elimination of its equations."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,3 +59,8 @@ class ManyPoints:
         T = np.empty((n, 7, m, m)) if tangent else None
         _core.evaluate_points(x, *self._arrays, F, share, T, *self._code)  # type: ignore[attr-defined]
         return F, share, T
+
+
+def elimination(*arguments: Any) -> Any:
+    """The core's elimination of a wheel (csrc/bd_wheel.h): ``factor`` and ``solve``."""
+    return _core.Wheel(*arguments)

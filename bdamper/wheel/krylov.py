@@ -1,4 +1,4 @@
-"""Iterative solution of linear equations with a good approximate inverse: GMRES, preconditioned from the right."""
+"""Iterative solution of linear equations with a good approximate inverse: GMRES, preconditioned from the left."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ Operator = Callable[[NDArray], NDArray]
 
 
 def gmres(
-    product: Operator, inverse: Operator, b: NDArray, tolerance: float, most: int = 80
+    product: Operator, inverse: Operator, b: NDArray, tolerance: float, most: int = 60
 ) -> tuple[NDArray, int, float]:
-    """Solve ``A x = b`` with ``A B`` near the identity.
+    """Solve ``A x = b`` with ``B A`` near the identity.
 
     Parameters
     ----------
     product, inverse : callable
-        ``A x`` and ``B r``, linear; right preconditioning leaves the residual that of the equations themselves.
+        ``A x`` and ``B r``, linear.
     b : (n,) float
     tolerance : float
-        On the norm of the residual relative to that of ``b``.
+        On the norm of ``B (b - A x)``, nearly the error of the solution, relative to that of ``B b``.  The residual itself
+        says little: contacts are stiff, and blades at resonance soft.
     most : int
         Iterations.
 
@@ -32,6 +33,7 @@ def gmres(
     residual : float
         Relative; above ``tolerance`` where the iterations were used up.
     """
+    b = inverse(b)
     norm = float(np.sqrt(b @ b))
     if norm == 0.0:
         return np.zeros_like(b), 0, 0.0
@@ -40,7 +42,7 @@ def gmres(
     cosine, sine, g = np.zeros(most), np.zeros(most), np.zeros(most + 1)
     V[0], g[0], k = b / norm, norm, 0
     while k < most:
-        w = product(inverse(V[k]))
+        w = inverse(product(V[k]))
         for _ in range(2):  # orthogonal to rounding
             h = V[: k + 1] @ w
             w -= h @ V[: k + 1]
@@ -59,4 +61,4 @@ def gmres(
             break
         V[k] = w / size
     y = np.linalg.solve(np.triu(H[:k, :k]), g[:k]) if k else np.zeros(0)
-    return inverse(y @ V[:k]), k, abs(float(g[k])) / norm
+    return y @ V[:k], k, abs(float(g[k])) / norm

@@ -35,7 +35,7 @@ def sector_points(structure: Structure, state: PreloadState) -> PointArrays:
 
 def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
     """(n_sector,) mean motion or static force of a sector from the tuned study's modes at nodal diameter 0."""
-    phi, n = structure.local.modes(0)[1], structure.n
+    phi, n = structure.modes(0), structure.n
     own = np.array(
         [structure.tuned.model.bodies[c.body].local is None for c in structure.tuned.static_basis.coordinates], bool
     )

@@ -6,7 +6,7 @@ residual; the approximate inverse of one step serves those after it while it ser
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,9 +89,9 @@ def correct(
             return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
         if worn or inverse is None:
             inverse, worn = at.inverse(), False
-        wanted = max(0.1 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
+        wanted = 1e-7 if line_search else max(0.01 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
         dX, d_omega, count = solved(at, inverse, plane, min(LOOSE, wanted))
-        worn = count > WORN
+        worn = line_search or count > WORN
         if line_search:
             X, omega, at, size = _searched(system, X, omega, at, size, dX, d_omega, level)
         else:
@@ -104,6 +104,35 @@ def correct(
             if size > 1e3 * before and iteration > 1:
                 return Corrected(False, X, omega, iteration + 1, size, at, inverse)
     raise AssertionError
+
+
+def walked(
+    system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, most: int = 60, level: float = 1.0
+) -> Corrected:
+    """Newton at a fixed frequency with dampers that nothing holds along a direction: they walk until something does.
+
+    The mean of every damper is held by springs in the Jacobian, which are weakened as long as its mean force stays, so
+    that steps along a free direction grow, and stiffened where a step does not help.
+    """
+    end_if_asked()
+    held = 1e-2
+    at = system.linearised(X, omega, level, held)
+    size = system.size(at.residual)
+    for iteration in range(most):
+        if size <= tolerance or not held < 1e6:
+            break
+        inverse = at.inverse()
+        dX, _, _ = solved(at, inverse, None, LOOSE * min(1.0, 10.0 * size) + 1e-8)
+        new = system.linearised(X + dX, omega, level, held)
+        now = system.size(new.residual)
+        if not now < 1.5 * size:
+            held *= 10.0
+            at = system.linearised(X, omega, level, held)
+            continue
+        held *= 0.2 if now > 0.5 * size else 1.0
+        X, size = X + dX, now
+        at = replace(new, springs=held * system.damper_springs)
+    return Corrected(size <= tolerance, X, omega, iteration, size, at, None)
 
 
 def _searched(
@@ -133,33 +162,32 @@ def solved(
 ) -> tuple[NDArray, float, int]:
     """Newton step, or the solution for another right-hand side of unknowns and plane; with the iterations it took."""
     system = at.system
-    shape, scale = system.shape, system.row_scale.ravel()
+    shape = system.shape
     b = -at.residual if right is None else right[0]
 
     if plane is None:
         x, count, _ = gmres(
-            lambda x: scale * at.product(x.reshape(shape)).ravel(),
-            lambda r: inverse((r / scale).reshape(shape)).ravel(),
-            scale * b.ravel(),
+            lambda x: at.product(x.reshape(shape)).ravel(), lambda r: inverse(r.reshape(shape)).ravel(), b.ravel(),
             tolerance,
         )
         system.iterations += count
         return x.reshape(shape), 0.0, count
     normal, normal_omega = plane[0].ravel(), plane[1]
-    weight = float(np.linalg.norm(scale * at.by_omega.ravel())) / max(abs(normal_omega), 1e-300)
     aside = inverse(at.by_omega).ravel()
     pivot = normal_omega - float(normal @ aside)
+    unit = float(np.linalg.norm(aside)) or 1.0  # weighs the frequency as the motion that it brings
 
     def product(x: NDArray) -> NDArray:
-        r = at.product(x[:-1].reshape(shape)) + x[-1] * at.by_omega
-        return np.append(scale * r.ravel(), weight * (normal @ x[:-1] + normal_omega * x[-1]))
+        d = x[-1] / unit
+        r = at.product(x[:-1].reshape(shape)) + d * at.by_omega
+        return np.append(r.ravel(), normal @ x[:-1] + normal_omega * d)
 
     def solve(r: NDArray) -> NDArray:
-        x = inverse((r[:-1] / scale).reshape(shape)).ravel()
-        d = (r[-1] / weight - normal @ x) / pivot
-        return np.append(x - d * aside, d)
+        x = inverse(r[:-1].reshape(shape)).ravel()
+        d = (r[-1] - normal @ x) / pivot
+        return np.append(x - d * aside, d * unit)
 
-    b = np.append(scale * b.ravel(), 0.0 if right is None else weight * right[1])
+    b = np.append(b.ravel(), 0.0 if right is None else right[1])
     x, count, _ = gmres(product, solve, b, tolerance)
     system.iterations += count
-    return x[:-1].reshape(shape), float(x[-1]), count
+    return x[:-1].reshape(shape), float(x[-1]) / unit, count

@@ -22,7 +22,11 @@ from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, correct, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.system import WheelSystem
-from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of, start
+from bdamper.wheel.track import TOLERANCE, TWO_PI, Path, cost_of, follow, start
+
+
+FAR = 1.5
+"""Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
 
 
 @dataclass(frozen=True)
@@ -31,25 +35,24 @@ class WheelPeakOptions:
 
     Parameters
     ----------
-    spacing : float
-        Of the points of the sweep, relative to the width of the tuned peak at half its power.
+    step : float
+        Largest step of the sweep, relative to the vibration of the whole wheel.
     climbs : int
         Peaks that are climbed.
     loose : float
         Residual with which the sweep is content.
-    least, most : int
+    most : int
         Points of the sweep.
     """
 
-    spacing: float = 1.0
+    step: float = 0.3
     climbs: int = 3
     loose: float = 1e-2
-    least: int = 30
-    most: int = 300
+    most: int = 600
 
     def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "spacing", "loose", above=0.0, most=10.0)
-        validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
+        validate.fields(self, validate.number, "step", "loose", above=0.0, most=1.0)
+        validate.fields(self, validate.whole, "climbs", "most", least=1)
 
 
 def band(wheel: Any, preload: float) -> tuple[float, float, float]:
@@ -85,8 +88,10 @@ def band(wheel: Any, preload: float) -> tuple[float, float, float]:
             friction = float((loss.ravel() * np.abs(motion) ** 2).sum())
             viscous = float((phi[:n, k].conj() @ s.damping[d] @ phi[:n, k]).real) * omega
             width = (friction + viscous) / omega
-        k = int(np.argmax(np.abs(reference.conj() @ own)))
-        found[d] = float(np.sqrt(max(squares[k], 0.0)))
+        near = np.flatnonzero((squares > (omega / FAR) ** 2) & (squares < (omega * FAR) ** 2))
+        if len(near):
+            alike = np.abs(reference.conj() @ own[:, near]) / np.linalg.norm(own[:, near], axis=0)
+            found[d] = float(np.sqrt(squares[near[int(np.argmax(alike))]]))
     deviation = wheel.mistuning.deviation
     low = min(omega, *found.values()) * (1.0 + min(0.0, float(deviation.min()))) - 2.0 * width
     high = max(omega, *found.values()) * (1.0 + max(0.0, float(deviation.max()))) + 2.0 * width
@@ -125,8 +130,7 @@ def peak(
     top = wheel.tuned_peak(preload)
     low, high, width = band(wheel, preload)
     low, high = frequency or (low, high)
-    n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
-    swept = _sweep(wheel, system, mean, TWO_PI * np.linspace(low, high, n), options.loose)
+    swept = _sweep(system, mean, (TWO_PI * low, TWO_PI * high), options)
     climbs: list[tuple[float, float, float]] = []
     best: Corrected | None = None
     height, blade, why = np.nan, -1, "no solution found on the sweep"
@@ -169,23 +173,24 @@ def peak(
     )
 
 
-def _sweep(wheel: Any, system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> list[tuple[NDArray, float]]:
-    """Loose solutions over frequency, extrapolated from one to the next; points without one are left out."""
+def _sweep(
+    system: WheelSystem, mean: NDArray, limits: tuple[float, float], options: WheelPeakOptions
+) -> list[tuple[NDArray, float]]:
+    """Loose solutions along the curve, from the lower end, and from the upper one where that does not lead through."""
     out: list[tuple[NDArray, float]] = []
-    inverse = None
-    for w in omega:
-        found = None
-        if len(out) > 1:
-            (X0, w0), (X1, w1) = out[-2:]
-            found = correct(system, X1 + (w - w1) / (w1 - w0) * (X1 - X0), w, tolerance=loose, most=5, inverse=inverse)
-        if out and (found is None or not found.converged):
-            found = correct(system, out[-1][0], w, tolerance=loose, most=20, line_search=True)
-        if found is None or not found.converged:
-            found = start(system, mean, w, loose)
-        if found is not None and found.converged:
-            out.append((found.X, w))
-            inverse = found.inverse
-    return out
+    for up in (True, False):
+        first = start(system, mean, limits[0 if up else 1])
+        if first is None:
+            continue
+        out.append((first.X, first.omega))
+        path = Path(system, limits)
+        path.set_off(first, up)
+        status, _ = follow(
+            path, lambda found, kind: out.append((found.X, found.omega)), up, options.most, options.step, options.loose
+        )
+        if status == "complete":
+            break
+    return sorted(out, key=lambda point: point[1])
 
 
 def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[tuple[NDArray, float, int]]:

@@ -37,6 +37,9 @@ class Structure:
     tuned : Problem
         The study of one sector that spans the same space.
     local : LocalBasis
+        With the shapes of the root in reverse, the most important one last.
+    order : (n,) int
+        Its coordinates among those of the model's basis.
     n_blades, n_damper : int
         Sectors; coordinates of a damper.
     stiffness : (n_blades, n, n) float
@@ -55,6 +58,7 @@ class Structure:
 
     tuned: Problem
     local: LocalBasis
+    order: NDArray
     n_blades: int
     n_damper: int
     stiffness: NDArray
@@ -97,8 +101,8 @@ class Structure:
         tuned = tuned_problem(study)
         model, N = tuned.coupling.model, tuned.coupling.model.n_blades
         blade = next(body for body in model.bodies.values() if body.local is not None)
-        local = blade.local
-        assert local is not None
+        assert blade.local is not None
+        local, order = _reversed(blade.local)
         rows, sector = _rows(tuned, blade.name, local)
         waves = np.arange(N)
         folded, reverse = np.minimum(waves, N - waves), waves > N - waves
@@ -115,6 +119,7 @@ class Structure:
         return cls(
             tuned=tuned,
             local=local,
+            order=order,
             n_blades=N,
             n_damper=int(own.sum()),
             stiffness=_blades(local, N, mistuning),
@@ -140,6 +145,11 @@ class Structure:
             raise SettingError(f"{what}: expected a location on the blade, found '{location}' on '{place.body}'")
         return np.asarray(direction_vector(direction, f"{what} direction") @ self.local.locations[location])
 
+    def modes(self, d: int) -> NDArray:
+        """(n, n) modes of the tuned study at a nodal diameter, in the coordinates of this structure."""
+        local = next(body.local for body in self.tuned.model.bodies.values() if body.local is not None)
+        return np.asarray(local.modes(d)[1][self.order])
+
     def wave(self, u: NDArray) -> NDArray:
         """Unknowns of the wheel, (n_blades, n_coefficients, n_sector), from those of the tuned study."""
         system, N = self.tuned, self.n_blades
@@ -155,7 +165,7 @@ class Structure:
             start += m if l == 0 else 2 * m
             own = np.array([system.model.bodies[c.body].local is None for c in basis.coordinates])
             d, conjugate = system.model.folded_nodal_diameter(l * int(system.engine_order))
-            phi = self.local.modes(d)[1]
+            phi = self.modes(d)
             x = np.concatenate([(phi.conj() if conjugate else phi) @ q[~own], q[own]])
             turned = x * np.exp(2j * np.pi * system.engine_order * l * np.arange(N) / N)[:, None]
             if l == 0:
@@ -181,6 +191,22 @@ def tuned_problem(study: Problem) -> Problem:
     if given is None or given == "residual_modes" or isinstance(given, ResidualModes):
         given = "model" if local.flexibility is None else "unit_traction"
     return study.with_(model=model, blade_modes=local.n, contact_stiffness=given)
+
+
+def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
+    """The same basis with the shapes of the root in reverse, and the order of its coordinates."""
+    n, r = local.n, local.n_interface
+    order = np.concatenate([np.arange(n - r), np.arange(n - 1, n - r - 1, -1)])
+    turned = replace(
+        local,
+        blade_stiffness=local.blade_stiffness[np.ix_(order, order)],
+        blade_mass=local.blade_mass[np.ix_(order, order)],
+        disk_stiffness=local.disk_stiffness[:, ::-1, ::-1],
+        disk_mass=local.disk_mass[:, ::-1, ::-1],
+        contact_modes=np.ascontiguousarray(local.contact_modes[..., order]),
+        locations={name: shapes[:, order] for name, shapes in local.locations.items()},
+    )
+    return turned, order
 
 
 def _blades(local: LocalBasis, n_blades: int, mistuning: Any) -> NDArray:

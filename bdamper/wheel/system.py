@@ -12,24 +12,28 @@ sector by sector.  Contact forces F and their tangents are those of the study, p
 
 The **approximate inverse** is that of the present matrix with the couplings of the disk cut to next neighbours, and of the
 damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
-dampers and root shapes (:class:`~bdamper.wheel.ring.Ring`).
+dampers and root shapes (csrc/bd_wheel.c).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.many_points import PAIRS, ManyPoints
-from bdamper.wheel.ring import Ring
+from bdamper.harmonic_balance.many_points import PAIRS, ManyPoints, elimination
 from bdamper.wheel.structure import Structure
 
+KEPT = 8
+"""Shapes of the root, the most important ones, in the ring.  On the shipped disk with 16 shapes (9 points, one harmonic) 8
+take as many iterations as all (1, 5, 11, 16 against 1, 5, 8, 12 to 1e-2, 1e-4, 1e-6, 1e-8), 4 take 25 to 1e-8; the ring's
+cost falls with the third power of their number."""
 NEUTRAL = 1e-8
-"""Spring on the mean of a damper's coordinates in the approximate inverse alone, relative to its largest stiffness: a
-damper that slips fully is free along the axis, and the matrix of its sector singular."""
+"""Springs on the mean of a damper's coordinates in the Jacobian, relative to its stiffness when stuck: a damper that slips
+fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
 
 
 class WheelSystem:
@@ -78,7 +82,7 @@ class WheelSystem:
         self.still = np.zeros(self.shape, bool)
         self.still[:, ~active] = True
         self.still[pinned, :, structure.n :] = True
-        self.active = active
+        self.active, self.pinned = np.ascontiguousarray(active), np.ascontiguousarray(pinned)
         self.row_scale = np.full(self.shape, 1.0 / force_scale[1])
         self.row_scale[:, 0] = 1.0 / force_scale[0]
         self.force[self.still] = 0.0
@@ -175,8 +179,8 @@ class WheelSystem:
         r[self.still] = X[self.still]
         return r
 
-    def linearised(self, X: NDArray, omega: float, level: float = 1.0) -> Linearised:
-        """Residual with its derivatives at a point."""
+    def linearised(self, X: NDArray, omega: float, level: float = 1.0, held: float = NEUTRAL) -> Linearised:
+        """Residual with its derivatives at a point, the mean of dampers held by springs of so much of their stiffness."""
         K, M, C = self._parts(X)
         l = self.order[:, None]
         F, shares, T = self.forces(X, True)
@@ -184,7 +188,7 @@ class WheelSystem:
         r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, level)
         by_omega = -2.0 * l**2 * omega * M + l * C
         by_omega[self.still] = 0.0
-        return Linearised(self, omega, r, by_omega, T, shares)
+        return Linearised(self, omega, r, by_omega, T, shares, held * self.damper_springs)
 
     def size(self, r: NDArray) -> float:
         """Largest entry of a residual, relative to excitation and static load."""
@@ -193,16 +197,25 @@ class WheelSystem:
     # ---- constant parts of the approximate inverse ----
 
     @cached_property
-    def kept(self) -> int:
-        """Shapes of the root that stay in the ring: all."""
-        return self.structure.local.n_interface
+    def damper_springs(self) -> NDArray:
+        """(n_blades, n_damper) stiffness of the stuck contacts of each damper against its own coordinates."""
+        p = self.contact.points
+        k = np.concatenate([p.kt, p.kn[:, None]], axis=1).reshape(self.shape[0], -1)
+        own = self.structure.rows[..., self.structure.n :].reshape(k.shape[1], -1)
+        springs = k @ own**2
+        return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
 
     @cached_property
-    def outer(self) -> list[NDArray]:
-        """For each group of points (n_points * pairs, n_sector^2) products of rows of motion."""
-        rows, n = self.structure.rows, self.shape[2]
-        products = [[np.einsum("pi,pj->pij", rows[g, a], rows[g, b]) for a, b in PAIRS] for g in self.groups]
-        return [np.stack(group, axis=1).reshape(-1, n**2) for group in products]
+    def core(self) -> Any:
+        """The elimination in the C core."""
+        s = self.structure
+        rows = [np.ascontiguousarray(s.rows[g]) for g in self.groups]
+        return elimination(s.n_blades, self.n_harmonics, s.n, s.n_damper, self.kept, *rows, self.active, self.pinned)
+
+    @cached_property
+    def kept(self) -> int:
+        """Shapes of the root whose coupling to neighbours the approximate inverse keeps."""
+        return min(KEPT, self.structure.local.n_interface)
 
     @cached_property
     def kernel(self) -> tuple[NDArray, ...]:
@@ -224,6 +237,8 @@ class Linearised:
     residual, by_omega : (n_blades, n_coefficients, n_sector) float
     tangents : (n_blades, n_points, 7, n_coefficients, n_coefficients) float
     shares : (n_blades, n_points, 5) float
+    springs : (n_blades, n_damper) float
+        On the mean of dampers, in the Jacobian alone.
     """
 
     system: WheelSystem
@@ -232,6 +247,7 @@ class Linearised:
     by_omega: NDArray
     tangents: NDArray
     shares: NDArray
+    springs: NDArray
 
     @cached_property
     def _dense(self) -> NDArray:
@@ -248,142 +264,50 @@ class Linearised:
         x = system.motion(X)
         F = np.matmul(self._dense, x.reshape(*x.shape[:2], -1, 1)).reshape(x.shape)
         r = system.linear(X, self.omega) + system.gathered(F)
+        r[:, 0, system.structure.n :] += self.springs * X[:, 0, system.structure.n :]
         r[system.still] = X[system.still]
         return r
 
     def inverse(self) -> Inverse:
-        """The approximate inverse of the Jacobian here."""
-        self.system.factorisations += 1
-        return Inverse.of(self)
+        """The approximate inverse of the Jacobian here; it replaces that of any other point of the system.
+
+        Raises
+        ------
+        FloatingPointError
+            If a block of it is singular.
+        """
+        system, s = self.system, self.system.structure
+        system.factorisations += 1
+        disk_k, disk_m, damping, near_k, near_m = system.kernel
+        r, k = s.local.n_interface, system.kept
+        stiffness, mass = s.stiffness.copy(), s.mass.copy()
+        stiffness[:, -r:, -r:] += disk_k
+        mass[-r:, -r:] += disk_m
+        w = self.omega * np.arange(system.n_harmonics + 1)
+        squares = (w**2)[:, None, None]
+        own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
+        status = system.core.factor(
+            own,
+            following,
+            stiffness - squares[..., None] * mass,
+            w[:, None, None] * damping,
+            np.stack([s.damper_stiffness - w[:, None] ** 2 * s.damper_mass, w[:, None] * s.damper_damping], axis=1),
+            np.ascontiguousarray(self.springs),
+            np.ascontiguousarray((near_k - squares * near_m)[:, r - k :, r - k :]),
+        )
+        if status:
+            raise FloatingPointError("a sector of the wheel has a singular matrix")
+        return Inverse(system)
 
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """Approximate inverse of a Jacobian (module's docstring).
-
-    Parameters
-    ----------
-    system : WheelSystem
-    own : (n_blades, e, e) float
-        Inverse of the blocks of the blade coordinates that are eliminated first.
-    back : (n_blades, e, q) float
-        That times their coupling to root shapes, own damper and damper of the sector before.
-    rows : (n_blades, q, e) float
-        Coupling of these to the eliminated coordinates.
-    ring : Ring
-    """
+    """The latest approximate inverse of the Jacobian of a system (module's docstring)."""
 
     system: WheelSystem
-    own: NDArray
-    back: NDArray
-    rows: NDArray
-    ring: Ring
-
-    @classmethod
-    def of(cls, at: Linearised) -> Inverse:
-        """Factors at a point."""
-        system = at.system
-        first, before = _sector_blocks(at)
-        N, nc, ns = system.shape
-        n, k = system.structure.n, system.kept
-        e, nd = n - k, ns - n
-        ia, iy = slice(e, n), slice(n, ns)
-
-        def flat(block: NDArray) -> NDArray:
-            return block.reshape(N, nc * block.shape[2], -1)
-
-        own = np.linalg.inv(flat(first[:, :, :e, :, :e]))
-        columns = [flat(b) for b in (first[:, :, :e, :, ia], first[:, :, :e, :, iy], before[:, :, :e, :, iy])]
-        rows = [flat(b) for b in (first[:, :, ia, :, :e], first[:, :, iy, :, :e], before[:, :, iy, :, :e])]
-        row, back = np.concatenate(rows, axis=1), own @ np.concatenate(columns, axis=2)
-        S = -row @ back
-        a, y, p = slice(0, nc * k), slice(nc * k, nc * (k + nd)), slice(nc * (k + nd), nc * (k + 2 * nd))
-        ay = slice(0, nc * (k + nd))
-        S[:, a, a] += flat(first[:, :, ia, :, ia])
-        S[:, a, y] += flat(first[:, :, ia, :, iy])
-        S[:, y, a] += flat(first[:, :, iy, :, ia])
-        S[:, y, y] += flat(first[:, :, iy, :, iy])
-        S[:, a, p] += flat(before[:, :, ia, :, iy])
-        S[:, p, a] += flat(before[:, :, iy, :, ia])
-        diagonal, lower, upper = S[:, ay, ay].copy(), np.zeros_like(S[:, ay, ay]), np.zeros_like(S[:, ay, ay])
-        diagonal[:, y, y] += np.roll(S[:, p, p], -1, axis=0)
-        lower[:, :, y] = S[:, ay, p]
-        upper[:, y, :] = np.roll(S[:, p, ay], -1, axis=0)
-        neighbour = _neighbour(system, at.omega)
-        lower[:, a, a] += neighbour
-        upper[:, a, a] += neighbour.T
-        return cls(system, own, back, row, Ring.of(lower, diagonal, upper))
 
     def __call__(self, r: NDArray) -> NDArray:
         """Approximate solution (n_blades, n_coefficients, n_sector) of the Jacobian for a right-hand side."""
-        system = self.system
-        N, nc, ns = system.shape
-        n, k = system.structure.n, system.kept
-        e = n - k
-        t = np.matmul(self.own, r[..., :e].reshape(N, -1, 1))[..., 0]
-        left = np.matmul(self.rows, t[..., None])[..., 0]
-        ring = np.concatenate([r[..., e:n].reshape(N, -1), r[..., n:].reshape(N, -1)], axis=1)
-        size = ring.shape[1]
-        ring -= left[:, :size]
-        ring[:, nc * k :] -= np.roll(left[:, size:], -1, axis=0)
-        x = self.ring.solve(ring)
-        y = x[:, nc * k :]
-        t -= np.matmul(self.back, np.concatenate([x, np.roll(y, 1, axis=0)], axis=1)[..., None])[..., 0]
-        out = np.empty(system.shape)
-        out[..., :e] = t.reshape(N, nc, e)
-        out[..., e:n] = x[:, : nc * k].reshape(N, nc, k)
-        out[..., n:] = y.reshape(N, nc, ns - n)
-        return out
-
-
-def _sector_blocks(at: Linearised) -> tuple[NDArray, NDArray]:
-    """Jacobian of each sector's own blade and damper, and of its blade with the damper before: (N, nc, ns, nc, ns)."""
-    system, s = at.system, at.system.structure
-    N, nc, ns = system.shape
-    n = s.n
-
-    def summed(which: int) -> NDArray:
-        T = at.tangents[:, system.groups[which]].reshape(N, -1, nc * nc)
-        return (T.transpose(0, 2, 1) @ system.outer[which]).reshape(N, nc, nc, ns, ns).transpose(0, 1, 3, 2, 4)
-
-    first, right = summed(0).copy(), summed(1)
-    first[:, :, n:, :, n:] += right[:, :, n:, :, n:]
-    before = np.roll(right, 1, axis=0)
-    first[:, :, :n, :, :n] += before[:, :, :n, :, :n]
-    disk_k, disk_m, damping, _, _ = system.kernel
-    r = s.local.n_interface
-    stiffness, mass = s.stiffness.copy(), s.mass.copy()
-    stiffness[:, n - r :, n - r :] += disk_k
-    mass[n - r :, n - r :] += disk_m
-    y = np.arange(n, ns)
-    for c, l in enumerate(system.order):
-        w = l * at.omega
-        first[:, c, :n, c, :n] += stiffness - w**2 * mass
-        first[:, c, y, c, y] += s.damper_stiffness - w**2 * s.damper_mass
-        if l == 0:
-            spring = np.abs(first[:, c, y, c, y]).max(axis=1, keepdims=True)
-            first[:, c, y, c, y] += NEUTRAL * spring
-        elif c % 2:
-            first[:, c, :n, c + 1, :n] += w * damping
-            first[:, c + 1, :n, c, :n] -= w * damping
-            first[:, c, y, c + 1, y] += w * s.damper_damping
-            first[:, c + 1, y, c, y] -= w * s.damper_damping
-    if system.still.any():
-        flat = first.reshape(N, nc * ns, nc * ns)
-        sector, place = np.nonzero(system.still.reshape(N, -1))
-        flat[sector, place] = 0.0
-        flat[sector, :, place] = 0.0
-        flat[sector, place, place] = 1.0
-        first = flat.reshape(first.shape)
-    return first, before
-
-
-def _neighbour(system: WheelSystem, omega: float) -> NDArray:
-    """Coupling of the kept root shapes to those of the sector before, all coefficients."""
-    *_, stiffness, mass = system.kernel
-    k, nc = system.kept, system.shape[1]
-    out = np.zeros((nc, k, nc, k))
-    for c, l in enumerate(system.order):
-        if system.active[c]:
-            out[c, :, c] = (stiffness - (l * omega) ** 2 * mass)[-k:, -k:]
-    return out.reshape(nc * k, nc * k)
+        x = np.empty(self.system.shape)
+        self.system.core.solve(np.ascontiguousarray(r), x)
+        return x

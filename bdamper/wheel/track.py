@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
-from bdamper.wheel.newton import Corrected, correct, solved
+from bdamper.wheel.newton import Corrected, correct, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.system import WheelSystem
 
@@ -26,6 +26,8 @@ TOLERANCE = 1e-9
 """On the residual, relative to excitation and static load."""
 FIRST, LEAST = 0.05, 1e-6
 """First and least step, relative to the vibration."""
+SHORT = 5e-3
+"""Step below which a path tries whether a damper has come free."""
 
 
 def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = TOLERANCE) -> Corrected | None:
@@ -47,11 +49,11 @@ def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = T
     return found if level >= 1.0 else None
 
 
-class _Path:
+class Path:
     """State of one run along the curve."""
 
-    def __init__(self, system: WheelSystem, limits: tuple[float, float]) -> None:
-        self.system, self.limits = system, limits
+    def __init__(self, system: WheelSystem, limits: tuple[float, float], order: int = 3) -> None:
+        self.system, self.limits, self.order = system, limits, order
         self.points: list[tuple[NDArray, float]] = []
         self.length: list[float] = []
         self.failed = 0
@@ -70,18 +72,20 @@ class _Path:
 
     def predicted(self, step: float, unit: float, unit_omega: float) -> tuple[NDArray, float, tuple[NDArray, float]]:
         """Point ahead by a polynomial through the last points, and the plane of the corrector."""
-        last = self.points[-4:]
+        last = self.points[-self.order - 1 :]
         s = np.array(self.length[-len(last) :])
         at = s[-1] + step
         weight = np.array([np.prod([(at - b) / (a - b) for b in s if b != a]) for a in s])
         X = np.einsum("i,i...->...", weight, np.array([p[0] for p in last]))
         omega = float(weight @ [p[1] for p in last])
-        # where the polynomial turns back, straight on
         before, now = last[-2], last[-1]
+        X[:, 0] = now[0][:, 0]
+        # where the polynomial turns back, straight on
         chord, straight = (X - now[0], omega - now[1]), (now[0] - before[0], now[1] - before[1])
         if _along(chord, straight, unit, unit_omega) < 0.5 * step * self.distance(now, before, unit, unit_omega):
             ratio = step / (s[-1] - s[-2])
             X, omega, chord = now[0] + ratio * straight[0], now[1] + ratio * straight[1], straight
+            X[:, 0] = now[0][:, 0]
         normal = chord[0] / unit**2
         normal[:, 0] = 0.0
         return X, omega, (normal, chord[1] / unit_omega**2)
@@ -156,9 +160,9 @@ def track(
         status, reason, failed = "no start", f"no solution found at {frequency[1 if from_high else 0]:.6g} Hz", 0
     else:
         keep(first, "end")
-        path = _Path(system, limits)
+        path = Path(system, limits)
         path.set_off(first, not from_high)
-        status, reason = _run(path, keep, not from_high, max_points, max_step)
+        status, reason = follow(path, keep, not from_high, max_points, max_step)
         failed = path.failed
     return WheelCurve(
         frequency=np.array([r[0] for r in records]),
@@ -188,7 +192,9 @@ def cost_of(system: WheelSystem, watch: tuple[float, float], before: tuple[int, 
     )
 
 
-def _run(path: _Path, keep: Any, up: bool, max_points: int, max_step: float) -> tuple[str, str]:
+def follow(
+    path: Path, keep: Any, up: bool, max_points: int, max_step: float, tolerance: float = TOLERANCE
+) -> tuple[str, str]:
     """Follows the curve until it leaves the interval; returns status and reason."""
     system, (low, high) = path.system, path.limits
     step, rising, inverse = FIRST, up, None
@@ -200,14 +206,14 @@ def _run(path: _Path, keep: Any, up: bool, max_points: int, max_step: float) -> 
         if beyond:
             bound = high if omega > high else low
             share = (bound - here[1]) / (omega - here[1])
-            end = correct(system, here[0] + share * (X - here[0]), bound, tolerance=TOLERANCE, inverse=inverse)
+            end = correct(system, here[0] + share * (X - here[0]), bound, tolerance=tolerance, inverse=inverse)
             if end.converged and path.distance((end.X, end.omega), here, unit, unit_omega) < 2.0 * step:
                 keep(end, "end")
                 whole = (bound == high) == up
                 where = f"{bound / TWO_PI:.6g} Hz"
                 return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
         new = None if beyond else correct(
-            system, X, omega, plane, tolerance=TOLERANCE, most=8, inverse=inverse, longest=_reach(here, step)
+            system, X, omega, plane, tolerance=tolerance, most=8, inverse=inverse, longest=_reach(here, step)
         )  # fmt: skip
         off = np.inf
         if new is not None and new.converged:
@@ -215,7 +221,14 @@ def _run(path: _Path, keep: Any, up: bool, max_points: int, max_step: float) -> 
         if new is None or off > 0.5 * step:
             path.failed += 1
             step *= 0.5 if new is None or new.converged else 0.25
-            inverse = None if new is None else inverse
+            inverse = None
+            if SHORT > step:
+                new = _walk_on(path, max(step, SHORT), tolerance)
+                if new is not None:
+                    path.add(new.X, new.omega, unit, unit_omega)
+                    keep(new, "regular")
+                    step = SHORT
+                    continue
             if step < LEAST:
                 return "stalled", f"at {here[1] / TWO_PI:.6g} Hz: no solution at the smallest step"
             continue
@@ -227,6 +240,19 @@ def _run(path: _Path, keep: Any, up: bool, max_points: int, max_step: float) -> 
         growth = min(2.0, np.sqrt(0.1 * step / max(off, 1e-12)), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
         step = min(max_step, step * max(0.5, growth))
     return "too many points", f"{max_points} points before the end of the interval"
+
+
+def _walk_on(path: Path, step: float, tolerance: float) -> Corrected | None:
+    """A solution beyond a place at which a damper comes free: at fixed frequencies ahead, its position found anew."""
+    unit, unit_omega = path.scale()
+    here = path.points[-1]
+    for ahead in (step, 4.0 * step):
+        X, omega, _ = path.predicted(ahead, unit, unit_omega)
+        if path.limits[0] < omega < path.limits[1]:
+            new = walked(path.system, X, omega, tolerance=tolerance)
+            if new.converged and path.distance((new.X, new.omega), here, unit, unit_omega) < 3.0 * ahead:
+                return new
+    return None
 
 
 def _reach(here: tuple[NDArray, float], step: float) -> float:

@@ -9,9 +9,9 @@ from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.wheel.krylov import gmres
 from bdamper.wheel.newton import correct
-from bdamper.wheel.ring import Ring
 from bdamper.wheel.wheel import Wheel
 from tests.wheel.lumped import lumped_study
+from tests.wheel.oracle import Inverse, Ring
 
 PRELOAD = 300.0
 
@@ -81,6 +81,22 @@ def test_the_approximate_inverse_is_exact_on_a_ring_of_three():
     at = system.linearised(X, 2.0 * np.pi * 150.0)
     J, B = dense(at.product, X.shape), dense(at.inverse(), X.shape)
     assert np.abs(np.linalg.eigvals(J @ B) - 1.0).max() < 1e-2
+
+
+@pytest.mark.parametrize(
+    ("n_blades", "harmonics", "options"), [(3, 1, {}), (4, 2, {"n_att": 2}), (7, (1, 3), {"bias": False})]
+)
+def test_the_core_eliminates_as_plain_numpy_does(n_blades, harmonics, options):
+    w = wheel(n_blades, harmonics, **options).with_(mistuning=0.03 * np.random.default_rng(2).normal(size=n_blades))
+    system, mean = w.system(PRELOAD)
+    rng = np.random.default_rng(3)
+    X = 1e-6 * rng.normal(size=system.shape)
+    X[:, 0] = mean
+    X[system.still] = 0.0
+    at = system.linearised(X, 2.0 * np.pi * 180.0, held=1e-3)
+    r = rng.normal(size=X.shape)
+    core, plain = at.inverse()(r), Inverse.of(at)(r)
+    assert np.abs(core - plain).max() < 1e-9 * np.abs(plain).max()
 
 
 @pytest.mark.parametrize("harmonics", [1, 3])
