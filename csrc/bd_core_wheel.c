@@ -72,14 +72,14 @@ static PyObject *Wheel_factor(WheelObject *self, PyObject *args, PyObject *kwarg
     const npy_intp N = w->n_sector, m = w->n_coef, l = (m + 1) / 2, b = w->n_blade, d = w->n_damper, k = w->n_kept;
     const npy_intp first[5] = {N, w->n_point[0], 7, m, m}, second[5] = {N, w->n_point[1], 7, m, m},
                    blades[4] = {l, N, b, b};
-    const npy_intp losses[3] = {l, b, b}, dampers[3] = {l, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
+    const npy_intp losses[3] = {l, b, b}, dampers[4] = {l, N, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
     core_arguments a = {0};
     bd_wheel_matrix matrix;
     if (!(matrix.tangent[0] = core_doubles(&a, own, "own", 5, first, BD_INPUT))) return NULL;
     if (!(matrix.tangent[1] = core_doubles(&a, next, "next", 5, second, BD_INPUT))) return NULL;
     if (!(matrix.blade = core_doubles(&a, blade, "blade", 4, blades, BD_INPUT))) return NULL;
     if (!(matrix.damping = core_doubles(&a, damping, "damping", 3, losses, BD_INPUT))) return NULL;
-    if (!(matrix.damper = core_doubles(&a, damper, "damper", 3, dampers, BD_INPUT))) return NULL;
+    if (!(matrix.damper = core_doubles(&a, damper, "damper", 4, dampers, BD_INPUT))) return NULL;
     if (!(matrix.springs = core_doubles(&a, springs, "springs", 2, held, BD_INPUT))) return NULL;
     if (!(matrix.neighbour = core_doubles(&a, neighbour, "neighbour", 3, near, BD_INPUT))) return NULL;
     bd_status status;

@@ -127,7 +127,7 @@ static void add_linear(bd_wheel *w, const bd_wheel_matrix *m, int n) {
             continue;
         }
         const double *K = m->blade + (l * (size_t)w->n_sector + (size_t)n) * nb * nb, *C = m->damping + l * nb * nb;
-        const double *k = m->damper + 2 * l * nd, *d = k + nd;
+        const double *k = m->damper + 2 * (l * (size_t)w->n_sector + (size_t)n) * nd, *d = k + nd;
         for (size_t i = 0; i < nb; ++i)
             for (size_t j = 0; j < nb; ++j) here[i * wide + j] += K[i * nb + j];
         for (size_t i = 0; i < nd; ++i) {

@@ -20,7 +20,7 @@ typedef struct {
     const double *tangent[2]; /* (n_sector, n_point, 7, n_coef, n_coef), blocks in the order of bd_core.evaluate_points */
     const double *blade;      /* (n_harm + 1, n_sector, n_blade, n_blade) stiffness less inertia */
     const double *damping;    /* (n_harm + 1, n_blade, n_blade) times the frequency of the harmonic */
-    const double *damper;     /* (n_harm + 1, 2, n_damper) stiffness less inertia, and damping times frequency */
+    const double *damper;     /* (n_harm + 1, n_sector, 2, n_damper) stiffness less inertia, and damping times frequency */
     const double *springs;    /* (n_sector, n_damper) on the mean of dampers besides */
     const double *neighbour;  /* (n_harm + 1, n_kept, n_kept) coupling to the sector before */
 } bd_wheel_matrix;

@@ -1,51 +1,63 @@
-"""A wheel under a preload: its static state and the equations of its vibration."""
+"""A wheel under a preload: its contact points, its static state, and the equations of its vibration."""
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.contact.points import PointArrays
-from bdamper.contact.preload import PreloadState
 from bdamper.harmonic_balance.many_points import ManyPoints
+from bdamper.wheel.mistuning import DamperVariation
+from bdamper.wheel.static import static_wheel
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
 
 
-def sector_points(structure: Structure, state: PreloadState) -> PointArrays:
-    """The contact points of one sector of the tuned wheel in a static state."""
-    tuned = structure.tuned
-    _, shift = tuned.damper_load
-    shift = state.load * shift
-    if not tuned.bias:
-        shift = shift + tuned.static_basis.G.real @ state.q
+def wheel_points(structure: Structure, dampers: DamperVariation | None) -> PointArrays:
+    """Contact points of all sectors, sector by sector, with sliders at zero and no shift."""
+    tuned, N = structure.tuned, structure.n_blades
+    one = np.ones(N)
+    mu = stiffness = one
+    gap, missing = 0.0 * one, np.zeros(N, bool)
+    if dampers is not None:
+        mu, stiffness = dampers.friction_coefficient, dampers.contact_stiffness
+        gap, missing = dampers.gap, dampers.missing
+    n_points = len(structure.sector)
+    # points of the damper; others belong to blades alone
+    own = structure.rows[..., structure.n :].any(axis=(1, 2)) if structure.n_damper else np.zeros(n_points, bool)
+
+    def spread(factor: NDArray, neutral: float) -> NDArray:
+        return np.where(own, factor[:, None], neutral)
+
+    there = spread(np.where(missing, 0.0, 1.0), 1.0)
+    k = spread(stiffness, 1.0) * there
+    kn = k * tuned.point_stiffness[:, 2]
+    kt = k[..., None] * tuned.point_stiffness[:, :2] * (tuned.point_laws != LAW_NORMAL)[:, None]
     return PointArrays(
-        kt=tuned.point_stiffness[:, :2] * (tuned.point_laws != LAW_NORMAL)[:, None],
-        kn=tuned.point_stiffness[:, 2],
-        mu=tuned.friction,
-        n0=-tuned.point_stiffness[:, 2] * tuned.point_gaps,
-        slider=np.where(tuned.bonded_points[:, None], 0.0, state.slider),
-        law=tuned.point_laws,
-        shift=shift,
+        kt=kt.reshape(-1, 2),
+        kn=kn.ravel(),
+        mu=(spread(mu, 1.0) * there * tuned.friction).ravel(),
+        n0=(-kn * (tuned.point_gaps + spread(gap, 0.0))).ravel(),
+        slider=np.zeros((N * n_points, 2)),
+        law=np.tile(tuned.point_laws, N),
+        shift=np.zeros((N * n_points, 3)),
     )
 
 
 def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
     """(n_sector,) mean motion or static force of a sector from the tuned study's modes at nodal diameter 0."""
-    phi, n = structure.modes(0), structure.n
-    own = np.array(
-        [structure.tuned.model.bodies[c.body].local is None for c in structure.tuned.static_basis.coordinates], bool
-    )
+    phi = structure.modes(0)
+    coordinates, bodies = structure.tuned.static_basis.coordinates, structure.tuned.model.bodies
+    own = np.array([bodies[c.body].local is None for c in coordinates], bool)
     blade = structure.local.mass(0) @ phi if force else phi
-    assert len(blade) == n
     return np.concatenate([(blade @ modal[~own]).real, modal[own]])
 
 
 def wheel_system(
-    structure: Structure, preload: float, dampers: Any, excitation: NDArray, scale: float
+    structure: Structure, preload: float, dampers: DamperVariation | None, excitation: NDArray, scale: float
 ) -> tuple[WheelSystem, NDArray]:
     """Equations under a preload, and the mean motion (n_blades, n_sector) of the static state.
 
@@ -53,33 +65,51 @@ def wheel_system(
     ----------
     structure : Structure
     preload : float, N
+        Of a damper of the nominal mass.
     dampers : DamperVariation or None
     excitation : (n_blades, n_sector) complex, N kg^-1/2
     scale : float
         Force of the harmonics to which the residual is related.
+
+    Raises
+    ------
+    StaticError
+        If no static state was found.
     """
-    tuned, N = structure.tuned, structure.n_blades
-    state = tuned.equilibrium(preload)
-    points = sector_points(structure, state)
-    load, _ = tuned.damper_load
-    force = state.load * load + tuned.constant_force
-    whole = PointArrays(
-        **{
-            name: np.concatenate([getattr(points, name)] * N)
-            for name in ("kt", "kn", "mu", "n0", "slider", "law", "shift")
-        }
-    )
+    tuned, N, n = structure.tuned, structure.n_blades, structure.n
+    pinned = np.zeros(N, bool) if dampers is None else dampers.missing.copy()
+    points = wheel_points(structure, dampers)
+    modal, shift = tuned.damper_load
+    load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
+    constant = np.tile(local_vector(structure, tuned.constant_force, True), (N, 1))
+    factor = np.ones(N) if dampers is None else np.where(pinned, 0.0, dampers.mass)
+    load[:, n:] *= factor[:, None]
+    constant[pinned, n:] = 0.0
+    moved = preload * factor[:, None, None] * shift
+    if dampers is None:
+        state = tuned.equilibrium(preload)
+        mean = np.tile(local_vector(structure, state.q, False), (N, 1))
+        slider, pressing = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
+    else:
+        whole = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history)
+        mean, slider, pressing = whole.q, whole.slider, whole.force
+    points = replace(points, slider=np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider))
     active = np.repeat([l in tuned.active_harmonics for l in range(tuned.harmonic_numbers[-1] + 1)], 2)[1:]
-    pressed = np.einsum("pdm,pd->m", tuned.static_basis.G.real, state.force)
-    mean = max(float(np.abs(force).max()), float(np.abs(pressed).max()), scale)
     system = WheelSystem(
         structure,
-        ManyPoints(whole, tuned.harmonic_numbers[-1], tuned.evaluation),
-        whole.shift.reshape(N, -1, 3),
-        np.tile(local_vector(structure, force, True), (N, 1)),
+        ManyPoints(points, tuned.harmonic_numbers[-1], tuned.evaluation),
+        moved,
+        load + constant,
         excitation,
-        (mean or 1.0, scale or mean or 1.0),
+        (1.0, 1.0),
         active,
-        np.zeros(N, bool),
+        pinned,
     )
-    return system, np.tile(local_vector(structure, state.q, False), (N, 1))
+    pressed = system.gathered(np.pad(pressing.reshape(N, -1, 3, 1), ((0, 0), (0, 0), (0, 0), (0, len(active) - 1))))
+    largest = max(float(np.abs(load + constant).max()), float(np.abs(pressed).max()), scale) or 1.0
+    system.relate(largest, scale or largest)
+    if not tuned.bias:
+        still = np.zeros(system.shape)
+        still[:, 0] = mean
+        system.shift = moved + system.motion(still)[..., 0]
+    return system, mean

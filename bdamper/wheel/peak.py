@@ -24,7 +24,6 @@ from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.track import TOLERANCE, TWO_PI, Path, cost_of, follow, start
 
-
 FAR = 1.5
 """Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
 
@@ -77,7 +76,7 @@ def band(wheel: Any, preload: float) -> tuple[float, float, float]:
         G[..., :n] *= np.exp(2j * np.pi * d * s.sector / N)[:, None, None]
         G = G.reshape(-1, s.n_sector)
         K = scipy.linalg.block_diag(s.local.stiffness(d), np.diag(s.damper_stiffness)).astype(complex)
-        M = scipy.linalg.block_diag(s.local.mass(d), np.diag(s.damper_mass))
+        M = scipy.linalg.block_diag(s.local.mass(d), np.diag(s.damper_mass.mean(axis=0)))
         K += G.conj().T @ (springs.ravel()[:, None] * G)
         squares, phi = scipy.linalg.eigh(K, M)
         own = phi[: s.local.n_cantilever]

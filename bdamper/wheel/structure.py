@@ -49,7 +49,8 @@ class Structure:
         Of every nodal diameter from 0 to N - 1.
     damping : (n_blades, n, n) complex
         The same for the damping of the tuned wheel.
-    damper_stiffness, damper_mass, damper_damping : (n_damper,) float
+    damper_stiffness, damper_damping : (n_damper,) float
+    damper_mass : (n_blades, n_damper) float
     rows : (n_points, 3, n + n_damper) float
         Relative motion (u1, u2, v) at the points of one sector, by blade and damper coordinates.
     sector : (n_points,) int
@@ -128,7 +129,7 @@ class Structure:
             disk_mass=of_waves(local.disk_mass),
             damping=damping,
             damper_stiffness=basis.omega2[own],
-            damper_mass=basis.mass[own],
+            damper_mass=np.tile(basis.mass[own], (N, 1)),
             damper_damping=basis.damping[own],
             rows=rows,
             sector=sector,
@@ -137,6 +138,10 @@ class Structure:
     def with_mistuning(self, mistuning: Any) -> Structure:
         """The same wheel with other blades."""
         return replace(self, stiffness=_blades(self.local, self.n_blades, mistuning))
+
+    def with_damper_mass(self, factor: NDArray) -> Structure:
+        """The same wheel with dampers (n_blades,) times as heavy."""
+        return replace(self, damper_mass=self.damper_mass[:1] * factor[:, None])
 
     def location_rows(self, location: str, direction: Any, what: str) -> NDArray:
         """(n,) motion of a location on the blade along a direction, by its coordinates."""

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.many_points import PAIRS, ManyPoints, elimination
+from bdamper.harmonic_balance.many_points import PAIRS, elimination
 from bdamper.wheel.structure import Structure
 
 KEPT = 8
@@ -42,7 +42,7 @@ class WheelSystem:
     Parameters
     ----------
     structure : Structure
-    contact : ManyPoints
+    contact : ManyPoints or StaticPoints
         All points of the wheel, sector by sector.
     shift : (n_blades, n_points, 3) float, m
         Part of the relative motion that the coordinates do not carry.
@@ -61,7 +61,7 @@ class WheelSystem:
     def __init__(
         self,
         structure: Structure,
-        contact: ManyPoints,
+        contact: Any,
         shift: NDArray,
         load: NDArray,
         excitation: NDArray,
@@ -83,12 +83,16 @@ class WheelSystem:
         self.still[:, ~active] = True
         self.still[pinned, :, structure.n :] = True
         self.active, self.pinned = np.ascontiguousarray(active), np.ascontiguousarray(pinned)
-        self.row_scale = np.full(self.shape, 1.0 / force_scale[1])
-        self.row_scale[:, 0] = 1.0 / force_scale[0]
+        self.relate(*force_scale)
         self.force[self.still] = 0.0
         # points of each sector whose blade is that sector's, and the next one's
         self.groups = [np.flatnonzero(structure.sector == s) for s in (0, 1)]
         self.evaluations = self.factorisations = self.iterations = 0
+
+    def relate(self, mean: float, harmonics: float) -> None:
+        """Forces of the mean and of the harmonics to which the residual is related."""
+        self.row_scale = np.full(self.shape, 1.0 / harmonics)
+        self.row_scale[:, 0] = 1.0 / mean
 
     # ---- linear part ----
 
@@ -99,7 +103,7 @@ class WheelSystem:
         U = X[..., :n]
         K[..., :n] = U @ s.stiffness.transpose(0, 2, 1)
         M[..., :n] = U @ s.mass.T
-        K[..., n:], M[..., n:] = s.damper_stiffness * X[..., n:], s.damper_mass * X[..., n:]
+        K[..., n:], M[..., n:] = s.damper_stiffness * X[..., n:], s.damper_mass[:, None] * X[..., n:]
         wave = self._waves(U)
         root = wave[..., n - r :]
         for out, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
@@ -285,13 +289,14 @@ class Linearised:
         mass[-r:, -r:] += disk_m
         w = self.omega * np.arange(system.n_harmonics + 1)
         squares = (w**2)[:, None, None]
+        lost = np.broadcast_to(w[:, None, None] * s.damper_damping, (len(w), *s.damper_mass.shape))
         own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
         status = system.core.factor(
             own,
             following,
             stiffness - squares[..., None] * mass,
             w[:, None, None] * damping,
-            np.stack([s.damper_stiffness - w[:, None] ** 2 * s.damper_mass, w[:, None] * s.damper_damping], axis=1),
+            np.stack([s.damper_stiffness - squares * s.damper_mass, lost], axis=2),
             np.ascontiguousarray(self.springs),
             np.ascontiguousarray((near_k - squares * near_m)[:, r - k :, r - k :]),
         )

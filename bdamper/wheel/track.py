@@ -222,7 +222,7 @@ def follow(
             path.failed += 1
             step *= 0.5 if new is None or new.converged else 0.25
             inverse = None
-            if SHORT > step:
+            if step < SHORT:
                 new = _walk_on(path, max(step, SHORT), tolerance)
                 if new is not None:
                     path.add(new.X, new.omega, unit, unit_omega)

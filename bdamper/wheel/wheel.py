@@ -83,6 +83,8 @@ class Wheel:
         shared = self._structure
         if shared is None:
             shared = Structure.of(self.study, self.mistuning)
+        if self.dampers is not None:
+            shared = shared.with_damper_mass(self.dampers.mass)
         object.__setattr__(self, "_structure", shared)
 
     def with_(self, **changes: Any) -> Self:
@@ -95,6 +97,8 @@ class Wheel:
             changes["mistuning"] = mistuning
             if mistuning.n_blades == self.n_blades:
                 changes["_structure"] = self.structure.with_mistuning(mistuning)
+        if "dampers" in changes and changes["dampers"] is None:
+            changes["_structure"] = changes.get("_structure", self.structure).with_damper_mass(np.ones(self.n_blades))
         return replace(self, **changes)
 
     @property

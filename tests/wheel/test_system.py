@@ -7,6 +7,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
+from bdamper.wheel import DamperVariation
 from bdamper.wheel.krylov import gmres
 from bdamper.wheel.newton import correct
 from bdamper.wheel.wheel import Wheel
@@ -116,3 +117,34 @@ def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     assert np.abs(found.X - wave).max() < 1e-7 * np.abs(wave).max()
     rows = tuned.system(PRELOAD).response(y[:-1])
     np.testing.assert_allclose(w.response(wave)[0], rows, rtol=1e-9, atol=1e-12 * np.abs(rows).max())
+
+
+def test_the_static_state_of_dampers_that_are_alike_is_that_of_the_study():
+    w = wheel(5, 1)
+    ones = np.ones(5)
+    alike = DamperVariation(ones, ones, ones, 0.0 * ones, np.zeros(5, bool))
+    (system, mean), (other, found) = w.system(PRELOAD), w.with_(dampers=alike).system(PRELOAD)
+    assert np.abs(found - mean).max() < 1e-8 * np.abs(mean).max()
+    slip = np.abs(system.contact.points.slider - other.contact.points.slider)
+    assert slip.max() < 1e-8 * np.abs(system.contact.points.slider).max()
+
+
+def test_a_missing_damper_leaves_its_place_empty():
+    rng = np.random.default_rng(5)
+    gone = np.arange(6) == 2
+    mass, mu, stiffness, gap = rng.random((4, 6))
+    dampers = DamperVariation(1.0 + 0.2 * mass, 1.0 + 0.1 * mu, 1.0 - 0.2 * stiffness, 1e-7 * gap, gone)
+    w = wheel(6, 1).with_(dampers=dampers, mistuning=0.01 * rng.normal(size=6))
+    system, mean = w.system(PRELOAD)
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    found = correct(system, X, 2.0 * np.pi * 190.0, most=40, line_search=True)
+    assert found.converged
+    n = w.structure.n
+    F = system.forces(found.X)[0]
+    assert not found.X[2, :, n:].any() and not F[2].any()
+    assert F[[1, 3]].any(axis=(1, 2, 3)).all()
+    balance = F[..., 0].reshape(6, -1) @ w.structure.rows[..., n:].reshape(-1, 6)
+    load = system.force[:, 0, n:]
+    assert np.abs(balance - load).max() < 1e-8 * np.abs(load).max()
+    assert load[0].max() > 0.0 and load[2].max() == 0.0
