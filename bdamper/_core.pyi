@@ -35,6 +35,31 @@ class Peak(NamedTuple):
     rank: int
     shares: tuple[float, float, float]
 
+class Wheel:
+    def __init__(
+        self,
+        n_sector: int,
+        n_harm: int,
+        n_blade: int,
+        n_damper: int,
+        n_kept: int,
+        own: NDArray,
+        next: NDArray,
+        active: NDArray,
+        pinned: NDArray,
+    ) -> None: ...
+    def factor(
+        self,
+        own: NDArray,
+        next: NDArray,
+        blade: NDArray,
+        damping: NDArray,
+        damper: NDArray,
+        springs: NDArray,
+        neighbour: NDArray,
+    ) -> int: ...
+    def solve(self, r: NDArray, x: NDArray) -> None: ...
+
 class System:
     def __init__(
         self,

@@ -4,6 +4,7 @@ In: a problem whose model has a sector-local basis.  Out: curves and peaks of ev
 """
 
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.results import WheelCurve, WheelPeak
 from bdamper.wheel.sample import audit_wheels, mistuned_sample
@@ -18,6 +19,7 @@ __all__ = [
     "Mistuning",
     "Wheel",
     "WheelCurve",
+    "WheelOptimalCurve",
     "WheelPeak",
     "WheelPeakOptions",
     "audit_wheels",

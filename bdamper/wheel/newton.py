@@ -17,7 +17,7 @@ from bdamper.wheel.system import Inverse, Linearised, WheelSystem
 
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
-WORN = 25
+WORN = 12
 """Iterations of GMRES after which an approximate inverse is made anew."""
 
 
@@ -93,7 +93,7 @@ def correct(
         dX, d_omega, count = solved(at, inverse, plane, min(LOOSE, wanted))
         worn = line_search or count > WORN
         if line_search:
-            X, omega, at, size = _searched(system, X, omega, at, size, dX, d_omega, level)
+            X, omega, at, size = _searched(system, X, omega, inverse, dX, d_omega, level)
         else:
             before = size
             if longest < np.inf and np.sqrt((dX[:, 1:] ** 2).sum()) > longest:
@@ -136,17 +136,16 @@ def walked(
 
 
 def _searched(
-    system: WheelSystem, X: NDArray, omega: float, at: Linearised, size: float, dX: NDArray, d_omega: float, level: float
+    system: WheelSystem, X: NDArray, omega: float, inverse: Inverse, dX: NDArray, d_omega: float, level: float
 ) -> tuple[NDArray, float, Linearised, float]:
-    """The full step, or the best of shorter ones where it does not help."""
-    norm = float(np.linalg.norm(at.residual * system.row_scale))
+    """The full step, or the best of shorter ones where the step that would follow with the same inverse is no shorter."""
+    norm = float(np.linalg.norm(dX))
     best, factor = np.inf, 1.0
     for trial in 0.5 ** np.arange(8):
-        r = system.residual(X + trial * dX, omega + trial * d_omega, level)
-        now = float(np.linalg.norm(r * system.row_scale))
+        now = float(np.linalg.norm(inverse(system.residual(X + trial * dX, omega + trial * d_omega, level))))
         if now < best:
             best, factor = now, float(trial)
-        if now < (1.0 - 1e-3 * trial) * norm:
+        if now < (1.0 - 0.25 * trial) * norm:
             break
     X, omega = X + factor * dX, omega + factor * d_omega
     at = system.linearised(X, omega, level)

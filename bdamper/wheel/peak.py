@@ -22,8 +22,12 @@ from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, correct, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.system import WheelSystem
-from bdamper.wheel.track import TOLERANCE, TWO_PI, Path, cost_of, follow, start
+from bdamper.wheel.track import TOLERANCE, TWO_PI, Path, cost_of, follow, size_of, start
 
+PLACE = 3e-4
+"""Place of a peak along the curve, relative to the vibration: its amplitude is off by some 1e-7 then."""
+LONGEST = 2.0
+"""Newton step, relative to the vibration, beyond which the sweep follows the curve to the next frequency instead."""
 FAR = 1.5
 """Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
 
@@ -34,24 +38,25 @@ class WheelPeakOptions:
 
     Parameters
     ----------
-    step : float
-        Largest step of the sweep, relative to the vibration of the whole wheel.
+    spacing : float
+        Of the points of the sweep, relative to the width of the tuned peak at half its power.
     climbs : int
         Peaks that are climbed.
     loose : float
         Residual with which the sweep is content.
-    most : int
+    least, most : int
         Points of the sweep.
     """
 
-    step: float = 0.3
+    spacing: float = 1.0
     climbs: int = 3
     loose: float = 1e-2
-    most: int = 600
+    least: int = 30
+    most: int = 300
 
     def __post_init__(self) -> None:
-        validate.fields(self, validate.number, "step", "loose", above=0.0, most=1.0)
-        validate.fields(self, validate.whole, "climbs", "most", least=1)
+        validate.fields(self, validate.number, "spacing", "loose", above=0.0, most=10.0)
+        validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
 
 
 def band(wheel: Any, preload: float) -> tuple[float, float, float]:
@@ -129,7 +134,8 @@ def peak(
     top = wheel.tuned_peak(preload)
     low, high, width = band(wheel, preload)
     low, high = frequency or (low, high)
-    swept = _sweep(system, mean, (TWO_PI * low, TWO_PI * high), options)
+    n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
+    swept = _sweep(system, mean, TWO_PI * np.linspace(low, high, n), options.loose)
     climbs: list[tuple[float, float, float]] = []
     best: Corrected | None = None
     height, blade, why = np.nan, -1, "no solution found on the sweep"
@@ -172,24 +178,29 @@ def peak(
     )
 
 
-def _sweep(
-    system: WheelSystem, mean: NDArray, limits: tuple[float, float], options: WheelPeakOptions
-) -> list[tuple[NDArray, float]]:
-    """Loose solutions along the curve, from the lower end, and from the upper one where that does not lead through."""
+def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> list[tuple[NDArray, float]]:
+    """Loose solutions over frequency, each from the one before; frequencies without one are left out.
+
+    Newton's first step from a solution nearby is that of the linear wheel with the contacts as they are there, which is
+    what resonances between both frequencies need; extrapolation would pass over them.  Where it does not converge, the
+    curve is followed by its arclength to the next frequency.
+    """
     out: list[tuple[NDArray, float]] = []
-    for up in (True, False):
-        first = start(system, mean, limits[0 if up else 1])
-        if first is None:
-            continue
-        out.append((first.X, first.omega))
-        path = Path(system, limits)
-        path.set_off(first, up)
-        status, _ = follow(
-            path, lambda found, kind: out.append((found.X, found.omega)), up, options.most, options.step, options.loose
-        )
-        if status == "complete":
-            break
-    return sorted(out, key=lambda point: point[1])
+    for w in omega:
+        if not out:
+            found = start(system, mean, w, loose)
+        else:
+            last, at = out[-1]
+            found = correct(system, last, w, tolerance=loose, most=6, longest=LONGEST * size_of(last))
+            if not found.converged:
+                path = Path(system, (2.0 * at - w, w), order=1)
+                first = correct(system, last, at, tolerance=loose, most=6)
+                path.set_off(first, True)
+                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, loose)
+                continue
+        if found is not None and found.converged:
+            out.append((found.X, w))
+    return out
 
 
 def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[tuple[NDArray, float, int]]:
@@ -213,7 +224,7 @@ def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[
 
 
 def climb(
-    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, most: int = 25
+    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, most: int = 60
 ) -> tuple[Corrected | None, float]:
     """Maximum of one blade's amplitude along the curve near a point: secant on its slope; None if it was not found.
 
@@ -226,47 +237,47 @@ def climb(
     """
     row = np.zeros(system.shape[2])
     row[: wheel.structure.n] = wheel.response_row
-    place = correct(system, X, omega, tolerance=1e-6, most=15, line_search=True)
+    place = correct(system, X, omega, tolerance=1e-6, most=25, line_search=True)
     if not place.converged:
         return None, np.nan
-    h, slope_before, normal = 0.0, np.nan, None
+
+    def amplitude(at: Corrected) -> float:
+        return float(abs(at.X[blade, 1] @ row - 1j * (at.X[blade, 2] @ row)))
+
+    best, h, before, cap, normal = place, 0.0, np.nan, 0.5, None
     for _ in range(most):
         tangent = _tangent(place, normal)
         if tangent is None:
-            return None, np.nan
-        unit = float(np.sqrt((place.X[:, 1:] ** 2).sum()))
-        unit_omega = width
-        length = np.sqrt((tangent[0][:, 1:] ** 2).sum() / unit**2 + (tangent[1] / unit_omega) ** 2)
+            break
+        unit = size_of(place.X)
+        length = np.sqrt(size_of(tangent[0]) ** 2 / unit**2 + (tangent[1] / width) ** 2)
         tangent = tangent[0] / length, tangent[1] / length
         a, da = (Y[blade, 1] @ row - 1j * (Y[blade, 2] @ row) for Y in (place.X, tangent[0]))
         slope = float((np.conj(a) * da).real / abs(a) ** 2)
-        if h and np.isfinite(slope_before) and slope != slope_before:
-            curvature = (slope - slope_before) / h
-        else:
-            curvature = -8.0
-        h_new = float(np.clip(-slope / curvature, -0.5, 0.5)) if curvature < 0.0 else 0.4 * np.sign(slope)
-        if abs(h_new) < 1e-4 and slope_before == slope_before:
-            done = correct(
-                system, place.X + h_new * tangent[0], place.omega + h_new * tangent[1], _plane(tangent, unit, unit_omega),
-                tolerance=TOLERANCE, most=10, inverse=place.inverse,
-            )  # fmt: skip
-            if done.converged:
-                return done, float(abs(done.X[blade, 1] @ row - 1j * (done.X[blade, 2] @ row)))
-            return None, np.nan
-        normal = _plane(tangent, unit, unit_omega)
-        new = None
-        while abs(h_new) > 1e-7:
+        if slope * before < 0.0:  # the slope may jump where a contact changes its state: halved at the least
+            cap = 0.5 * abs(h)
+        curvature = (slope - before) / h if h and slope != before else -8.0
+        h = float(np.clip(-slope / curvature if curvature < 0.0 else 0.4 * np.sign(slope), -cap, cap))
+        if abs(h) < PLACE:
+            break
+        normal, new = _plane(tangent, unit, width), None
+        while abs(h) > 0.1 * PLACE:
+            guess = place.X + h * tangent[0]
+            guess[:, 0] = place.X[:, 0]
             new = correct(
-                system, place.X + h_new * tangent[0], place.omega + h_new * tangent[1], normal, tolerance=1e-6, most=6,
-                inverse=place.inverse,
+                system, guess, place.omega + h * tangent[1], normal, tolerance=1e-6, most=6, inverse=place.inverse,
+                longest=size_of(place.X),
             )  # fmt: skip
             if new.converged:
                 break
-            h_new *= 0.4
+            h *= 0.4
         if new is None or not new.converged:
-            return None, np.nan
-        h, slope_before, place = h_new, slope, new
-    return None, np.nan
+            break
+        before, place = slope, new
+        best = place if amplitude(place) > amplitude(best) else best
+    done = correct(system, best.X, best.omega, tolerance=TOLERANCE, most=25, line_search=True)
+    at_top = abs(h) < 10.0 * PLACE or cap < 10.0 * PLACE
+    return (done, amplitude(done)) if done.converged and at_top else (None, np.nan)
 
 
 def _plane(tangent: tuple[NDArray, float], unit: float, unit_omega: float) -> tuple[NDArray, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -18,6 +19,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
+from bdamper.wheel.optimal import optimal_curve
 from bdamper.wheel.peak import peak
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
@@ -176,6 +178,10 @@ class Wheel:
     def peak(self, preload: float, frequency: tuple[float, float] | None = None, **options: Any) -> Any:
         """Highest amplitude of any blade at a preload (:func:`bdamper.wheel.peak.peak`)."""
         return peak(self, preload, frequency, **options)
+
+    def optimal_curve(self, preloads: Sequence[float], **options: Any) -> Any:
+        """Highest amplitude of any blade over the preload (:func:`bdamper.wheel.optimal.optimal_curve`)."""
+        return optimal_curve(self, preloads, **options)
 
     def __str__(self) -> str:
         s = self.structure

@@ -1,0 +1,140 @@
+"""Optimal curve of a wheel: its highest blade over the preload, beside the tuned peak."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.cost import Cost
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.repr import brief
+from bdamper.util.tables import Column, Tabular
+from bdamper.wheel.peak import WheelPeakOptions, peak
+
+
+@brief
+@dataclass(frozen=True)
+class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optimal-curve"):
+    """Highest amplitude of any blade over the preload.
+
+    Parameters
+    ----------
+    preload : (n,) float, N
+    frequency, amplitude : (n,) float, Hz and m
+        NaN where no peak was found.
+    blade : (n,) int
+        -1 where no peak was found.
+    tuned_amplitude : (n,) float, m
+    status, reason : tuple of str
+        Of each preload.
+    residual : (n,) float
+    deviation : (n_blades, n_modes) float
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    preload: NDArray
+    frequency: NDArray
+    amplitude: NDArray
+    blade: NDArray
+    tuned_amplitude: NDArray
+    status: tuple[str, ...]
+    reason: tuple[str, ...]
+    residual: NDArray
+    deviation: NDArray
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.preload)
+
+    @property
+    def amplification(self) -> NDArray:
+        """(n,) float: amplitude over that of the tuned wheel at the same preload."""
+        return self.amplitude / self.tuned_amplitude
+
+    @property
+    def best(self) -> int:
+        """Number of the preload at which the highest blade is lowest, among those computed."""
+        if not np.isfinite(self.amplitude).any():
+            raise BdamperError("the optimal curve has no converged peak")
+        return int(np.nanargmin(self.amplitude))
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each preload."""
+        return {
+            "preload": Column(self.preload, "N"),
+            "frequency": Column(self.frequency, "Hz"),
+            "amplitude": Column(self.amplitude, "m"),
+            "blade": Column(self.blade),
+            "tuned_amplitude": Column(self.tuned_amplitude, "m"),
+            "status": Column(np.array(self.status)),
+            "residual": Column(self.residual),
+        }
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Where the highest blade is lowest."""
+        found = sum(status == "converged" for status in self.status)
+        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads converged")
+        if not found:
+            return (head,)
+        i = self.best
+        return (
+            head,
+            Fact("best preload computed", float(self.preload[i]), "N"),
+            Fact("highest amplitude there", float(self.amplitude[i]), "m"),
+            Fact("of blade", int(self.blade[i])),
+            Fact("amplification factor there", float(self.amplification[i])),
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(f"{fact.name}: {fact.text}" for fact in self.facts()) + f"\n  {self.cost}"
+
+
+def optimal_curve(
+    wheel: Any, preloads: Sequence[float], *, options: WheelPeakOptions | None = None
+) -> WheelOptimalCurve:
+    """Highest amplitude of any blade at each of several preloads, every one searched for anew.
+
+    Parameters
+    ----------
+    wheel : Wheel
+    preloads : sequence of float, N
+    options : WheelPeakOptions
+
+    Returns
+    -------
+    WheelOptimalCurve
+    """
+    values = validate.numbers("preloads", preloads, above=0.0, unit="N")
+    watch = time.perf_counter(), time.process_time()
+    found = [peak(wheel, float(preload), options=options) for preload in values]
+    counts = ("evaluations", "factorisations", "iterations", "failed_steps")
+    return WheelOptimalCurve(
+        preload=values,
+        frequency=np.array([p.frequency for p in found]),
+        amplitude=np.array([p.amplitude for p in found]),
+        blade=np.array([p.blade for p in found], int),
+        tuned_amplitude=np.array([p.tuned_amplitude for p in found]),
+        status=tuple(p.status for p in found),
+        reason=tuple(p.reason for p in found),
+        residual=np.array([p.residual for p in found]),
+        deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
+        cost=Cost(
+            seconds=time.perf_counter() - watch[0],
+            processor=time.process_time() - watch[1],
+            **{name: sum(getattr(p.cost, name) for p in found) for name in counts},
+        ),
+        settings=wheel.settings(),
+        model_hash=wheel.study.model.hash,
+    )

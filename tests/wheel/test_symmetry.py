@@ -1,0 +1,134 @@
+"""What a wheel must keep: turned patterns, mirrored wheels, the direction of the wave, the balance of energy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.wheel import DamperVariation, Mistuning, Wheel
+from bdamper.wheel.newton import correct
+from tests.wheel.lumped import lumped_study
+
+PRELOAD, N = 300.0, 6
+PATTERN = Mistuning(0.03 * np.random.default_rng(4).normal(size=N))
+
+
+def study(engine_order=1, harmonics=1, **options):
+    return lumped_study(N, engine_order, harmonics=harmonics, n_c=2, r=2, **options).with_(
+        excitation=bd.Excitation("tip", amplitude=100.0)
+    )
+
+
+def solved(wheel, omega=2.0 * np.pi * 190.0, tolerance=1e-12):
+    system, mean = wheel.system(PRELOAD)
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    found = correct(system, X, omega, most=60, line_search=True, tolerance=tolerance)
+    assert found.converged
+    assert 0.05 < found.at.shares[..., 1].mean() < 0.9
+    return found.X, system
+
+
+def turned_back(X, engine_order=1):
+    """The answer turned by one blade, its phase taken back."""
+    out = np.roll(X, -1, axis=0)
+    for l in range(1, X.shape[1] // 2 + 1):
+        z = (out[:, 2 * l - 1] - 1j * out[:, 2 * l]) * np.exp(-2j * np.pi * engine_order * l / N)
+        out[:, 2 * l - 1], out[:, 2 * l] = z.real, -z.imag
+    return out
+
+
+def test_a_pattern_turned_by_one_blade_turns_the_answer():
+    dampers = DamperVariation.of(N, mass=1.0 + 0.1 * np.arange(N), missing=[3])
+    base = Wheel(study(harmonics=2), mistuning=PATTERN, dampers=dampers)
+    X, _ = solved(base)
+    other, system = solved(base.with_(mistuning=PATTERN.turned(), dampers=dampers.turned()))
+    back = turned_back(other)
+    assert system.size(system.residual(np.roll(turned_forward(X), 0, axis=0), 2.0 * np.pi * 190.0)) < 1e-11
+    assert np.abs(back - X).max() < 1e-7 * np.abs(X).max()
+
+
+def turned_forward(X, engine_order=1):
+    """The answer that belongs to the pattern turned by one blade."""
+    out = np.roll(X, 1, axis=0)
+    for l in range(1, X.shape[1] // 2 + 1):
+        z = (out[:, 2 * l - 1] - 1j * out[:, 2 * l]) * np.exp(2j * np.pi * engine_order * l / N)
+        out[:, 2 * l - 1], out[:, 2 * l] = z.real, -z.imag
+    return out
+
+
+def test_the_reversed_order_differs_on_the_same_pattern():
+    forward, _ = solved(Wheel(study(1), mistuning=PATTERN))
+    backward, _ = solved(Wheel(study(N - 1), mistuning=PATTERN))
+    a, b = (np.linalg.norm(X[:, 1:], axis=(1, 2)).max() for X in (forward, backward))
+    assert abs(a / b - 1.0) > 1e-3
+
+
+def test_forces_blade_by_blade_are_those_of_the_order():
+    wheel = Wheel(study(2), mistuning=PATTERN)
+    wave = 100.0 * np.exp(2j * np.pi * 2 * np.arange(N) / N)
+    np.testing.assert_allclose(wheel.with_(forces=wave).excitation, wheel.excitation, atol=1e-12)
+
+
+@pytest.mark.parametrize("harmonics", [1, 3])
+def test_the_work_of_the_excitation_is_what_damping_and_friction_take(harmonics):
+    wheel = Wheel(study(harmonics=harmonics), mistuning=PATTERN)
+    X, system = solved(wheel)
+    omega = 2.0 * np.pi * 190.0
+    l = np.repeat(np.arange(harmonics + 1), 2)[1:, None]
+    quarter = np.zeros_like(X)  # the velocity over the frequency: cosine l s, sine -l c
+    quarter[:, 1::2], quarter[:, 2::2] = X[:, 2::2] * l[1::2], -X[:, 1::2] * l[2::2]
+    work = np.pi * float((system.force * quarter).sum())
+    _, _, C = system._parts(X)
+    viscous = np.pi * float((l * omega * C * quarter).sum())
+    friction = np.pi * float((system.forces(X)[0] * system.motion(quarter)).sum())
+    assert friction > 0.1 * work > 0.0
+    assert abs(work - viscous - friction) < 1e-10 * work
+
+
+def test_the_tuned_wheel_tracks_the_curve_of_the_study():
+    wheel = Wheel(study(harmonics=2))
+    curve = wheel.track(2000.0, (150.0, 215.0))
+    assert curve.complete, curve.reason
+    tuned = wheel.tuned()
+    whole = tuned.track(2000.0, (150.0, 215.0))
+    system = tuned.system(2000.0)
+    assert np.ptp(curve.amplitude, axis=1).max() < 1e-7 * curve.envelope.max()
+    near = np.abs(curve.frequency[:, None] - whole.frequency).argmin(axis=1)
+    for i in range(0, len(curve), 5):
+        found = system.correct_at(
+            whole.unknowns[near[i]], 2.0 * np.pi * curve.frequency[i], np.full(system.n_unknowns + 1, 1e-6), 1e-11, 30, True
+        )
+        assert found.status == 0
+        assert abs(abs(system.response(found.y[:-1])[1]) / curve.amplitude[i, 0] - 1.0) < 1e-7
+
+
+def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
+    wheel = Wheel(study(), mistuning=PATTERN)
+    top = wheel.peak(2000.0)
+    curve = wheel.track(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])), max_step=0.05)
+    assert top.converged and curve.complete
+    point, blade = curve.highest
+    assert blade == top.blade
+    assert abs(curve.amplitude[point, blade] / top.amplitude - 1.0) < 2e-3
+    assert top.amplification == top.amplitude / top.tuned_amplitude
+    best = wheel.optimal_curve([1000.0, 2000.0])
+    for result in (top, curve, best):
+        result.save(tmp_path / "r.h5")
+        again = bd.load(tmp_path / "r.h5")
+        assert str(again) == str(result)
+    assert len(best) == 2 and best.amplitude[1] == pytest.approx(top.amplitude, rel=1e-6)
+
+
+def test_bad_input_is_refused_at_once():
+    with pytest.raises(bd.SettingError, match="mistuning: expected deviations of 6 blades, found 5"):
+        Wheel(study(), mistuning=np.zeros(5))
+    with pytest.raises(bd.SettingError, match="forces: expected 6 finite complex numbers"):
+        Wheel(study(), forces=np.ones(3))
+    with pytest.raises(bd.SettingError, match="friction_axes"):
+        Wheel(study().with_(friction_axes="major"))
+    bare = study().model
+    blade = replace(bare.bodies["blade"], local=None)
+    with pytest.raises(bd.ModelError, match="local basis"):
+        Wheel(study().with_(model=replace(bare, bodies={**bare.bodies, "blade": blade})))
