@@ -54,6 +54,7 @@ def correct(
     plane: tuple[NDArray, float] | None = None,
     *,
     tolerance: float = 1e-9,
+    least: int = 0,
     most: int = 12,
     line_search: bool = False,
     level: float = 1.0,
@@ -70,7 +71,8 @@ def correct(
         Steps are at right angles to it; without it the frequency stays.
     tolerance : float
         On the residual, relative to excitation and static load.
-    most : int
+    least, most : int
+        Iterations.
     line_search : bool
         Shorten steps that do not reduce the residual.
     level : float
@@ -85,7 +87,7 @@ def correct(
     size = system.size(at.residual)
     worn = inverse is None
     for iteration in range(most + 1):
-        if size <= tolerance or iteration == most or not np.isfinite(size):
+        if (size <= tolerance and iteration >= least) or iteration == most or not np.isfinite(size):
             return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
         if worn or inverse is None:
             inverse, worn = at.inverse(), False

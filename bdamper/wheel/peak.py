@@ -196,7 +196,7 @@ def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> 
                 path = Path(system, (2.0 * at - w, w), order=1)
                 first = correct(system, last, at, tolerance=loose, most=6)
                 path.set_off(first, True)
-                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, loose)
+                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, min(loose, 1e-3))
                 continue
         if found is not None and found.converged:
             out.append((found.X, w))

@@ -213,7 +213,7 @@ def follow(
                 where = f"{bound / TWO_PI:.6g} Hz"
                 return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
         new = None if beyond else correct(
-            system, X, omega, plane, tolerance=tolerance, most=8, inverse=inverse, longest=_reach(here, step)
+            system, X, omega, plane, tolerance=tolerance, least=1, most=8, inverse=inverse, longest=_reach(here, step)
         )  # fmt: skip
         off = np.inf
         if new is not None and new.converged:

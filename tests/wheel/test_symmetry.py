@@ -104,21 +104,22 @@ def test_the_tuned_wheel_tracks_the_curve_of_the_study():
         assert abs(abs(system.response(found.y[:-1])[1]) / curve.amplitude[i, 0] - 1.0) < 1e-7
 
 
+@pytest.mark.slow
 def test_peak_and_curve_agree_and_results_come_back_from_their_files(tmp_path):
     wheel = Wheel(study(), mistuning=PATTERN)
     top = wheel.peak(2000.0)
-    curve = wheel.track(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])), max_step=0.05)
+    curve = wheel.track(2000.0, (float(top.sweep_frequency[0]), float(top.sweep_frequency[-1])), max_step=0.1)
     assert top.converged and curve.complete
     point, blade = curve.highest
     assert blade == top.blade
     assert abs(curve.amplitude[point, blade] / top.amplitude - 1.0) < 2e-3
     assert top.amplification == top.amplitude / top.tuned_amplitude
-    best = wheel.optimal_curve([1000.0, 2000.0])
+    best = wheel.optimal_curve([2000.0])
     for result in (top, curve, best):
         result.save(tmp_path / "r.h5")
         again = bd.load(tmp_path / "r.h5")
         assert str(again) == str(result)
-    assert len(best) == 2 and best.amplitude[1] == pytest.approx(top.amplitude, rel=1e-6)
+    assert len(best) == 1 and best.amplitude[0] == pytest.approx(top.amplitude, rel=1e-6)
 
 
 def test_bad_input_is_refused_at_once():
