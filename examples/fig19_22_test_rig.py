@@ -85,7 +85,7 @@ curves["bladed disk"] = wheel.optimal_curve((60.0, 1.5e5), 30, frequency=(270.0,
 for name, curve in curves.items():
     ratio, slip = at_normalised_load(curve, 100.0)
     print(
-        f"{name:14} optimum {1e3 * curve.optimum.amplitude:.4f} mm at {curve.optimum.preload:6.1f} N, shift "
+        f"{name:14} {'optimum' if curve.optimum.verified else 'least, not verified,'} {1e3 * curve.optimum.amplitude:.4f} mm at {curve.optimum.preload:6.1f} N, shift "
         f"{curve.stuck_shift_percent:.1f} %; at 100 times that load: {ratio:.2f} of the stuck amplitude, slip "
         f"{100 * slip:.1f} %"
     )
