@@ -104,17 +104,17 @@ class WheelSystem:
         K[..., :n] = U @ s.stiffness.transpose(0, 2, 1)
         M[..., :n] = U @ s.mass.T
         K[..., n:], M[..., n:] = s.damper_stiffness * X[..., n:], s.damper_mass[:, None] * X[..., n:]
-        wave = self._waves(U)
+        wave = self.waves(U)
         root = wave[..., n - r :]
         for out, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
-            self._add(out[..., n - r : n], np.fft.ifft(root @ disk.transpose(0, 2, 1), axis=0))
-        self._add(C[..., :n], 1j * np.fft.ifft(wave @ s.damping.transpose(0, 2, 1), axis=0))
+            self.add_amplitudes(out[..., n - r : n], np.fft.ifft(root @ disk.transpose(0, 2, 1), axis=0))
+        self.add_amplitudes(C[..., :n], 1j * np.fft.ifft(wave @ s.damping.transpose(0, 2, 1), axis=0))
         C[:, 1::2, n:], C[:, 2::2, n:] = s.damper_damping * X[:, 2::2, n:], -s.damper_damping * X[:, 1::2, n:]
         C[:, 0] = 0.0
         return K, M, C
 
     @staticmethod
-    def _waves(U: NDArray) -> NDArray:
+    def waves(U: NDArray) -> NDArray:
         """(n_blades, n_harmonics + 1, n) complex amplitudes of every nodal diameter."""
         amplitude = np.empty((U.shape[0], U.shape[1] // 2 + 1, U.shape[2]), complex)
         amplitude[:, 0] = U[:, 0]
@@ -122,7 +122,7 @@ class WheelSystem:
         return np.fft.fft(amplitude, axis=0)
 
     @staticmethod
-    def _add(out: NDArray, amplitude: NDArray) -> None:
+    def add_amplitudes(out: NDArray, amplitude: NDArray) -> None:
         """Adds complex amplitudes (n_blades, n_harmonics + 1, n) to coefficients."""
         out[:, 0] += amplitude[:, 0].real
         out[:, 1::2] += amplitude[:, 1:].real
@@ -267,10 +267,32 @@ class Linearised:
         system = self.system
         x = system.motion(X)
         F = np.matmul(self._dense, x.reshape(*x.shape[:2], -1, 1)).reshape(x.shape)
-        r = system.linear(X, self.omega) + system.gathered(F)
+        r = system.gathered(F)
+        self._add_linear(X, r)
         r[:, 0, system.structure.n :] += self.springs * X[:, 0, system.structure.n :]
         r[system.still] = X[system.still]
         return r
+
+    @cached_property
+    def _waves(self) -> NDArray:
+        """(n_blades, n_harmonics + 1, n, n) complex matrices of disk and damping, transposed, of every nodal diameter."""
+        s, n, r = self.system.structure, self.system.structure.n, self.system.structure.local.n_interface
+        w = self.omega * np.arange(self.system.n_harmonics + 1)[:, None, None]
+        out = 1j * w * s.damping[:, None]
+        out[..., n - r :, n - r :] += s.disk_stiffness[:, None] - w**2 * s.disk_mass[:, None]
+        return out.transpose(0, 1, 3, 2)
+
+    def _add_linear(self, X: NDArray, r: NDArray) -> None:
+        """Adds (K - (l omega)^2 M + i l omega C) x, as :meth:`WheelSystem.linear` does."""
+        system, s = self.system, self.system.structure
+        n, w = s.n, (system.order * self.omega)[:, None]
+        U, Y = X[..., :n], X[..., n:]
+        r[..., :n] += U @ s.stiffness.transpose(0, 2, 1) - w**2 * (U @ s.mass)
+        r[..., n:] += (s.damper_stiffness - w**2 * s.damper_mass[:, None]) * Y
+        r[:, 1::2, n:] += w[1::2] * s.damper_damping * Y[:, 2::2]
+        r[:, 2::2, n:] -= w[2::2] * s.damper_damping * Y[:, 1::2]
+        wave = np.matmul(system.waves(U)[:, :, None], self._waves)[:, :, 0]
+        system.add_amplitudes(r[..., :n], np.fft.ifft(wave, axis=0))
 
     def inverse(self) -> Inverse:
         """The approximate inverse of the Jacobian here; it replaces that of any other point of the system.
