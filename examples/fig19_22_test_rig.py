@@ -63,8 +63,8 @@ keep(model.plot(backend="matplotlib"), "fig20_test_rig")
 # * A prediction with more blade modes, for which the contact stiffness is computed anew, is close: holds from 10 to 20
 #   modes (less than 1 %) and does not hold beyond: with 40 the optimum is a third lower.  Agreement of two was no
 #   convergence.
-# * Converged, no steady response is expected below 2.4 kN, where the optimum with one harmonic lies: what is drawn is the
-#   branch above.
+# * Converged, no steady response is expected below 2.4 kN, where the optimum with one harmonic lies: there is no optimum
+#   load to draw that curve over.
 
 
 def at_normalised_load(curve: OptimalCurve, load: float) -> tuple[float, float]:
@@ -84,15 +84,17 @@ wheel = bd.Study(disk, bd.Excitation("tip"), engine_order=5, friction_coefficien
 curves["bladed disk"] = wheel.optimal_curve((60.0, 1.5e5), 30, frequency=(270.0, 380.0), check=False)
 for name, curve in curves.items():
     ratio, slip = at_normalised_load(curve, 100.0)
+    what = "optimum" if curve.optimum.verified else "least, not verified,"
     print(
-        f"{name:14} {'optimum' if curve.optimum.verified else 'least, not verified,'} {1e3 * curve.optimum.amplitude:.4f} mm at {curve.optimum.preload:6.1f} N, shift "
+        f"{name:14} {what} {1e3 * curve.optimum.amplitude:.4f} mm at {curve.optimum.preload:6.1f} N, shift "
         f"{curve.stuck_shift_percent:.1f} %; at 100 times that load: {ratio:.2f} of the stuck amplitude, slip "
         f"{100 * slip:.1f} %"
     )
 measured = load_measured(sys.argv[1]) if len(sys.argv) > 1 else None
 fits = {}
+shown = {name: curve for name, curve in curves.items() if curve.optimum.verified}
 for number, quantity, file in ((21, "shift", "frequency_shift"), (22, "amplitude", "normalised_optimal_curve")):
-    ax, fit = plot_over_measurement(curves, measured, quantity=quantity)
+    ax, fit = plot_over_measurement(shown, measured, quantity=quantity)
     keep(ax, f"fig{number}_{file}")
     if fit is not None:
         fits[quantity] = fit
