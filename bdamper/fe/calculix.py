@@ -74,8 +74,13 @@ def sector_input(
     n_sectors: int,
     nodal_diameter: int,
     n_modes: int,
+    omega: float = 0.0,
 ) -> str:
-    """Input file for ``n_modes`` different frequencies of one nodal diameter, each of which comes twice."""
+    """Input file for ``n_modes`` different frequencies of one nodal diameter, each of which comes twice.
+
+    With a rotor speed ``omega`` (rad/s) they are those under the stress of a static step with the centrifugal load, which
+    brings stress stiffening and spin softening, as a perturbation step does in CalculiX.
+    """
     # A degree of freedom of a clamped node must not be tied as well.
     left, right = np.setdiff1d(left, clamped), np.setdiff1d(right, clamped)
     return "\n".join(
@@ -97,7 +102,7 @@ def sector_input(
             "SLEFT, SRIGHT",
             f"*CYCLIC SYMMETRY MODEL, N={n_sectors}, NGRAPH=1, TIE=CYCLE",
             "0., 0., 0., 0., 0., 1.",
-            "*STEP",
+            *_steps(omega),
             "*FREQUENCY",
             f"{2 * n_modes},",
             f"*SELECT CYCLIC SYMMETRY MODES, NMIN={nodal_diameter}, NMAX={nodal_diameter}",
@@ -109,7 +114,19 @@ def sector_input(
     )
 
 
-def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
+def _steps(omega: float) -> list[str]:
+    """Head of the frequency step, with the static step of a rotor speed before it."""
+    if omega == 0.0:
+        return ["*STEP"]
+    return [
+        "*STEP", "*STATIC", "*DLOAD", f"BODY, CENTRIF, {omega**2:.12e}, 0., 0., 0., 0., 0., 1.", "*END STEP",
+        "*STEP, PERTURBATION",
+    ]  # fmt: skip
+
+
+def matrix_input(
+    body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None, omega: float = 0.0
+) -> str:
     """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
 
     Parameters
@@ -119,13 +136,16 @@ def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str
         Node sets, for the user of the matrices.
     clamped : str, optional
         The set that is held; its nodes have no rows in the matrices.
+    omega : float, rad/s
+        Rotor speed of the stiffness, for a whole structure: without the ties of a sector the static step before it is not
+        that of a disk.
     """
     lines = [_model(body)]
     for name, nodes in sets.items():
         lines += [f"*NSET, NSET={name}", _numbers(nodes)]
     if clamped is not None:
         lines += ["*BOUNDARY", f"{clamped}, 1, 3"]
-    return "\n".join([*lines, "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
+    return "\n".join([*lines, *_steps(omega), "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
 
 
 def run_job(text: str, folder: Path, job: str) -> str:

@@ -16,6 +16,7 @@ from bdamper.io.matrices import read_abaqus_matrix, read_arrays, read_dofs, read
 from bdamper.io.measured import Measurement, read_response
 from bdamper.io.model_file import load_model, save_model
 from bdamper.io.nastran import read_bdf, read_nastran, read_op2, read_op4
+from bdamper.io.over_speed import over_speed
 from bdamper.io.universal_file import read_measurements, read_unv
 
 __all__ = [
@@ -31,6 +32,7 @@ __all__ = [
     "Units",
     "build_model",
     "load_model",
+    "over_speed",
     "read_abaqus_matrix",
     "read_ansys",
     "read_arrays",

@@ -185,6 +185,10 @@ class FEBody:
         File or program, for messages and the report.
     notes : tuple of str
         Parts that a reader left out or changed.
+    rotor_speed : float, rad/s
+        Of the stiffness or the modes.
+    other_speeds : tuple of FEBody
+        The same body at higher rotor speeds, as :func:`bdamper.io.over_speed` puts them together.
     """
 
     numbers: NDArray
@@ -201,6 +205,8 @@ class FEBody:
     rigid: MassProperties | None = None
     source: str = "the given arrays"
     notes: tuple[str, ...] = ()
+    rotor_speed: float = 0.0
+    other_speeds: tuple[FEBody, ...] = ()
 
     def __str__(self) -> str:
         n_elements = sum(len(e) for e in self.elements)
@@ -213,4 +219,5 @@ class FEBody:
             lines.append("  node sets " + ", ".join(f"{k} ({len(v)})" for k, v in self.node_sets.items()))
         if self.face_sets:
             lines.append("  face sets " + ", ".join(f"{k} ({sum(map(len, v))})" for k, v in self.face_sets.items()))
+        lines += [f"  at {other.rotor_speed:g} rad/s: {other.source}" for other in self.other_speeds]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])

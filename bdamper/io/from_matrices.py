@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.from_modes import compare_modes
+from bdamper.io.over_speed import rotation_of
 from bdamper.io.plausible import check_rigid_motion
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
 from bdamper.model.model import Body
@@ -43,7 +44,7 @@ def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fi
     with body.refusing("matrices", POSITIVE):
         built = constrained_body(
             body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
-            wanted.damping_ratio, ring.diameters,
+            wanted.damping_ratio, ring.diameters, rotation_of(body),
         )  # fmt: skip
     for d, basis in built.bases.items():
         _check_positive(body, d, basis.omega2)

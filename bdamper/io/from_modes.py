@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.fe_body import MassProperties, Modes
+from bdamper.io.over_speed import basis_from_modes
 from bdamper.io.plausible import compare_frequencies
 from bdamper.io.prepare import PreparedBody, Ring, Wanted
 from bdamper.model.model import Body, BodyLoad, ModalBasis
@@ -135,6 +136,34 @@ def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray 
     return 0.5 * (flexibility + flexibility.conj().T)
 
 
+def _by_diameter(body: PreparedBody) -> dict[int, Modes]:
+    out: dict[int, Modes] = {}
+    for modes in body.given.modes:
+        if modes.nodal_diameter in out:
+            raise body.error("modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
+        out[modes.nodal_diameter] = modes
+    return out
+
+
+def _normalised(
+    body: PreparedBody, given: Mapping[int, Modes], d: int, ring: Ring, n_modes: int
+) -> tuple[NDArray, NDArray, str]:
+    """Lowest modes of a nodal diameter: omega2, mass-normalised shapes on all nodes, and where the modal mass is from."""
+    if d not in given:
+        raise body.error("modes", f"modes of nodal diameter {d}", f"those of {sorted(given)}")
+    modes = given[d]
+    waves = _waves(body, modes, ring)
+    mass, source = _modal_mass(body, modes, waves)
+    if not np.all(mass > 0.0):
+        raise body.error(f"modes of nodal diameter {d}", "modal masses > 0", mass)
+    frequency = np.asarray(modes.frequency, float)[waves.index]
+    if not np.all(frequency > 0.0):
+        raise body.error(f"modes of nodal diameter {d}", "frequencies > 0 of a held sector", frequency.min())
+    order = np.argsort(frequency, kind="stable")[:n_modes]
+    shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
+    return (2.0 * np.pi * frequency[order]) ** 2, shapes, source
+
+
 def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Body:
     """A sector from its modes at each nodal diameter.
 
@@ -143,34 +172,26 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
     ModelError
         If modes of a nodal diameter are missing, are no waves of it, or cannot be rescaled.
     """
-    by_diameter: dict[int, Modes] = {}
-    for modes in body.given.modes:
-        if modes.nodal_diameter in by_diameter:
-            raise body.error("modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
-        by_diameter[modes.nodal_diameter] = modes
+    faster = [PreparedBody(body.name, other, body.place) for other in body.given.other_speeds]
+    given, *of_others = [_by_diameter(own) for own in (body, *faster)]
     bases, source = {}, ""
     for d in ring.diameters:
-        if d not in by_diameter:
-            raise body.error("modes", f"modes of nodal diameter {d}", f"those of {sorted(by_diameter)}")
-        modes = by_diameter[d]
-        waves = _waves(body, modes, ring)
-        mass, source = _modal_mass(body, modes, waves)
-        if not np.all(mass > 0.0):
-            raise body.error(f"modes of nodal diameter {d}", "modal masses > 0", mass)
-        frequency = np.asarray(modes.frequency, float)[waves.index]
-        if not np.all(frequency > 0.0):
-            raise body.error(f"modes of nodal diameter {d}", "frequencies > 0 of a held sector", frequency.min())
-        order = np.argsort(frequency, kind="stable")[: wanted.n_modes]
-        shapes = fix_phase((waves.shapes / np.sqrt(mass))[:, order], sp.identity(len(waves.shapes), format="csr"), True)
+        omega2, shapes, source = _normalised(body, given, d, ring, wanted.n_modes)
         contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
         body.keep_pictures(d, shapes)
         bases[d] = ModalBasis(
-            omega2=(2.0 * np.pi * frequency[order]) ** 2,
-            damping_ratio=np.full(len(order), wanted.damping_ratio),
-            contact_modes=contact_modes.reshape(-1, 3, len(order)),
+            omega2=omega2,
+            damping_ratio=np.full(len(omega2), wanted.damping_ratio),
+            contact_modes=contact_modes.reshape(-1, 3, len(omega2)),
             locations=_location_modes(body, wanted.locations, shapes),
             flexibility=_flexibility(body, wanted.contact, d),
         )
+        if faster:
+            others = [
+                (own.given.rotor_speed, *_normalised(own, theirs, d, ring, len(omega2))[:2])
+                for own, theirs in zip(faster, of_others)
+            ]
+            bases[d] = basis_from_modes(body, d, bases[d], shapes, others)
     body.checks.append(f"{body.name}: modes rescaled to unit modal mass over one sector, modal mass from {source}")
     without = [d for d, basis in bases.items() if basis.flexibility is None]
     if without:

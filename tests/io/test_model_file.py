@@ -717,6 +717,7 @@ def shape_changed(values: np.ndarray, rng: random.Random) -> np.ndarray:
 
 
 def type_changed(values: np.ndarray, rng: random.Random) -> np.ndarray:
+    values = np.asarray(values)  # an earlier change may have left a text
     if values.dtype.kind not in "fciub":
         return values
     values = values.real if values.dtype.kind == "c" else values
