@@ -4,6 +4,8 @@
                                                     paper_disk_{9,24,48}.h5, blade_to_ground_24.h5
                                                     and test_rig_24.h5
     python tools/make_reference_model.py test_rig   writes only the files whose names start so
+    python tools/make_reference_model.py --keep bladed_disk_9
+                                                    the same, but numbers that the stored file has stay as they are
     python tools/make_reference_model.py --check    makes them again and compares with the stored ones
 
 Squared frequencies and receptances must agree to a relative 1e-6 (they differ in rounding between machines),
@@ -19,6 +21,7 @@ import functools
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -31,21 +34,34 @@ from bdamper.fe.sector import SectorFE
 from bdamper.io.model_file import load_model, save_model
 from bdamper.model.model import Model
 from bdamper.reduction import LocalSizes
+from bdamper.reduction.bodies import needed_nodal_diameters
 
 POINTS = (9, 24, 48)
-WHEEL_POINTS = 9
-"""Contact points of the model that serves wheels of unequal blades too."""
+LARGEST = 9
+"""Contact points of the model that serves wheels of unequal blades, rotor speed and stress too."""
 BONDED_DIAMETER = 5
 PAPER_GRIDS = {9: (3, 3), 24: (4, 6), 48: (4, 12)}
 """Contact points of the paper's disk along the slope and along the axis; its mesh has five rows of nodes on the slope."""
 PAPER_DAMPING = 0.0021
+SPEED_REST = ("coriolis", "checked_at", "error", "source")
+SPEED_ORDERS, SPEED_HARMONICS, TOP_SPEED = range(3, 11), 3, 600.0
+"""Engine orders of the model over rotor speed with harmonics of each, and the speed (rad/s) at which it is checked."""
 FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
 
 
 def build(fe: SectorFE, points: int) -> Model:
     """One model, with the full finite element frequencies of the bonded damper in its provenance."""
-    wheel = LocalSizes() if points == WHEEL_POINTS else None
-    model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,), wheel=wheel)
+    if points == LARGEST:
+        fe = SectorFE(fe.geometry, fe.density, fe.material, keep_factors=False)
+        rotation = fe.rotation(TOP_SPEED, (BONDED_DIAMETER,))
+        orders = {order: 7 if order == BONDED_DIAMETER else SPEED_HARMONICS for order in SPEED_ORDERS}
+        n = fe.geometry.n_blades
+        diameters = {d for order, harmonics in orders.items() for d in needed_nodal_diameters(n, order, harmonics)}
+        settings: dict[str, Any] = {"rotation": rotation, "wheel": LocalSizes(), "stress": True}
+        model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,), nodal_diameters=tuple(diameters), **settings)
+        model = shortened(model, set(needed_nodal_diameters(n, BONDED_DIAMETER, 7)))
+    else:
+        model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,))
     bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
     note = {
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
@@ -53,11 +69,71 @@ def build(fe: SectorFE, points: int) -> Model:
     return dataclasses.replace(model, provenance={**model.provenance, **note})
 
 
+def shortened(model: Model, full: set[int]) -> Model:
+    """The model with data over speed in single precision, and other nodal diameters than ``full`` too: for their size."""
+
+    def single(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value.astype(np.complex64 if value.dtype.kind == "c" else np.float32).astype(value.dtype)
+        return {key: single(part) for key, part in value.items()} if isinstance(value, dict) else value
+
+    def parts(record: Any, *names: str) -> dict[str, Any]:
+        return {name: single(getattr(record, name)) for name in names}
+
+    def short(array: np.ndarray) -> np.ndarray:
+        """Twelve bits of each number, 1e-4: of the flexibility, which changes by a percent, and of the Coriolis report."""
+        size, exponent = np.frexp(array.view(float))
+        out: np.ndarray = np.ldexp(np.round(size * 4096.0) / 4096.0, exponent).view(array.dtype)
+        return out
+
+    blade = model.bodies["blade"]
+    bases = {}
+    for d, basis in blade.bases.items():
+        rounded = parts(basis, "contact_modes", "locations", "flexibility")
+        own = parts(basis.speed, "stiffness2", "residual2", *SPEED_REST)
+        own |= {key: short(own[key]) for key in ("residual2", "coriolis")}
+        bases[d] = (basis if d in full else dataclasses.replace(basis, **rounded)).with_speed(**own)
+    return dataclasses.replace(model, bodies={**model.bodies, "blade": dataclasses.replace(blade, bases=bases)})
+
+
+def kept(new: Model, old: Model) -> Model:
+    """``new`` with the numbers of ``old`` where both have them and agree, so that a file only grows.
+
+    Raises
+    ------
+    ValueError
+        If they do not agree to a relative 1e-6, modes one by one.
+    """
+
+    def known(record: Any) -> Any:
+        places = {name: value for name, value in record.locations.items() if name in old.locations}
+        return dataclasses.replace(record, locations=places)
+
+    bodies = dict(new.bodies)
+    for name, body in old.bodies.items():
+        bases = {d: known(basis) for d, basis in new.bodies[name].bases.items()}
+        for d, basis in body.bases.items():
+            made = bases[d]
+            error = np.abs(made.contact_modes - basis.contact_modes).max() / np.abs(basis.contact_modes).max()
+            if not error < 1e-6:
+                raise ValueError(f"{name}, nodal diameter {d}: modes differ by {error:.2g}")
+            bases[d] = basis
+            if basis.speed is None and made.speed is not None:
+                rest = {key: getattr(made.speed, key) for key in ("stiffness2", "residual2", *SPEED_REST)}
+                bases[d] = basis.with_speed(**rest)
+        spin = new.bodies[name].spin
+        spin, local = body.spin or (spin and known(spin)), body.local or new.bodies[name].local
+        bodies[name] = dataclasses.replace(body, bases=bases, spin=spin, local=local)
+    return dataclasses.replace(
+        new, bodies=bodies, interfaces=old.interfaces, locations=old.locations, meshes=old.meshes
+    )
+
+
 def differences(new: Model, old: Model) -> dict[str, float]:
     """Largest relative difference of each kind of number."""
     out: dict[str, float] = {}
 
-    def note(name: str, a: np.ndarray, b: np.ndarray) -> None:
+    def note(name: str, a: Any, b: Any) -> None:
         scale = np.linalg.norm(b) or 1.0
         out[name] = float(np.linalg.norm(np.asarray(a) - b) / scale) if a.shape == b.shape else np.inf
 
@@ -70,6 +146,10 @@ def differences(new: Model, old: Model) -> dict[str, float]:
             note(f"{name}, {d}: omega2", other.omega2, basis.omega2)
             if basis.flexibility is not None and other.flexibility is not None:
                 note(f"{name}, {d}: flexibility", other.flexibility, basis.flexibility)
+            if basis.speed is not None and other.speed is not None:
+                speeds = [b.at_speed(TOP_SPEED)[0] for b in (other, basis)]
+                note(f"{name}, {d}: omega2 at {TOP_SPEED:g} rad/s", *(b.omega2 for b in speeds))
+                note(f"{name}, {d}: flexibility at {TOP_SPEED:g} rad/s", *(b.flexibility for b in speeds))
             modes = [b.contact_modes.reshape(-1, b.n_modes) for b in (other, basis)]
             note(f"{name}, {d}: modes", *(m @ m.conj().T for m in modes))
         if body.local is not None and (made := new.bodies[name].local) is not None:
@@ -86,6 +166,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("name", nargs="?", default="", help="only the files whose names start so")
     parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
+    parser.add_argument("--keep", action="store_true", help="keep the numbers of the stored files where there are any")
     parser.add_argument("--folder", type=Path, default=FOLDER, help="where the files are")
     arguments = parser.parse_args()
     start = time.perf_counter()
@@ -124,7 +205,7 @@ def main() -> int:
             print(f"{path.name}: largest relative difference {found[key]:.2e} ({key})")
         else:
             path.parent.mkdir(parents=True, exist_ok=True)
-            save_model(model, path)
+            save_model(kept(model, load_model(path)) if arguments.keep else model, path)
             print(f"{path.name}: {path.stat().st_size / 1e6:.2f} MB, {time.perf_counter() - start:.0f} s")
     return int(worst > 1e-6)
 

@@ -84,7 +84,7 @@ def locations(name: str, body: Discretisation, nodes: Mapping[str, int]) -> dict
     return {place: Location(place, name, body.nodes[node].copy()) for place, node in nodes.items()}
 
 
-def provenance(source: str, *bodies: Discretisation) -> dict[str, str]:
+def provenance(source: str, *bodies: Discretisation, over_speed: bool = False) -> dict[str, str]:
     """Origin of a model: function, programs, date and mesh."""
     elements = " + ".join(str(body.mesh.t.shape[1]) for body in bodies)
     return {
@@ -92,5 +92,5 @@ def provenance(source: str, *bodies: Discretisation) -> dict[str, str]:
         "programs": f"scikit-fem {skfem.__version__}, scipy {scipy.__version__}, numpy {np.__version__}",
         "date": datetime.date.today().isoformat(),
         "elements": f"{elements} 20-node hexahedra",
-        "rotor speed": "0 (no stress stiffening, no spin softening)",
+        "rotor speed": f"0 (stress stiffening and spin softening {'by squared speed' if over_speed else 'left out'})",
     }

@@ -29,6 +29,7 @@ from bdamper.model.model import Body, Interface, Model, SurfaceMesh, turn
 from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
+from bdamper.reduction.spin import Rotation
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
@@ -61,7 +62,7 @@ def bladed_disk(
     nodal_diameters: tuple[int, ...] | None = None,
     flexibility_at: tuple[int, ...] | None = None,
     pictures: tuple[int, ...] = (),
-    top_speed: float | None = None,
+    rotation: Rotation | None = None,
     fe: SectorFE | None = None,
     wheel: LocalSizes | None = None,
     stress: bool = False,
@@ -89,8 +90,8 @@ def bladed_disk(
         Nodal diameters whose static receptance is stored; all by default.
     pictures : tuple of int
         Nodal diameters whose mode shapes are kept on the surface of the blade.
-    top_speed : float, rad/s, optional
-        Also how modes and flexibility change with rotor speed; their frequencies are checked at this one.
+    rotation : Rotation, optional
+        How the stiffness changes with rotor speed, as :meth:`SectorFE.rotation` says, for a model over speed.
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
@@ -114,7 +115,6 @@ def bladed_disk(
     contact_blade = fe.blade_contact(left, right)
 
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
-    rotation = None if top_speed is None else fe.rotation(top_speed)
     blade = constrained_body(
         "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, at, rotation
     )
@@ -127,6 +127,6 @@ def bladed_disk(
         interfaces=_interfaces(left, right, front, back, g.end_gap),
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes=_meshes(fe, n_modes, pictures),
-        provenance=provenance("bdamper.fe.reference.bladed_disk", fe.blade, fe.damper.body),
+        provenance=provenance("bdamper.fe.reference", fe.blade, fe.damper.body, over_speed=rotation is not None),
         stress={} if not stress else blade_stress(fe, contact_blade, (left, right), diameters, n_modes),
     )

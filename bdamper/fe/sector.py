@@ -37,11 +37,15 @@ class SectorFE:
     geometry : Geometry
     density : MeshDensity
     material : Material
+    keep_factors : bool
+        Keep the factorisations of all nodal diameters, instead of that of the latest alone (half a gigabyte each on the
+        reference mesh).
     """
 
     geometry: Geometry = field(default_factory=Geometry)
     density: MeshDensity = field(default_factory=lambda: MeshDensity.preset("coarse"))
     material: Material = field(default_factory=Material)
+    keep_factors: bool = True
 
     def __post_init__(self) -> None:
         g = self.geometry
@@ -67,15 +71,28 @@ class SectorFE:
                 f"nodal diameter must be 0 to {self.geometry.n_blades // 2}, not {nodal_diameter}; "
                 "larger ones are complex conjugates of these"
             )
+        if not self.keep_factors:
+            for d, other in self._cyclic.items():
+                if d != nodal_diameter:
+                    other.forget_factors()
         if nodal_diameter not in self._cyclic:
             self._cyclic[nodal_diameter] = CyclicSector(
                 self.blade, self.left, self.right, self.clamped, self.geometry.n_blades, nodal_diameter
             )
         return self._cyclic[nodal_diameter]
 
-    def rotation(self, check_at: float | None = None) -> Rotation:
-        """How the stiffness of the sector changes with rotor speed; frequencies are checked at ``check_at`` (rad/s)."""
-        return Rotation(stiffness_per_squared_speed(self.blade, self.cyclic(0)), check_at=check_at, source="bdamper.fe")
+    def rotation(self, check_at: float | None = None, check_diameters: tuple[int, ...] | None = None) -> Rotation:
+        """How the stiffness of the sector changes with rotor speed.
+
+        Parameters
+        ----------
+        check_at : float, rad/s, optional
+            Speed at which frequencies are compared with those of the full matrices.
+        check_diameters : tuple of int, optional
+            Nodal diameters where they are; all by default.
+        """
+        per_squared_speed = stiffness_per_squared_speed(self.blade, self.cyclic(0))
+        return Rotation(per_squared_speed, 0.0, check_at, check_diameters, "bdamper.fe")
 
     def blade_part(self) -> BladePart:
         """Shank, platform and airfoil, the blade of a wheel; it meets the disk at the rim, under the shank."""

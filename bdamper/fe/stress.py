@@ -145,7 +145,7 @@ def stress_set(
         reduced = sector(d)
         omega2, shapes = reduced.modes(n_modes)
         S = rows @ shapes
-        unit = rows @ (reduced.transformation @ reduced.static_response(contact.T))
+        unit = rows @ (reduced.transformation @ reduced.contact_response(contact))
         A = unit - (S / omega2) @ (contact @ shapes).conj().T
         modes[d], residual[d] = _kept(S, precision), _kept(A, precision)
     first = sector(next((d for d in diameters if d), 0)).modes(n_modes)[1][:, 0]

@@ -189,6 +189,7 @@ class CyclicSector:
     nodal_diameter: int
     _lu: SuperLU | None = field(default=None, repr=False)
     _modes: tuple[NDArray, NDArray] | None = field(default=None, repr=False)
+    _contact: tuple[sp.spmatrix, NDArray] | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
         self.transformation = cyclic_transformation(
@@ -204,6 +205,10 @@ class CyclicSector:
         if self._lu is None:
             self._lu = factorise(self.stiffness)
         return self._lu
+
+    def forget_factors(self) -> None:
+        """Free the memory of the factorisation; it is made again when needed.  Modes stay."""
+        self._lu = None
 
     def modes(self, n_modes: int) -> tuple[NDArray, NDArray]:
         """Lowest modes.
@@ -225,8 +230,14 @@ class CyclicSector:
         reduced = reduced.toarray() if sp.issparse(reduced) else np.asarray(reduced)
         return self.solver.solve(np.ascontiguousarray(reduced.astype(self.stiffness.dtype)))
 
+    def contact_response(self, contact: sp.spmatrix) -> NDArray:
+        """Displacements (n_independent, n) by unit forces on the rows of ``contact`` (n, 3 n_nodes), kept."""
+        if self._contact is None or self._contact[0] is not contact:
+            self._contact = contact, self.static_response(contact.T)
+        return self._contact[1]
+
     def receptance(self, contact: sp.spmatrix) -> NDArray:
         """Static receptance (n, n) between the rows of ``contact`` (n, 3 n_nodes), m/N."""
         reduced = contact @ self.transformation
-        flexibility = reduced @ self.static_response(contact.T)
+        flexibility = reduced @ self.contact_response(contact)
         return 0.5 * (flexibility + flexibility.conj().T)

@@ -120,7 +120,7 @@ class Rotation:
         turning = shapes.conj().T @ (coriolis_matrix(sector.body) @ shapes)
         residual2 = None
         if contact is not None:
-            static = sector.transformation @ sector.static_response(contact.T)
+            static = sector.transformation @ sector.contact_response(contact)
             modal = contact @ shapes / omega2
             residual2 = modal @ stiffness2 @ modal.conj().T - static.conj().T @ (self.per_squared_speed @ static)
             residual2 = _hermitian(residual2)
