@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, length
@@ -183,8 +184,11 @@ def plot_crossings(
                                 textcoords="offset points", xytext=(4, 4))  # fmt: skip
         if quantity == "margin":
             ax.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
-        label = f"Resonance amplitude ({name})" if quantity == "amplitude" else "Margin of fatigue"
+        label = f"Resonance amplitude ({name})" if quantity == "amplitude" else "Margin against fatigue"
         ax.set(xlabel=SPEED, ylabel=label, yscale="log")
+        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(NullFormatter())
     return ax
 
 

@@ -60,6 +60,18 @@ def test_run_up_and_secant_agree(study, found):
     assert run.difference == pytest.approx(found.excess[i], abs=max(1e-3, 0.5 * found.excess[i]))
     assert run.speed.min() == pytest.approx(420.0) and run.speed.max() == pytest.approx(465.0)
     assert "agrees with the peak at fixed speed" in str(run)
+    assert len(run.plot().lines) == 3
+
+
+def test_pictures_of_crossings(study, found):
+    ax = found.plot()
+    assert [text.get_text() for text in ax.texts] == ["EO 5"] and ax.get_ylabel() == "Resonance amplitude (mm)"
+    with pytest.raises(bd.SettingError, match="quantity: expected crossings with a margin, found none"):
+        found.plot(quantity="margin")
+    campbell = study.campbell(SPEEDS, [5], modes=1, damped=found)
+    labels = campbell.plot().get_legend_handles_labels()[1]
+    assert labels[:2] == ["free, nodal diameter 5", "stuck"] and labels[-1].startswith("damped, ")
+    assert campbell.plot_safe(500.0).get_title() == "4775 rpm"
 
 
 @pytest.fixture(scope="module")
