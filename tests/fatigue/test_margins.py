@@ -10,6 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
+from bdamper.fatigue.cycle import _contact_axes
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import SettingError
 
@@ -130,3 +131,15 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.stress(curve, len(curve))
     with pytest.raises(SettingError, match="material"):
         study.margin(peak, 300e6)
+
+
+@pytest.mark.parametrize(
+    "settings", [{}, {"friction_axes": "major"}, {"separation": False}, {"variable_normal_load": False}]
+)
+def test_contact_forces_are_those_of_the_equations_in_the_axes_of_the_model(study, settings):
+    other = replace(study, **settings)
+    system = other.system(200.0)
+    force = np.random.default_rng(1).standard_normal((system.n_points, 3))
+    in_equations = np.einsum("pdm,pd->m", system.bases[1].G.conj(), force)
+    there = np.einsum("pdk,pd->k", _contact_axes(other, 200.0), force).reshape(-1, 3)
+    np.testing.assert_allclose(np.einsum("pdm,pd->m", other.bases[1].G.conj(), there), in_equations, rtol=1e-9)
