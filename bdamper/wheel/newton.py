@@ -60,6 +60,7 @@ def correct(
     level: float = 1.0,
     inverse: Inverse | None = None,
     longest: float = np.inf,
+    content: float = 0.0,
 ) -> Corrected:
     """Newton at a fixed frequency, or in a plane of unknowns and frequency.
 
@@ -80,7 +81,9 @@ def correct(
     inverse : Inverse, optional
         An approximate inverse from nearby, used while it serves.
     longest : float
-        A step longer than this, relative to the unknowns of the vibration, ends the iteration.
+        A step of the vibration longer than this ends the iteration, not converged.
+    content : float
+        A step shorter than this, relative to the vibration, ends it as converged if the residual is below 1.
     """
     end_if_asked()
     at = system.linearised(X, omega, level)
@@ -103,6 +106,8 @@ def correct(
             X, omega = X + dX, omega + d_omega
             at = system.linearised(X, omega, level)
             size = system.size(at.residual)
+            if size < 1.0 and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
+                return Corrected(True, X, omega, iteration + 1, size, at, inverse)
             if size > 1e3 * before and iteration > 1:
                 return Corrected(False, X, omega, iteration + 1, size, at, inverse)
     raise AssertionError

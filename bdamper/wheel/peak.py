@@ -43,14 +43,14 @@ class WheelPeakOptions:
     climbs : int
         Peaks that are climbed.
     loose : float
-        Residual with which the sweep is content.
+        Length of a Newton step, relative to the vibration, with which the sweep is content.
     least, most : int
         Points of the sweep.
     """
 
     spacing: float = 1.0
     climbs: int = 3
-    loose: float = 1e-2
+    loose: float = 0.05
     least: int = 30
     most: int = 300
 
@@ -188,15 +188,20 @@ def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> 
     out: list[tuple[NDArray, float]] = []
     for w in omega:
         if not out:
-            found = start(system, mean, w, loose)
+            found = start(system, mean, w, 1e-6)
         else:
             last, at = out[-1]
-            found = correct(system, last, w, tolerance=loose, most=6, longest=LONGEST * size_of(last))
+            found = correct(system, last, w, tolerance=1e-6, most=6, longest=LONGEST * size_of(last), content=loose)
             if not found.converged:
                 path = Path(system, (2.0 * at - w, w), order=1)
-                first = correct(system, last, at, tolerance=loose, most=6)
+                first = correct(system, last, at, tolerance=1e-6, most=10)
+                if not first.converged:
+                    first = correct(system, last, at, tolerance=1e-6, most=25, line_search=True)
+                if not first.converged:
+                    out.pop()
+                    continue
                 path.set_off(first, True)
-                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, min(loose, 1e-3))
+                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, 1e-3)
                 continue
         if found is not None and found.converged:
             out.append((found.X, w))

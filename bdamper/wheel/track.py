@@ -24,6 +24,8 @@ from bdamper.wheel.system import WheelSystem
 TWO_PI = 2.0 * np.pi
 TOLERANCE = 1e-9
 """On the residual, relative to excitation and static load."""
+BELOW = (0.85, 0.7)
+"""Lower frequencies, relative to the one asked for, from which a start is looked for."""
 FIRST, LEAST = 0.05, 1e-6
 """First and least step, relative to the vibration."""
 SHORT = 5e-3
@@ -31,13 +33,23 @@ SHORT = 5e-3
 
 
 def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = TOLERANCE) -> Corrected | None:
-    """A solution at one frequency: from the static state, or by raising the excitation; None if neither leads to one."""
+    """A solution at one frequency, or None: from the static state; from there at a lower frequency, along the curve; by
+    raising the excitation."""
     X = np.zeros(system.shape)
     X[:, 0] = mean
     X[system.still] = 0.0
     found = correct(system, X, omega, tolerance=tolerance, most=40, line_search=True)
     if found.converged:
         return found
+    for share in BELOW:
+        low = correct(system, X, share * omega, tolerance=tolerance, most=40, line_search=True)
+        if low.converged:
+            path, ends = Path(system, (share * omega, omega)), [low]
+            path.set_off(low, True)
+            follow(path, lambda new, kind: ends.append(new), True, 200, 0.2, tolerance)
+            if ends[-1].omega == omega:
+                return ends[-1]
+            break
     level, step, far = 0.0, 0.1, X
     while level < 1.0 and step > 1e-3:
         now = min(1.0, level + step)
@@ -249,7 +261,7 @@ def _walk_on(path: Path, step: float, tolerance: float) -> Corrected | None:
     for ahead in (step, 4.0 * step):
         X, omega, _ = path.predicted(ahead, unit, unit_omega)
         if path.limits[0] < omega < path.limits[1]:
-            new = walked(path.system, X, omega, tolerance=tolerance)
+            new = walked(path.system, X, omega, tolerance=tolerance, most=25)
             if new.converged and path.distance((new.X, new.omega), here, unit, unit_omega) < 3.0 * ahead:
                 return new
     return None
