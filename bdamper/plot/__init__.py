@@ -42,6 +42,7 @@ from bdamper.plot.wheel import (
     plot_wheel,
     plot_wheel_curve,
     plot_wheel_map,
+    plot_wheel_optimal,
     plot_wheel_peak,
 )
 
@@ -95,6 +96,7 @@ __all__ = [
     "plot_wheel",
     "plot_wheel_curve",
     "plot_wheel_map",
+    "plot_wheel_optimal",
     "plot_wheel_peak",
     "save_figure",
 ]

@@ -18,6 +18,7 @@ from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
 from bdamper.wheel.mistuning import Mistuning
+from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
 from bdamper.wheel.sample_result import MistunedSample
 from bdamper.wheel.statistics import empirical
@@ -311,6 +312,38 @@ def plot_sample_preload(
         tuned = sample.tuned_amplitude[order]
         ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
         ax.plot(x[np.argmin(tuned)], tuned.min(), "*", color="k", markersize=9.0)
+        ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Resonance amplitude (m)")
+        few_ticks(ax)
+    return ax
+
+
+@draws(WheelOptimalCurve)
+def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Highest amplitude of any blade over the preload, beside the tuned wheel; stars mark the least computed of each.
+
+    Parameters
+    ----------
+    curve : WheelOptimalCurve
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Preloads without a peak are crosses at the lower edge.
+    """
+    order = np.argsort(curve.preload)
+    x, best = curve.preload[order], curve.best
+    lost = ~np.isfinite(curve.amplitude[order])
+    with drawing(ax, title=title, legend=7.0) as ax:
+        ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")
+        ax.plot(x, curve.tuned_amplitude[order], color="0.4", linestyle=DASHED, label="tuned")
+        ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
+        tuned = int(np.nanargmin(curve.tuned_amplitude))
+        ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
+        if lost.any():
+            place = ax.get_xaxis_transform()
+            ax.plot(x[lost], np.full(lost.sum(), 0.03), "x", color="0.4", transform=place, label="no peak")
         ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Resonance amplitude (m)")
         few_ticks(ax)
     return ax

@@ -25,6 +25,8 @@ from bdamper.wheel.peak import WheelPeakOptions, peak
 class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optimal-curve"):
     """Highest amplitude of any blade over the preload.
 
+    ``plot`` draws it beside the tuned wheel (:func:`bdamper.plot.plot_wheel_optimal`).
+
     Parameters
     ----------
     preload : (n,) float, N

@@ -14,7 +14,10 @@ PICTURES = {
     "Margins": ("plot", "plot_critical"),
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
+    "MistunedSample": ("plot", "plot_tail", "plot_preload"),
     "SettledResponse": ("plot", "mark"),
+    "WheelCurve": ("plot", "plot_map"),
+    "WheelPeak": ("plot", "plot_wheel"),
 }
 """Types with more pictures than ``plot``."""
 
