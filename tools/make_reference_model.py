@@ -43,6 +43,7 @@ BONDED_DIAMETER = 5
 PAPER_GRIDS = {9: (3, 3), 24: (4, 6), 48: (4, 12)}
 """Contact points of the paper's disk along the slope and along the axis; its mesh has five rows of nodes on the slope."""
 PAPER_DAMPING = 0.0021
+ROWS = ("modes", "contact")
 SPEED_REST = ("coriolis", "checked_at", "error", "source")
 SPEED_ORDERS, SPEED_HARMONICS, TOP_SPEED = range(3, 11), 3, 600.0
 """Engine orders of the model over rotor speed with harmonics of each, and the speed (rad/s) at which it is checked."""
@@ -124,9 +125,13 @@ def kept(new: Model, old: Model) -> Model:
         spin = new.bodies[name].spin
         spin, local = body.spin or (spin and known(spin)), body.local or new.bodies[name].local
         bodies[name] = dataclasses.replace(body, bases=bases, spin=spin, local=local)
-    return dataclasses.replace(
-        new, bodies=bodies, interfaces=old.interfaces, locations=old.locations, meshes=old.meshes
-    )
+    stress = dict(new.stress)
+    for name, rows in old.stress.items():
+        if name in stress:
+            more = {key: dict(sorted({**getattr(stress[name], key), **getattr(rows, key)}.items())) for key in ROWS}
+            stress[name] = dataclasses.replace(rows, **more)
+    parts = {"interfaces": old.interfaces, "locations": old.locations, "meshes": old.meshes}
+    return dataclasses.replace(new, bodies=bodies, stress={**old.stress, **stress}, **parts)
 
 
 def differences(new: Model, old: Model) -> dict[str, float]:

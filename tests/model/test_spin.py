@@ -130,3 +130,19 @@ def test_size_of_the_coriolis_forces():
     shift, mixing = speed.coriolis_size(0.5, np.array([4.0, 9.0]))
     np.testing.assert_allclose(shift, [0.5 * 0.02 / 2.0, 0.0])
     np.testing.assert_allclose(mixing, [0.05, 0.05])
+
+
+def test_the_shipped_disk_over_rotor_speed():
+    model = bd.reference_model("bladed_disk", 9)
+    blade = model.bodies["blade"]
+    assert {0, *range(3, 11)} <= {d for d, basis in blade.bases.items() if basis.speed is not None}
+    assert at(model).speed.checked_at == 600.0 and at(model).speed.error < 1e-5
+    faster = model.at_speed(600.0)
+    check_model(faster)
+    for d in (0, 5, 8):
+        low, high = (np.sqrt(at(m, d).omega2[0]) / (2.0 * np.pi) for m in (model, faster))
+        assert low == pytest.approx(283.0, rel=2e-3) and high == pytest.approx(334.2, rel=2e-3)
+        assert at(model, d).speed.stiffness2[0, 0].real == pytest.approx(3.495, rel=5e-3)
+    shift, mixing = at(faster).speed.coriolis_size(600.0, at(faster).omega2)
+    assert 1e-4 < shift[:10].max() < 1e-3 and mixing[:10].max() < 0.06  # small enough to be left out
+    assert 50e-6 < np.abs(blade.spin.contact[:, 2]).max() * 600.0**2 < 100e-6
