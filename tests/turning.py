@@ -37,5 +37,5 @@ def turning_body(body: Body, diameters: tuple[int, ...], spin: bool) -> Body:
 def turning_disk(diameters: tuple[int, ...] = (0, 5, 10, 15), *, spin: bool = False, model: Model | None = None) -> Model:
     """The shipped disk with nine contact points; ``spin`` displaces its faces by rotation, some um at 400 rad/s."""
     model = model or bd.reference_model("bladed_disk", 9)
-    bodies = {**model.bodies, "blade": turning_body(model.bodies["blade"], diameters, spin)}
-    return replace(model, bodies=bodies, stress={})
+    blade = replace(turning_body(model.bodies["blade"], diameters, spin), local=None)
+    return replace(model, bodies={**model.bodies, "blade": blade}, stress={})

@@ -199,6 +199,11 @@ class Settings:
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
         if self.speed is not None:
             validate.fields(self, validate.number, "speed", above=0.0, unit="rad/s")
+            own = self.model.provenance.get("rotor speed", "none")
+            if own != f"{self.speed:.9g} rad/s":
+                raise SettingError(
+                    f"speed: expected a model at {self.speed:.9g} rad/s, as study.at_speed makes it, found one at {own}"
+                )
         self._check_held()
 
     @property

@@ -17,6 +17,7 @@ import numpy as np
 
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
+from bdamper.problem.at_speed import at_speed
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -108,7 +109,9 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
 
 
 def _varied(problem: P, settings: Mapping[str, Any]) -> P:
-    plain = {name: value for name, value in settings.items() if "." not in name and name not in FACTORS}
+    if settings.get("speed") is not None:
+        problem = at_speed(problem, settings["speed"])
+    plain = {name: value for name, value in settings.items() if "." not in name and name not in (*FACTORS, "speed")}
     if plain:
         problem = problem.with_(**plain)
     for part in ("excitation", "response"):

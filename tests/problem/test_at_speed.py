@@ -102,5 +102,14 @@ def test_speeds_and_bodies_that_do_not_fit(study):
             study.at_speed(omega)
     bodies = {name: replace(body, load=None) for name, body in study.model.bodies.items()}
     with pytest.raises(bd.SettingError, match="expected a free body off the axis that carries a load"):
-        plain_study(replace(study.model, bodies=bodies), bd.Excitation("tip"), 5, speed=SPEED).static(0.0)
+        plain_study(replace(study.model, bodies=bodies), bd.Excitation("tip"), 5).at_speed(SPEED).static(0.0)
+    with pytest.raises(bd.SettingError, match=r"speed: expected a model at 400 rad/s, as study\.at_speed"):
+        study.with_(speed=SPEED)
     assert preload_at(study, SPEED) > 0.0
+
+
+def test_a_speed_is_varied_with_its_model(study):
+    """As sweeps do; the factor on the mass comes with its own preload."""
+    found, at = vary(study, {"speed": SPEED, "damper_mass_factor": 2.0}), study.at_speed(SPEED)
+    assert found.model.bodies["blade"].bases[5].omega2[0] == at.model.bodies["blade"].bases[5].omega2[0]
+    assert found.preload == pytest.approx(2.0 * at.preload)
