@@ -4,8 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.linalg
 
 import bdamper as bd
+from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.model.coupling import HarmonicBasis
 from bdamper.wheel import DamperVariation, Mistuning, Wheel
 from bdamper.wheel.newton import correct
 from tests.wheel.lumped import lumped_study
@@ -133,3 +136,48 @@ def test_bad_input_is_refused_at_once():
     blade = replace(bare.bodies["blade"], local=None)
     with pytest.raises(bd.ModelError, match="local basis"):
         Wheel(study().with_(model=replace(bare, bodies={**bare.bodies, "blade": blade})))
+
+
+def test_the_whole_annulus_as_one_system_has_the_same_solution():
+    """All sectors in one real modal basis of the mistuned annulus, by the equations of a study of one sector."""
+    wheel = Wheel(study(harmonics=3, zeta=0.0), mistuning=PATTERN)
+    X, system = solved(wheel, tolerance=1e-11)
+    s, omega = wheel.structure, 2.0 * np.pi * 190.0
+    n, ns, nd, r = s.n, s.n_sector, s.n_damper, s.local.n_interface
+    turn = np.exp(2j * np.pi * np.outer(np.arange(N), np.arange(N)) / N) / N
+    K, M = np.zeros((2, N, n, N, n))
+    for k in range(N):
+        for j in range(N):
+            for whole, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
+                kernel = np.einsum("d,dij->ij", turn[(k - j) % N], disk)
+                assert np.abs(kernel.imag).max() < 1e-9 * np.abs(disk).max()
+                whole[k, n - r :, j, n - r :] += kernel.real
+        K[k, :, k] += s.stiffness[k]
+        M[k, :, k] += s.mass
+    omega2, V = scipy.linalg.eigh(K.reshape(N * n, -1), M.reshape(N * n, -1))
+    G = np.zeros((N, len(s.sector), 3, N * ns))
+    for k in range(N):
+        for p, shift in enumerate(s.sector):
+            j = (k + shift) % N
+            G[k, p, :, : N * n] += s.rows[p, :, :n] @ V[j * n : (j + 1) * n]
+            G[k, p, :, N * n + k * nd : N * n + (k + 1) * nd] = s.rows[p, :, n:]
+    stiffness = np.concatenate([omega2, np.tile(s.damper_stiffness, N)])
+    zero = np.zeros(N * ns)
+    basis = HarmonicBasis((), stiffness, zero, G.reshape(-1, 3, N * ns).astype(complex), 0, np.ones(N * ns))
+
+    def modal(force):
+        return np.concatenate([V.T @ force[:, :n].ravel(), force[:, n:].ravel()])
+
+    def coordinates(x):
+        return np.concatenate([V.T @ M.reshape(N * n, -1) @ x[:, :n].ravel(), x[:, n:].ravel()])
+
+    points = replace(system.contact.points, shift=system.shift.reshape(-1, 3))
+    force = np.concatenate([modal(system.force[:, c]) for c in range(7)])
+    whole = HarmonicSystem([basis] * 4, points, force, [np.zeros(N * ns)] * 4, "exact")
+    u = np.concatenate([coordinates(X[:, c]) for c in range(7)])
+    residual = whole.evaluate(u, omega)[0]
+    assert np.abs(residual).max() < 1e-9 * np.abs(force).max()
+    scale = np.full(len(u) + 1, np.abs(u).max())
+    found = whole.correct_at(u * (1.0 + 1e-4), omega, scale, 1e-11, 30, True)
+    assert found.status == 0
+    assert np.abs(found.y[:-1] - u).max() < 1e-7 * np.abs(u).max()
