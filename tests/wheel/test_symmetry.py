@@ -181,3 +181,14 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
     found = whole.correct_at(u * (1.0 + 1e-4), omega, scale, 1e-11, 30, True)
     assert found.status == 0
     assert np.abs(found.y[:-1] - u).max() < 1e-7 * np.abs(u).max()
+
+
+def test_a_curve_passes_where_dampers_come_free_along_the_axis():
+    """At 397.9 Hz the mean axial force of the fully slipping dampers vanishes, and they move on; only vibration counts."""
+    base = lumped_study(4, 1, harmonics=1, n_c=2, r=2).with_(excitation=bd.Excitation("tip", amplitude=40.0))
+    wheel = Wheel(base)
+    curve = wheel.track(PRELOAD, (390.0, 405.0))
+    assert curve.complete, curve.reason
+    tuned = wheel.tuned().track(PRELOAD, (390.0, 405.0))
+    assert any("drifts" in note for note in tuned.notes)
+    assert curve.amplitude[-1].max() == pytest.approx(tuned.amplitude[-1], rel=1e-6)
