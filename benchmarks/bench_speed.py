@@ -30,7 +30,7 @@ def over_speed(points: int) -> Model:
         return shipped
     from bdamper.fe.reference import bladed_disk
 
-    return bladed_disk(points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), top_speed=SPEEDS[-1])
+    return bladed_disk(points, "coarse", n_modes=20, nodal_diameters=tuple(sorted(diameters)), rotation=SPEEDS[-1])
 
 
 def table(points: int, masses: tuple[float, ...] = MASSES) -> None:

@@ -33,7 +33,7 @@ def study(harmonics: int = 3) -> bd.Study:
     """The reference disk over speed with stress at the root and the platform of its blade, 20 N at the tip."""
     waves = {order * l % BLADES for order in ORDERS for l in range(1, harmonics + 1)}
     diameters = tuple(sorted(min(d, BLADES - d) for d in waves))
-    model = bladed_disk(9, "coarse", n_modes=20, nodal_diameters=diameters, top_speed=SPEEDS[1], stress=True)
+    model = bladed_disk(9, "coarse", n_modes=20, nodal_diameters=diameters, rotation=SPEEDS[1], stress=True)
     return bd.Study(model, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=harmonics)
 
 

@@ -62,7 +62,7 @@ def bladed_disk(
     nodal_diameters: tuple[int, ...] | None = None,
     flexibility_at: tuple[int, ...] | None = None,
     pictures: tuple[int, ...] = (),
-    rotation: Rotation | None = None,
+    rotation: Rotation | float | None = None,
     fe: SectorFE | None = None,
     wheel: LocalSizes | None = None,
     stress: bool = False,
@@ -90,8 +90,8 @@ def bladed_disk(
         Nodal diameters whose static receptance is stored; all by default.
     pictures : tuple of int
         Nodal diameters whose mode shapes are kept on the surface of the blade.
-    rotation : Rotation, optional
-        How the stiffness changes with rotor speed, as :meth:`SectorFE.rotation` says, for a model over speed.
+    rotation : Rotation or float, optional
+        For a model over rotor speed: what :meth:`SectorFE.rotation` says, or the speed (rad/s) at which it is checked.
     fe : SectorFE, optional
         Finite element objects to use again; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
@@ -115,6 +115,7 @@ def bladed_disk(
     contact_blade = fe.blade_contact(left, right)
 
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
+    rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     blade = constrained_body(
         "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, at, rotation
     )
