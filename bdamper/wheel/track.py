@@ -44,13 +44,21 @@ def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = T
     for share in BELOW:
         low = correct(system, X, share * omega, tolerance=tolerance, most=40, line_search=True)
         if low.converged:
-            path, ends = Path(system, (share * omega, omega)), [low]
-            path.set_off(low, True)
-            follow(path, lambda new, kind: ends.append(new), True, 200, 0.2, tolerance)
-            if ends[-1].omega == omega:
-                return ends[-1]
-            break
-    level, step, far = 0.0, 0.1, X
+            return _led_up(system, low, omega, tolerance) or _raised(system, X, omega, tolerance)
+    return _raised(system, X, omega, tolerance)
+
+
+def _led_up(system: WheelSystem, low: Corrected, omega: float, tolerance: float) -> Corrected | None:
+    """The solution at a frequency to which the curve leads from a lower one."""
+    path, ends = Path(system, (low.omega, omega)), [low]
+    path.set_off(low, True)
+    follow(path, lambda new, kind: ends.append(new), True, 200, 0.2, tolerance)
+    return ends[-1] if ends[-1].omega == omega else None
+
+
+def _raised(system: WheelSystem, X: NDArray, omega: float, tolerance: float) -> Corrected | None:
+    """The solution at a frequency to which raising the excitation leads from the static state."""
+    level, step, far, found = 0.0, 0.1, X, None
     while level < 1.0 and step > 1e-3:
         now = min(1.0, level + step)
         new = correct(system, far, omega, tolerance=tolerance, most=20, line_search=True, level=now)

@@ -185,7 +185,7 @@ def test_the_whole_annulus_as_one_system_has_the_same_solution():
 
 def test_a_curve_passes_where_dampers_come_free_along_the_axis():
     """At 397.9 Hz the mean axial force of the fully slipping dampers vanishes, and they move on; only vibration counts."""
-    base = lumped_study(4, 1, harmonics=1, n_c=2, r=2).with_(excitation=bd.Excitation("tip", amplitude=40.0))
+    base = lumped_study(8, 1, harmonics=1, n_c=2, r=2).with_(excitation=bd.Excitation("tip", amplitude=40.0))
     wheel = Wheel(base)
     curve = wheel.track(PRELOAD, (390.0, 405.0))
     assert curve.complete, curve.reason
