@@ -21,6 +21,7 @@ def with_stress(model, n=3, seed=0, static=True):
     blade = model.bodies["blade"]
 
     def rows(d, columns):
+        rng = np.random.default_rng([seed, d, columns])
         real = rng.standard_normal((n, 6, columns))
         return real if d == 0 else real + 1j * rng.standard_normal((n, 6, columns))
 

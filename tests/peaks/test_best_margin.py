@@ -10,6 +10,7 @@ import pytest
 import bdamper as bd
 from bdamper.fatigue import AISI_1050
 from bdamper.fatigue.margin import LeastMargin
+from bdamper.peaks import best_margin
 from bdamper.util.errors import SettingError
 from tests.fatigue.test_margins import with_stress
 
@@ -38,13 +39,16 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
 
 
-def test_the_whole_tracking_curve_is_asked(study, curve):
-    """These rows, of random size for high modes too, have a place where another frequency leaves less margin."""
-    best = study.best_margin(curve, AISI_1050)
-    along = study.margin(study.track(best.best_value, tuple(curve.settings["frequency"])), AISI_1050)
-    assert along.margin[along.least] < 0.98 * best.best_margin
-    where = f"{along.margin[along.least]:.4g} at {along.frequency[along.least]:.6g} Hz"
-    assert "not verified" in best.best_status and best.best_status.endswith(where)
+def test_the_whole_tracking_curve_is_asked(study, curve, monkeypatch):
+    """Whether its least margin counts as that of the peak is a matter of the tolerance."""
+    agrees = study.best_margin(curve, AISI_1050)
+    along = study.margin(study.track(agrees.best_value, tuple(curve.settings["frequency"])), AISI_1050)
+    least, share = float(along.margin[along.least]), 1.0 - along.margin[along.least] / agrees.best_margin
+    monkeypatch.setattr(best_margin, "AGREES", share + 1e-6)
+    assert study.best_margin(curve, AISI_1050).best_status.endswith(", verified")
+    monkeypatch.setattr(best_margin, "AGREES", share - 1e-6)
+    where = f"not verified: on the tracking curve there the margin is {least:.4g} at {along.frequency[along.least]:.6g} Hz"
+    assert study.best_margin(curve, AISI_1050).best_status.endswith(where)
 
 
 def test_a_margin_needs_a_material_and_stress(study):
