@@ -38,7 +38,7 @@ static int invert(bd_wheel *w, double *A, int n) {
 
 /* ---- storage ---- */
 
-static double *numbers(size_t n) { return malloc(sizeof(double) * (n + 1)); }
+static double *numbers_create(size_t n) { return malloc(sizeof(double) * (n + 1)); }
 
 void bd_wheel_destroy(bd_wheel *w) {
     if (!w) return;
@@ -70,17 +70,20 @@ bd_status bd_wheel_create(bd_wheel *w, const bd_wheel_input *in, const bd_lapack
     for (int g = 0; g < 2; ++g) {
         const size_t n = 3 * (size_t)in->n_point[g] * (size_t)w->size;
         w->n_point[g] = in->n_point[g];
-        ok &= (w->rows[g] = numbers(n)) != NULL;
+        ok &= (w->rows[g] = numbers_create(n)) != NULL;
         if (w->rows[g] && n) memcpy(w->rows[g], in->rows[g], sizeof(double) * n);
     }
     ok &= (w->active = malloc((size_t)nc)) && (w->pinned = malloc(N));
     if (ok) memcpy(w->active, in->active, (size_t)nc), memcpy(w->pinned, in->pinned, N);
-    ok = ok && (w->inverse = numbers(N * e * e)) && (w->back = numbers(N * e * q)) && (w->couple = numbers(N * q * e)) &&
-         (w->lower = numbers(N * s * s)) && (w->last = numbers(N * s * s)) && (w->onward = numbers(N * s * s)) &&
-         (w->fill = numbers(N * s * s)) && (w->diagonal = numbers(N * s * s)) && (w->upper = numbers(N * s * s)) &&
-         (w->left = numbers(whole * whole)) && (w->right = numbers(whole * whole)) && (w->columns = numbers(e * q)) &&
-         (w->Z = numbers(3 * (size_t)points * (size_t)(nc * w->size))) && (w->seen = numbers(q * q + N * (e + 2 * q))) &&
-         (w->work = numbers(64 * most + 2 * whole)) && (w->pivot = malloc(sizeof(int) * (most + 1)));
+    ok = ok && (w->inverse = numbers_create(N * e * e)) && (w->back = numbers_create(N * e * q)) &&
+         (w->couple = numbers_create(N * q * e)) && (w->lower = numbers_create(N * s * s)) &&
+         (w->last = numbers_create(N * s * s)) && (w->onward = numbers_create(N * s * s)) &&
+         (w->fill = numbers_create(N * s * s)) && (w->diagonal = numbers_create(N * s * s)) &&
+         (w->upper = numbers_create(N * s * s)) && (w->left = numbers_create(whole * whole)) &&
+         (w->right = numbers_create(whole * whole)) && (w->columns = numbers_create(e * q)) &&
+         (w->Z = numbers_create(3 * (size_t)points * (size_t)(nc * w->size))) &&
+         (w->seen = numbers_create(q * q + N * (e + 2 * q))) && (w->work = numbers_create(64 * most + 2 * whole)) &&
+         (w->pivot = malloc(sizeof(int) * (most + 1)));
     if (ok) return BD_OK;
     bd_wheel_destroy(w);
     return BD_NO_MEMORY;
