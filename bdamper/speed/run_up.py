@@ -328,7 +328,7 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
         **shares}
 
     def __str__(self) -> str:
-        agrees = "agrees with" if self.agrees else "does not agree with"
+        agrees = "agrees with" if self.agrees else "differs by more than estimated from"
         return (
             f"run-up along engine order {self.engine_order}: {self.status}, {len(self)} points\n"
             f"  highest {self.peak_amplitude:.6g} m at {self.peak_speed:.6g} rad/s ({self.peak_speed * RPM:.0f} rpm)\n"
