@@ -11,6 +11,7 @@ from bdamper.util.plotting import Plottable
 
 PAGE = Path(__file__).resolve().parents[2] / "notebooks" / "result_pictures.ipynb"
 PICTURES = {
+    "Campbell": ("plot", "plot_safe"),
     "Margins": ("plot", "plot_critical"),
     "Hysteresis": ("plot", "plot_history", "plot_energy"),
     "Model": ("plot", "plot_mode"),
