@@ -125,7 +125,7 @@ def optimal_curve(
     return WheelOptimalCurve(
         preload=values,
         frequency=np.array([p.frequency for p in found]),
-        amplitude=np.array([p.amplitude for p in found]),
+        amplitude=np.array([p.amplitude if p.converged else np.nan for p in found]),
         blade=np.array([p.blade for p in found], int),
         tuned_amplitude=np.array([p.tuned_amplitude for p in found]),
         status=tuple(p.status for p in found),

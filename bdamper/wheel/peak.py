@@ -123,7 +123,9 @@ def peak(
     Returns
     -------
     WheelPeak
-        ``status`` is "converged" if the highest of all climbs is; the amplitude is NaN if none is.
+        ``status`` is "converged" if the highest of all climbs is, and the sweep has solutions in the whole band.  It is
+        "lower bound" if the sweep leaves out a part of the band, which ``reason`` names, and "not found", the amplitude
+        NaN, if no climb converges.
     """
     watch = time.perf_counter(), time.process_time()
     options = options or WheelPeakOptions()
@@ -135,7 +137,7 @@ def peak(
     low, high, width = band(wheel, preload)
     low, high = frequency or (low, high)
     n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
-    swept = _sweep(system, mean, TWO_PI * np.linspace(low, high, n), options.loose)
+    swept, gap = _sweep(system, mean, TWO_PI * np.linspace(low, high, n), options.loose)
     climbs: list[tuple[float, float, float]] = []
     best: Corrected | None = None
     height, blade, why = np.nan, -1, "no solution found on the sweep"
@@ -167,8 +169,8 @@ def peak(
         climbs=np.array(climbs).reshape(-1, 3),
         sweep_frequency=np.array([w for _, w in swept]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(X)[:, 1]) for X, _ in swept]).reshape(-1, wheel.n_blades),
-        status="not found" if best is None else "converged",
-        reason=why if best is None else f"highest of {len(climbs)} climbs from {len(swept)} points",
+        status=_status(best, gap),
+        reason=_reason(best, gap, why, f"highest of {len(climbs)} climbs from {len(swept)} points"),
         residual=np.nan if best is None else best.residual,
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         unknowns=np.zeros(system.shape) if best is None else best.X,
@@ -178,34 +180,65 @@ def peak(
     )
 
 
-def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> list[tuple[NDArray, float]]:
-    """Loose solutions over frequency, each from the one before; frequencies without one are left out.
+def _status(best: Corrected | None, gap: tuple[float, float] | None) -> str:
+    return "not found" if best is None else "converged" if gap is None else "lower bound"
+
+
+def _reason(best: Corrected | None, gap: tuple[float, float] | None, why: str, found: str) -> str:
+    left = "" if gap is None else f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz"
+    return "; ".join(filter(None, (why if best is None else found, left)))
+
+
+def _sweep(
+    system: WheelSystem, mean: NDArray, omega: NDArray, loose: float
+) -> tuple[list[tuple[NDArray, float]], tuple[float, float] | None]:
+    """Loose solutions over frequency, ascending, and the part of the band (rad/s) without any, if there is one.
+
+    A pass from below, and where it does not reach the other end, one from above through what it left out.
+    """
+    out, reached = _pass(system, mean, omega, loose)
+    if reached == len(omega):
+        return out, None
+    rest = omega[reached:][::-1]
+    above, again = _pass(system, mean, rest, loose)
+    both = sorted(out + above, key=lambda point: point[1])
+    if again == len(rest):
+        return both, None
+    return both, (float(out[-1][1] if out else omega[0]), float(above[-1][1] if above else omega[-1]))
+
+
+def _pass(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> tuple[list[tuple[NDArray, float]], int]:
+    """Loose solutions at one frequency after another, each from the one before, and how many frequencies were reached.
 
     Newton's first step from a solution nearby is that of the linear wheel with the contacts as they are there, which is
     what resonances between both frequencies need; extrapolation would pass over them.  Where it does not converge, the
-    curve is followed by its arclength to the next frequency.
+    curve is followed by its arclength; the pass ends where that does not lead to the next frequency either.
     """
     out: list[tuple[NDArray, float]] = []
-    for w in omega:
+    up = bool(omega[-1] >= omega[0])
+    for i, w in enumerate(omega):
         if not out:
             found = start(system, mean, w, 1e-6)
-        else:
-            last, at = out[-1]
-            found = correct(system, last, w, tolerance=1e-6, most=6, longest=LONGEST * size_of(last), content=loose)
-            if not found.converged:
-                path = Path(system, (2.0 * at - w, w), order=1)
-                first = correct(system, last, at, tolerance=1e-6, most=10)
-                if not first.converged:
-                    first = correct(system, last, at, tolerance=1e-6, most=25, line_search=True)
-                if not first.converged:
-                    out.pop()
-                    continue
-                path.set_off(first, True)
-                follow(path, lambda found, kind: out.append((found.X, found.omega)), True, 60, 0.3, 1e-3)
-                continue
-        if found is not None and found.converged:
+            if found is None or not found.converged:
+                return out, i
             out.append((found.X, w))
-    return out
+            continue
+        last, at = out[-1]
+        found = correct(system, last, w, tolerance=1e-6, most=6, longest=LONGEST * size_of(last), content=loose)
+        if found.converged:
+            out.append((found.X, w))
+            continue
+        first = correct(system, last, at, tolerance=1e-6, most=10)
+        if not first.converged:
+            first = correct(system, last, at, tolerance=1e-6, most=25, line_search=True)
+        if not first.converged:
+            return out[:-1], i - 1
+        path = Path(system, (min(w, 2.0 * at - w), max(w, 2.0 * at - w)), order=1)
+        path.set_off(first, up)
+        status, _ = follow(path, lambda found, kind: out.append((found.X, found.omega)), up, 60, 0.3, 1e-3)
+        if status != "complete":
+            return out, i
+    return out, len(omega)
 
 
 def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[tuple[NDArray, float, int]]:

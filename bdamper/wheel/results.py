@@ -156,7 +156,7 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
         The coarse sweep, whose points satisfy the equations only loosely.
     status, reason : str
-        "converged" or what went wrong.
+        "converged"; "lower bound" if the sweep leaves out a part of its band, which the reason names; or "not found".
     residual : float
     deviation : (n_blades, n_modes) float
     unknowns : (n_blades, n_coefficients, n_sector) float
