@@ -181,7 +181,7 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
     Raises
     ------
     SettingError
-        If there are none, or their size is not that of the problem.
+        If there are none, their size is not that of the problem, or a curve is one of another rotor speed.
     """
     if hasattr(result, "y") and not result.converged:
         raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
@@ -194,6 +194,9 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
     if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
         n = unknowns.shape[1] if len(unknowns) else 0
         raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
+    if hasattr(result, "settings") and result.settings.get("speed") != problem.speed:
+        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (problem.speed, result.settings.get("speed")))
+        raise SettingError(f"result: expected one at the rotor speed of this study, {mine}, found one at {at}")
     if not np.isfinite(preload).all():
         raise SettingError("result: expected one at a known preload, found none")
     frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))

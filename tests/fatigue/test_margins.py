@@ -132,6 +132,8 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.stress(curve, len(curve))
     with pytest.raises(SettingError, match="material"):
         study.margin(peak, 300e6)
+    with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found one at none"):
+        study.at_speed(300.0).margin(curve, AISI_1050)
 
 
 @pytest.mark.parametrize(
