@@ -56,6 +56,7 @@ def test_every_example_has_a_test():
         assert f'load("{path.stem}")' in text, path.name
 
 
+@pytest.mark.slow
 def test_body(tmp_path):
     """Figs 1 to 5: the shipped model, and what equations (4) and (10) give on it."""
     model = load("fig01_05_body")["model"]
@@ -152,6 +153,7 @@ def test_motion_in_time_has_what_three_harmonics_say():
     assert one["amplitude"] > 1.7 * swept["amplitude"]
 
 
+@pytest.mark.slow
 def test_higher_modes(tmp_path):
     """Figs 10, 11: the same shapes for the third and the seventh mode."""
     out = load("fig10_11_higher_modes")
@@ -229,6 +231,7 @@ def test_rotation(tmp_path):
     assert_pictures(tmp_path, "fig14_rotation.png")
 
 
+@pytest.mark.slow
 def test_contact_points(tmp_path):
     """Figs 15, 16: 9 points against 24 and 48; partial slip at 5 kN."""
     out = load("fig15_16_contact_points")
