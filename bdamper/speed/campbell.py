@@ -165,7 +165,7 @@ def campbell(
     progress: bool = False,
     **conditions: Any,
 ) -> Campbell:
-    """Free and stuck frequencies over rotor speed at all nodal diameters of the model.
+    """Free and stuck frequencies over rotor speed at all nodal diameters of the model that know rotor speeds.
 
     Parameters
     ----------
@@ -197,7 +197,8 @@ def campbell(
         if item.model_hash != problem.model.hash:
             raise SettingError("damped: expected crossings of this model, found those of another one")
     given = Conditions.of(conditions)
-    found = sorted({d for body in problem.model.bodies.values() if body.kind == "constrained" for d in body.bases})
+    bases = [item for body in problem.model.bodies.values() if body.kind == "constrained" for item in body.bases.items()]
+    found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     for k, d in enumerate(each(diameters, progress, "Campbell diagram", "nodal diameter")):

@@ -57,6 +57,17 @@ def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
     assert found.notes == (), "the damper does not count"
 
 
+def test_nodal_diameters_of_one_speed_are_left_out():
+    """Beside others that stiffen with speed they would show the frequencies of standstill."""
+    study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    blade = study.model.bodies["blade"]
+    bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
+    model = replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)})
+    found = study.with_(model=model).campbell((200.0, 300.0, 400.0), [5], modes=1)
+    assert found.nodal_diameter.tolist() == [0, 5]
+    assert "nodal diameters 10: modes of one rotor speed" in str(found)
+
+
 def test_lines_that_do_not_meet():
     speed = np.array([100.0, 200.0])
     assert np.isnan(line_crossing(speed, np.array([500.0, 500.0]), 1))
