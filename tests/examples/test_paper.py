@@ -87,6 +87,7 @@ def test_stored_curves_belong_to_the_shipped_model():
     assert kept.peak.frequency == pytest.approx(again.peak.frequency, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_tracking(tmp_path):
     """Figs 6, 7: several solutions in mode 1, due to separation; none in mode 2 from its optimum on."""
     out = load("fig06_07_tracking")
@@ -263,6 +264,7 @@ def test_contact_points(tmp_path):
         assert movie.n_frames == 36
 
 
+@pytest.mark.slow
 def test_blade_to_ground(tmp_path):
     """Figs 17, 18: several harmonics matter where separation occurs, and nowhere else."""
     out = load("fig17_18_blade_to_ground")
