@@ -6,7 +6,7 @@ import re
 import runpy
 import subprocess
 import sys
-from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -50,11 +50,6 @@ def python_files() -> tuple[Path, ...]:
     return tuple(sorted(PACKAGE.rglob("*.py")))
 
 
-@cache
-def tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
-
-
 def module_name(path: Path) -> str:
     """``room.module``, or the room for its ``__init__``."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
@@ -64,22 +59,60 @@ def module_name(path: Path) -> str:
 MODULES = {module_name(path) for path in python_files()} | {"_core"}
 
 
-def imports(path: Path) -> Iterator[tuple[str, int]]:
-    """Modules of bdamper that a file imports anywhere: at its top, inside functions, for types, or by importlib."""
-    for node in ast.walk(tree(path)):
+@dataclass
+class Contents:
+    """What a file is asked for here: strings alone, as a tree of every file slows down whatever collects garbage later."""
+
+    docstring: str
+    imports: tuple[tuple[str, int], ...]
+    """Modules of bdamper, with the line, imported anywhere: at the top, inside functions, for types, or by importlib."""
+    libraries: frozenset[str]
+    long_functions: tuple[str, ...]
+    private_of_others: tuple[str, ...]
+
+
+@cache
+def contents(path: Path) -> Contents:
+    """Each file is parsed and walked once."""
+    module = ast.parse(path.read_text())
+    nodes = tuple(ast.walk(module))
+    own = own_names(nodes)
+    found, libraries, long, wrong = [], set(), [], []
+    for node in nodes:
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
+            libraries |= {name.split(".")[0] for name in names}
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            module = node.module or ""
-            below = [f"{module}.{alias.name}" for alias in node.names]
-            names = [name if name.removeprefix("bdamper.") in MODULES else module for name in below]
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith("import_module"):
+            above = node.module or ""
+            libraries.add(above.split(".")[0])
+            below = [f"{above}.{alias.name}" for alias in node.names]
+            names = [name if name.removeprefix("bdamper.") in MODULES else above for name in below]
+            if above.startswith("bdamper"):
+                wrong += [f"{path}:{node.lineno} {a.name}" for a in node.names if private(a.name)]
+        elif isinstance(node, ast.Call) and last_name(node.func) == "import_module":
             names = [arg.value for arg in node.args if isinstance(arg, ast.Constant) and isinstance(arg.value, str)]
-        for name in names:
-            if name == "bdamper" or name.startswith("bdamper."):
-                yield name.removeprefix("bdamper").removeprefix(".") or "__init__", node.lineno
+        elif isinstance(node, ast.FunctionDef):
+            lines = (node.end_lineno or 0) - node.lineno + 1
+            if lines > LONGEST_FUNCTION:
+                long.append(f"{path}: {node.name} has {lines} lines")
+        elif isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own:
+            wrong += [] if last_name(node.value) in ("self", "cls") else [f"{path}:{node.lineno} {ast.unparse(node)}"]
+        found += [
+            (name.removeprefix("bdamper").removeprefix(".") or "__init__", node.lineno)
+            for name in names
+            if name == "bdamper" or name.startswith("bdamper.")
+        ]
+    return Contents(ast.get_docstring(module) or "", tuple(found), frozenset(libraries), tuple(long), tuple(wrong))
+
+
+def last_name(node: ast.expr) -> str:
+    return node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
+
+
+def imports(path: Path) -> tuple[tuple[str, int], ...]:
+    return contents(path).imports
 
 
 def room(module: str) -> str:
@@ -142,11 +175,7 @@ def test_modules_and_functions_stay_short():
         lines = len(path.read_text().splitlines())
         if lines > LONGEST_MODULE:
             long.append(f"{path.relative_to(ROOT)}: {lines} lines")
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.FunctionDef):
-                lines = (node.end_lineno or 0) - node.lineno + 1
-                if lines > LONGEST_FUNCTION:
-                    long.append(f"{path.relative_to(ROOT)}: {node.name} has {lines} lines")
+        long += contents(path).long_functions
     assert not long, "\n".join(long)
 
 
@@ -154,43 +183,28 @@ def private(name: str) -> bool:
     return name.startswith("_") and not name.startswith("__") and name not in ("_core", "_replace")
 
 
-def own_names(module: ast.Module) -> set[str]:
+def own_names(nodes: tuple[ast.AST, ...]) -> set[str]:
     """Functions, fields and attributes that a module defines itself."""
     out = set()
-    for node in ast.walk(module):
+    for node in nodes:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             out.add(node.name)
         elif isinstance(node, ast.AnnAssign | ast.Assign):
             for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
                 out |= {target.id} if isinstance(target, ast.Name) else set()
-                if isinstance(target, ast.Attribute) and ast.unparse(target.value) == "self":
+                if isinstance(target, ast.Attribute) and getattr(target.value, "id", "") == "self":
                     out.add(target.attr)
     return out
 
 
 def test_nobody_uses_private_names_of_others():
-    wrong = []
-    for path in python_files():
-        own = own_names(tree(path))
-        for node in ast.walk(tree(path)):
-            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("bdamper"):
-                wrong += [f"{path.relative_to(ROOT)}:{node.lineno} {a.name}" for a in node.names if private(a.name)]
-            foreign = isinstance(node, ast.Attribute) and private(node.attr) and node.attr not in own
-            if foreign and ast.unparse(node.value) not in ("self", "cls"):
-                wrong.append(f"{path.relative_to(ROOT)}:{node.lineno} {ast.unparse(node)}")
+    wrong = [line for path in python_files() for line in contents(path).private_of_others]
     assert not wrong, "\n".join(wrong)
 
 
 def users_of(*libraries: str) -> set[str]:
     """Rooms that import a library anywhere."""
-    out = set()
-    for path in python_files():
-        for node in ast.walk(tree(path)):
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(name.split(".")[0] in libraries for name in names):
-                out.add(room(module_name(path)))
-    return out
+    return {room(module_name(path)) for path in python_files() if contents(path).libraries & {*libraries}}
 
 
 def test_only_plot_imports_matplotlib_and_pyvista():
@@ -209,8 +223,7 @@ def test_importing_bdamper_loads_neither_pictures_nor_finite_elements(tmp_path):
 
 def test_every_room_says_what_it_does():
     for path in PACKAGE.glob("*/__init__.py"):
-        text = ast.get_docstring(tree(path)) or ""
-        assert len(text.splitlines()) >= 3, f"{path.relative_to(ROOT)}: expected some five lines"
+        assert len(contents(path).docstring.splitlines()) >= 3, f"{path.relative_to(ROOT)}: expected some five lines"
 
 
 def test_tests_mirror_the_rooms():
