@@ -1,8 +1,10 @@
-"""A mistuned wheel with friction against the whole annulus put together from finite elements, reduced to the same space.
+"""Mistuned wheels with friction against whole annuli put together from finite elements, reduced to the same space.
 
 Matrices and the motion of contact points of the annulus are made in one global frame (`tests.annulus`); the study's contact
 law and the dampers' rigid motions are shared.
 """
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,34 +15,56 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
+from bdamper.wheel import Mistuning
 from bdamper.wheel.newton import correct
+from bdamper.wheel.newton import solved as solve_step
 from bdamper.wheel.wheel import Wheel
 from tests.annulus import Annulus, small_sector, small_wheel
+from tests.wheel.test_symmetry import assert_same, turned
 
-N, H, ORDER, PRELOAD = 8, 3, 1, 100.0
-DEVIATION = 0.02 * np.random.default_rng(2).normal(size=N)
-ZETA = 2e-3
+PRELOAD, ZETA = 100.0, 2e-3
 
-
-@pytest.fixture(scope="module")
-def annulus():
-    return Annulus(small_sector(N, disk=0.3))
+AT = {5: (0.3, 3.0, 345.0), 6: (0.1, 3.0, 320.0), 7: (0.3, 10.0, 250.0), 8: (0.3, 3.0, 270.0)}
+"""Friction coefficient, amplitude (N) and frequency (Hz) of wheels of so many blades where dampers slip and lift."""
 
 
-@pytest.fixture(scope="module")
-def wheel(annulus):
-    model = small_wheel(annulus.fe)
+@cache
+def annulus(n_blades):
+    return Annulus(small_sector(n_blades, disk=0.3))
+
+
+def wheel_of(n_blades, harmonics, engine_order=1):
+    """A wheel whose blades differ by 2 %."""
+    friction, amplitude, _ = AT[n_blades]
     study = bd.Study(
-        model, bd.Excitation("tip", amplitude=1.0, phase=0.4), engine_order=ORDER, friction_coefficient=0.3, harmonics=H,
-        blade_modes=20, contact_stiffness=1e7, damping_ratio=ZETA,
+        small_wheel(annulus(n_blades).fe), bd.Excitation("tip", amplitude=amplitude, phase=0.4), engine_order,
+        friction_coefficient=friction, harmonics=harmonics, blade_modes=20, contact_stiffness=3e7, damping_ratio=ZETA,
     )  # fmt: skip
-    return Wheel(study, DEVIATION)
+    return Wheel(study, Mistuning(0.02 * np.random.default_rng(2).normal(size=n_blades)))
+
+
+def slip_and_separation(wheel, system, X):
+    """Share of the cycle in slip, and of friction points that open and close."""
+    shares = system.forces(X)[1][:, wheel.tuned().friction > 0.0]
+    return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), ((shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)).mean()
+
+
+def solved(wheel, frequency):
+    """A solution from the wave of the tuned wheel, and the equations."""
+    system, _ = wheel.system(PRELOAD)
+    omega = 2.0 * np.pi * frequency
+    y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
+    found = correct(system, wheel.structure.wave(y[:-1]), omega, most=40, line_search=True, tolerance=1e-11)
+    assert found.converged
+    assert min(slip_and_separation(wheel, system, found.X)) > 0.1
+    return found, system
 
 
 class Ring:
     """Residual of all sectors with dense matrices of the projected annulus."""
 
-    def __init__(self, annulus, wheel, system, deviation):
+    def __init__(self, annulus, wheel, system):
+        deviation, N = wheel.mistuning.deviation, annulus.N
         self.K, self.M = annulus.projected(deviation)
         tuned_k, tuned_m = annulus.projected()
         # damping of the modes of the tuned annulus, a ratio for all: M sqrt(M^-1 K) in its modes
@@ -83,7 +107,7 @@ class Ring:
         out = np.einsum("spcj,spcl->lj", self.G, F) - self.all_coordinates(self.system.force)
         u = x[:, :blades]
         out[:, :blades] += u @ self.K
-        for l in range(1, H + 1):
+        for l in range(1, len(x) // 2 + 1):
             c, s, w = 2 * l - 1, 2 * l, l * omega
             out[[c, s], :blades] -= w**2 * (u[[c, s]] @ self.M)
             out[c, :blades] += w * (u[s] @ self.C)
@@ -91,41 +115,60 @@ class Ring:
             out[[c, s], blades:] -= w**2 * x[[c, s], blades:]
         return out
 
+    def of_sectors(self, r):
+        """The residual as the wheel has it, sector by sector."""
+        N, blades, out = len(self.G), len(self.K), np.empty(self.system.shape)
+        out[..., self.place] = r[:, :blades].reshape(len(r), N, -1).transpose(1, 0, 2)
+        out[..., self.n :] = r[:, blades:].reshape(len(r), N, -1).transpose(1, 0, 2)
+        return out
+
 
 @pytest.mark.slow
-def test_a_mistuned_wheel_solves_the_equations_of_the_annulus(annulus, wheel):
-    system, mean = wheel.system(PRELOAD)
-    ring = Ring(annulus, wheel, system, DEVIATION)
-    friction = wheel.tuned().friction > 0.0
-
-    def slip_and_separation(X):
-        shares = system.forces(X)[1][:, friction]
-        return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), ((shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)).mean()
-
-    omega = 2.0 * np.pi * 290.0
-    # any motion, with much slip and separation
-    X = 2e-6 * np.random.default_rng(1).normal(size=system.shape)
-    X[:, 0] += mean
+@pytest.mark.parametrize("n_blades", AT)
+def test_a_mistuned_wheel_solves_the_equations_of_the_annulus(n_blades):
+    """Friction and separation, three harmonics: the annulus' equations at any motion, and their own solution."""
+    wheel = wheel_of(n_blades, 3)
+    frequency = AT[n_blades][2]
+    found, system = solved(wheel, frequency)
+    ring, omega = Ring(annulus(n_blades), wheel, system), found.omega
+    X = found.X + 0.3 * np.abs(found.X).max(axis=(0, 2), keepdims=True) * np.random.default_rng(1).normal(size=system.shape)
     X[system.still] = 0.0
-    assert min(slip_and_separation(X)) > 0.1
+    assert min(slip_and_separation(wheel, system, X)) > 0.1
     exact, own = ring.residual(X, omega), ring.all_coordinates(system.residual(X, omega))
     np.testing.assert_allclose(own, exact, rtol=0, atol=1e-11 * np.abs(exact).max())
-    # a solution, from the wave of the tuned wheel
-    y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
-    found = correct(system, wheel.structure.wave(y[:-1]), omega, most=40, line_search=True, tolerance=1e-10)
-    assert found.converged
-    assert min(slip_and_separation(found.X)) > 0.1
     amplitude = np.abs(wheel.response(found.X)[:, 1])
     assert amplitude.max() > 1.5 * amplitude.min()
-    r = ring.residual(found.X, omega)
-    assert np.abs(r[1:]).max() < 1e-7 * np.abs(system.force[:, 1:]).max()
-    assert np.abs(r[0]).max() < 1e-7 * np.abs(system.force[:, 0]).max()
+    # the annulus' equations solved by themselves, from a motion that is off by a thousandth
+    X = (1.0 + 1e-3 * np.sin(np.arange(found.X.size)).reshape(found.X.shape)) * found.X
+    for _ in range(30):
+        r = ring.of_sectors(ring.residual(X, omega))
+        if system.size(r) < 1e-11:
+            break
+        at = system.linearised(X, omega)
+        X = X + solve_step(at, at.inverse(), None, 1e-8, (-r, 0.0))[0]
+    assert system.size(r) < 1e-11
+    assert_same(X, found.X, 1e-7)
 
 
 @pytest.mark.slow
-def test_a_tuned_wheel_has_the_wave_of_its_study(wheel):
-    tuned = wheel.with_(mistuning=None)
-    system, _ = tuned.system(PRELOAD)
-    omega = 2.0 * np.pi * 290.0
-    y, _ = find_start(tuned.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    assert system.size(system.residual(tuned.structure.wave(y[:-1]), omega)) < 1e-7
+def test_a_tuned_wheel_has_the_wave_of_its_study():
+    wheel = wheel_of(8, 3).with_(mistuning=None)
+    system, _ = wheel.system(PRELOAD)
+    omega = 2.0 * np.pi * AT[8][2]
+    y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
+    assert system.size(system.residual(wheel.structure.wave(y[:-1]), omega)) < 1e-7
+
+
+def test_directions_of_a_wheel_of_finite_elements():
+    """A pattern turned by a blade turns the answer; blades that are twisted have no mirror plane."""
+    frequency = 330.0
+    forward = wheel_of(5, 1)
+    pattern, backward = forward.mistuning, wheel_of(5, 1, engine_order=4)
+    found, _ = solved(forward, frequency)
+    other, _ = solved(forward.with_(mistuning=pattern.turned()), frequency)
+    assert_same(other.X, turned(found.X), 1e-7)
+    height = np.abs(forward.response(found.X)[:, 1])
+    for mistuning, places in ((pattern.mirrored(), -np.arange(5)), (pattern, np.arange(5))):
+        back, _ = solved(backward.with_(mistuning=mistuning), frequency)
+        ratio = np.abs(backward.response(back.X)[:, 1])[places] / height
+        assert np.abs(ratio - 1.0).max() > 1e-3
