@@ -60,7 +60,7 @@ class Mirror:
     """The plane between two blades, with the contact points and the coordinates that it turns into each other.
 
     Blade ``n`` becomes blade ``-n``, the damper behind it the one before; the left face of a wedge of equal angles becomes
-    its right one.  Even and odd coordinates of a blade alternate, and of the wedge those that move across the plane are odd.
+    its right one.  Even and odd coordinates of a blade alternate, those of the wedge that move across the plane are odd.
     """
 
     BLADE = np.array([1.0, -1.0, 1.0, -1.0])
