@@ -379,8 +379,8 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
     ----------
     name : str
         "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
-        harmonic; mode shapes for pictures are those of nodal diameter 5.  With 9 points also nodal diameters 3 to 10, 12
-        and 14, data over rotor speed and stress rows at all up to 15, and a local basis for wheels of unequal blades.
+        harmonic; mode shapes for pictures are those of nodal diameter 5.  With 9 points those of engine orders 3 to 10 up
+        to their third, all with data over rotor speed and stress rows, and a local basis for wheels of unequal blades.
         "paper_disk": another such disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
         driven at "tip_trailing_edge") finds the numbers of the paper's Figs 8 and 9.  Its 9, 24 and 48 points are 3, 4 and
         4 rows along the slope; with 9 and 48 it has the modes of one harmonic only.
