@@ -244,7 +244,7 @@ def peak_to_tolerance(
     preload = problem.check_preload(preload)
 
     def answer(p: Problem) -> Peak:
-        return replace(highest_peak(p, preload, frequency, **searching), settings=p.record())
+        return highest_peak(p, preload, frequency, **searching)
 
     def read(peak: Peak) -> tuple[float, float, str]:
         return peak.amplitude, peak.frequency, "" if peak.scan == "complete" else f"scan {peak.scan}"

@@ -10,6 +10,7 @@ from bdamper.peaks.newton import Family, Peak, PeakOptions
 from bdamper.peaks.optimal import check_options
 from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities
 from bdamper.problem.problem import Problem
+from bdamper.problem.settings import check_result
 from bdamper.problem.variation import FACTORS, setting_names, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -46,10 +47,12 @@ def peak_sensitivities(
     """
     validate.instance("peak", peak, Peak, "a Peak, as Study.peak returns it")
     check_options(options)
+    if peak.model_hash:
+        check_result(problem, peak, "peak")
     if problem.evaluation != "exact":
         raise SettingError(f'sensitivities: expected evaluation="exact", found {problem.evaluation}: the peak has ripples')
     families: dict[str, tuple[Family, float]] = {}
-    parameters = validate.names("parameters", parameters, ("preload", "damper_mass", *setting_names(problem)))
+    parameters = validate.names("parameters", parameters, ("preload", *setting_names(problem)))
     preload = peak.parameter
     for name in parameters:
         if name == "preload":
@@ -60,8 +63,7 @@ def peak_sensitivities(
             continue
         if name.startswith("damper_mass") and not any(b.kind == "free" for b in problem.model.bodies.values()):
             continue
-        value = 1.0 if name == "damper_mass" else setting_value(problem, name)
-        families[name] = (setting_family(problem, name, preload), value)
+        families[name] = (setting_family(problem, name, preload), setting_value(problem, name))
     return sensitivities(peak, families, options)
 
 
@@ -81,8 +83,6 @@ def setting_family(problem: Problem, name: str, preload: float) -> Family:
     """The equations at one preload as a function of one numeric setting."""
 
     def family(value: float) -> HarmonicSystem:
-        if name == "damper_mass":
-            return vary(problem, {"damper_mass_factor": value}).system(value * preload)
-        return vary(problem, {name: value}).system(preload)
+        return vary(problem, {name: value}).system(value * preload if name == "damper_mass" else preload)
 
     return family

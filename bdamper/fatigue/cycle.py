@@ -26,6 +26,7 @@ from bdamper.model.loads import direction_vector
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.stress import StressSet
 from bdamper.problem.problem import Problem
+from bdamper.problem.settings import check_result
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
@@ -181,8 +182,9 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
     Raises
     ------
     SettingError
-        If there are none, their size is not that of the problem, or a curve is one of another rotor speed.
+        If there are none, or they are not those of this problem.
     """
+    chosen_sets(problem)
     if hasattr(result, "y") and not result.converged:
         raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
     if hasattr(result, "y"):
@@ -194,9 +196,8 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
     if not len(unknowns) or unknowns.shape[1] != problem.n_unknowns:
         n = unknowns.shape[1] if len(unknowns) else 0
         raise SettingError(f"result: expected one of this study, with {problem.n_unknowns} unknowns, found {n}")
-    if hasattr(result, "settings") and result.settings.get("speed") != problem.speed:
-        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (problem.speed, result.settings.get("speed")))
-        raise SettingError(f"result: expected one at the rotor speed of this study, {mine}, found one at {at}")
+    if hasattr(result, "settings"):
+        check_result(problem, result)
     if not np.isfinite(preload).all():
         raise SettingError("result: expected one at a known preload, found none")
     frequency = np.broadcast_to(np.asarray(result.frequency, float), len(unknowns))

@@ -12,7 +12,8 @@ Gerber      :math:`n a/S_e + (n m_+/S_u)^2 = 1`                    :math:`S_e (1
 ==========  =====================================================  ====================================
 
 Compression neither helps nor hurts.  On the amplitude alone is what counts for a blade: the speed of rotation fixes the
-mean, the excitation may grow.  There a mean beyond its limit leaves nothing, a factor 0.
+mean, the excitation may grow.  There a mean beyond its limit leaves nothing, a factor 0.  On both together the factor goes
+through 1 where the mean alone meets its limit and stays positive: both may be divided by it.
 """
 
 from __future__ import annotations

@@ -330,10 +330,7 @@ def read_frd(path: FilePath) -> FEBody:
     FileNotFoundError, ModelError
     """
     with reading(path, "a result file of CalculiX in text form (.frd)") as source:
-        with open(source, "rb") as raw:
-            if b"\x00" in raw.read(100_000):
-                raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
-        return _Frd(Lines(source, "ascii")).body()
+        return _Frd(source).body()
 
 
 def read_frd_stress(path: FilePath) -> list[tuple[NDArray, NDArray]]:
@@ -350,15 +347,22 @@ def read_frd_stress(path: FilePath) -> list[tuple[NDArray, NDArray]]:
     FileNotFoundError, ModelError
     """
     with reading(path, "a result file of CalculiX in text form (.frd)") as source:
-        file = _Frd(Lines(source, "ascii"), stress=True)
+        file = _Frd(source, stress=True)
         file.body()
         if not file.stress:
             raise mismatch(str(source), "blocks of stress (STRESS)", "none")
+        for k, (own, _) in enumerate(file.stress):
+            if len(np.unique(own)) < len(own) or not np.isin(own, file.numbers).all():
+                raise mismatch(f"{source}: stress {k + 1}", "each node once, those of the mesh", "others")
         return file.stress
 
 
 class _Frd:
-    def __init__(self, lines: Lines, stress: bool = False) -> None:
+    def __init__(self, source: Path, stress: bool = False) -> None:
+        with open(source, "rb") as raw:
+            if b"\x00" in raw.read(100_000):
+                raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
+        lines = Lines(source, "ascii")
         self.wants_stress = stress
         self.stress: list[tuple[NDArray, NDArray]] = []
         self.source, self.lines = str(lines.source), lines

@@ -23,7 +23,7 @@ Conventions (all SI, radians):
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal
 
@@ -313,14 +313,20 @@ class Model(Plottable):
         provenance = {**self.provenance, "rotor speed": f"{omega:.9g} rad/s"}
         return replace(self, bodies=bodies, stress=stress, provenance=provenance)
 
-    def neglected_over_speed(self) -> tuple[str, ...]:
+    def neglected_over_speed(self, diameters: Collection[int] | None = None) -> tuple[str, ...]:
         """What the model leaves out where the rotor speed changes, one sentence for each body; empty if nothing.
 
         Free bodies count as complete: of their rigid-body modes nothing changes.
+
+        Parameters
+        ----------
+        diameters : collection of int, optional
+            Nodal diameters that matter; all by default.
         """
         out = []
         for body in self.bodies.values():
-            without = [d for d, basis in body.bases.items() if basis.speed is None]
+            known = [d for d in body.bases if diameters is None or d in diameters]
+            without = [d for d in known if body.bases[d].speed is None]
             if body.kind != "free" and without:
                 out.append(
                     f"{body.name}, nodal diameters {', '.join(map(str, without))}: modes of one rotor speed; centrifugal "

@@ -75,8 +75,7 @@ def best_margin(
         ends = np.log(found.values[[k - 1, k + 1]])
         best, value = _golden(problem, judge, near, ends, best, value)
         status = "refined between its neighbours"
-    if verify:
-        status += f", {_compared(problem, curve, judge, best, value)}"
+    status += f", {_compared(problem, curve, judge, best, value)}" if verify else ", not verified: a peak may be lost there"
     return replace(found, best_value=best, best_margin=value, best_status=status)
 
 

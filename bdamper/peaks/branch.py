@@ -47,8 +47,9 @@ class Branch:
 
 
 def _plain(peak: Peak) -> dict[str, Any]:
-    """Fields of a peak but cost, settings and ladder, which those of a branch do not have."""
-    return {f.name: getattr(peak, f.name) for f in fields(peak) if f.name not in ("cost", "settings", "ladder")}
+    """Fields of a peak but those that a branch's peaks do not have."""
+    left = ("cost", "settings", "model_hash", "ladder")
+    return {f.name: getattr(peak, f.name) for f in fields(peak) if f.name not in left}
 
 
 def _peak(record: Mapping[str, Any]) -> Peak:

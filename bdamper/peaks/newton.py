@@ -115,7 +115,8 @@ class Peak(Comparable):
         How the response curve ended on which it is the highest peak, where one was followed: unless "complete", there may
         be a higher one.
     settings : mapping
-        Of the problem, where a tolerance chose its harmonics.
+        Of the problem; none of a peak on equations that stand by themselves (:func:`find_peak`).
+    model_hash : str
     ladder : Ladder, optional
         What more harmonics change, where a tolerance was given.
     """
@@ -138,6 +139,7 @@ class Peak(Comparable):
     cost: Cost | None = None
     scan: str = ""
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
     ladder: Ladder | None = None
 
     @property

@@ -267,4 +267,7 @@ def highest_peak(
         )
     cost = meter.read(time.perf_counter())
     iterations = cost.iterations + sum(p.iterations for p in peaks)
-    return replace(peaks[0], cost=replace(cost, iterations=iterations), scan=ending)
+    return replace(
+        peaks[0], cost=replace(cost, iterations=iterations), scan=ending, settings=problem.record(),
+        model_hash=problem.model.hash,
+    )  # fmt: skip

@@ -6,7 +6,7 @@ its centre of mass at rest.  Speeds are in rad/s.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
@@ -86,12 +86,24 @@ class Conditions:
             raise SettingError(f"conditions over speed: expected some of {list(known)}, found {unknown}")
         return Conditions(**given)
 
-    def __repr__(self) -> str:  # the same from run to run, as files of long work need it
+    def __repr__(self) -> str:  # the same from run to run
         def named(value: Any) -> str:
             return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
 
         given = {f.name: getattr(self, f.name) for f in fields(self)}
         return f"Conditions({', '.join(f'{name}={named(v)}' for name, v in given.items() if v is not None)})"
+
+    def values(self, speeds: Iterable[float], engine_orders: Iterable[int]) -> tuple[tuple[float | None, ...], ...]:
+        """Friction and excitation of each order at speeds: what functions are known by, of which a name says little."""
+        orders = list(engine_orders)
+        return tuple((self.friction_at(w), *(self.excitation_at(w, order) for order in orders)) for w in speeds)
+
+    def reach(self, engine_order: int) -> tuple[float, float]:
+        """Speeds (rad/s) that the tables over speed reach."""
+        over = self.friction if self.temperature is None else self.temperature
+        force = self.excitation.get(engine_order) if isinstance(self.excitation, Mapping) else None
+        tables = [table for table in (over, force) if isinstance(table, Mapping)]
+        return max((min(t) for t in tables), default=0.0), min((max(t) for t in tables), default=float("inf"))
 
     def friction_at(self, omega: float) -> float | None:
         """Friction coefficient at a speed; None if it does not change."""

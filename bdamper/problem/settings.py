@@ -7,7 +7,7 @@ stiffness, friction law, preload history, harmonics of the response.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -344,6 +344,12 @@ class Settings:
         """Harmonics that have unknowns, the mean counted as 0."""
         return {*self.harmonic_numbers, *([0] if self.bias else [])}
 
+    @property
+    def needed_diameters(self) -> set[int]:
+        """Nodal diameters of the mean and of the harmonics."""
+        orders = {self.engine_order * (1 if self.single_basis else l) for l in {1, *self.active_harmonics}} | {0}
+        return {self.model.folded_nodal_diameter(order)[0] for order in orders}
+
     def unusual(self) -> dict[str, Any]:
         """Values of settings that are told only where they are not the usual ones, by name."""
         off = [f.name for f in fields(self) if f.name in SWITCHES and not getattr(self, f.name)]
@@ -355,6 +361,7 @@ class Settings:
             "damper_drag": f"{self.damper_drag:g} N s/m" if self.damper_drag else None,
             "contact_points": self.contact_points,
             "speed": f"{self.speed:g} rad/s" if self.speed is not None else None,
+            "neglected": "; ".join(self.model.neglected_over_speed(self.needed_diameters)) or None if self.speed else None,
             "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
             "load_history": self.load_history if self.load_history != (1.0,) else None,
             "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
@@ -405,6 +412,33 @@ class Settings:
             out["continuation"] = asdict(options)
         settings: dict[str, Any] = _plain(out)
         return settings
+
+
+def check_result(problem: Any, result: Any, name: str = "result") -> None:
+    """Refuse a result of another model, of another rotor speed among them, or of other settings.
+
+    Parameters
+    ----------
+    problem : Problem
+        With the harmonics that a tolerance chose for the result.
+    result
+        With ``model_hash`` and ``settings``, which may lack some of those that there are now.
+    name : str
+
+    Raises
+    ------
+    SettingError
+    """
+    kept, own = result.settings, problem.record()
+    other = [key for key in own if key in kept and kept[key] != own[key] and key != "stability"]
+    if "speed" in other:
+        mine, at = ("none" if x is None else f"{x:.9g} rad/s" for x in (own["speed"], kept["speed"]))
+        raise SettingError(f"{name}: expected one at the rotor speed of this study, {mine}, found one at {at}")
+    if result.model_hash not in (problem.model.hash, replace(problem.model, stress={}).hash):  # stress may come later
+        raise SettingError(f"{name}: expected one of this study's model, found one of {'another' * bool(kept) or 'none'}")
+    if other:
+        found = ", ".join(f"{key} = {kept[key]} for {own[key]}" for key in other)
+        raise SettingError(f"{name}: expected one of this study, found one with {found}")
 
 
 def _stiffness_setting(given: Any) -> Any:

@@ -1,9 +1,11 @@
 """A problem with settings changed by name, as sweeps, samples and sensitivities change them.
 
 Names are those of the settings of a :class:`bdamper.Study`, with a dot for the parts of excitation and response
-(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and three factors on what is not a single
-number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper) and
-``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load).
+(``"friction_coefficient"``, ``"excitation.amplitude"``, ``"response.location"``), and factors on what is not a single
+number: ``"contact_stiffness_factor"``, ``"damping_factor"`` (all modal damping ratios, not the damping of the damper),
+``"damper_mass_factor"`` (the density of free bodies, at the same shape and stiffness and the same static load) and
+``"damper_mass"`` (the same at a rotor speed, where the faces stay displaced as this speed displaces them under any load of
+the damper: the load belongs to the mass).
 """
 
 from __future__ import annotations
@@ -23,7 +25,7 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
 P = TypeVar("P", bound=Problem)
-FACTORS = ("damping_factor", "damper_mass_factor", "contact_stiffness_factor")
+FACTORS = ("damping_factor", "damper_mass_factor", "damper_mass", "contact_stiffness_factor")
 
 
 _CONTACT = ("contact", "stiffness")
@@ -41,6 +43,7 @@ _KEPT = {
     "contact_stiffness_factor": ("coupling", "friction", "contact"),
     "damping_factor": ("friction",),
     "damper_mass_factor": ("friction", *_CONTACT),
+    "damper_mass": ("friction", *_CONTACT),
 }
 """Parts of a problem, made once and kept, that a change of a setting leaves as they are."""
 _VIBRATION = ("excitation.amplitude", "excitation.phase", "damping_ratio", "damper_damping_ratio", "damper_drag")
@@ -95,7 +98,7 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
     kept = set.intersection(*(set(_KEPT[name]) for name in names))
     method = old.stiffness_method
     residual = isinstance(method, ResidualModes) or (isinstance(method, str) and method == "residual_modes")
-    if residual and "damper_mass_factor" in names:
+    if residual and not {"damper_mass_factor", "damper_mass"}.isdisjoint(names):
         kept -= set(_CONTACT)  # the patterns are those of stuck modes
     if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
@@ -134,7 +137,12 @@ def _scaled(problem: P, name: str, factor: float) -> P:
             return replace(problem, damping_ratio=factor * problem.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
         return replace(problem, model=_as_checked(replace(problem.model, bodies=bodies)))
-    return replace(problem, model=_as_checked(denser(problem.model, factor)))
+    model = denser(problem.model, factor)
+    if name == "damper_mass_factor":  # the displacement by rotation stays what it is at this load
+        spun = [(key, body, body.spin) for key, body in model.bodies.items()]
+        moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
+        model = replace(model, bodies=moved)
+    return replace(problem, model=_as_checked(model))
 
 
 def _as_checked(model: Model) -> Model:
@@ -159,7 +167,7 @@ def denser(model: Model, factor: float) -> Model:
     """The model with the density of its free bodies multiplied: mass-normalised modes shrink, flexibility stays."""
     free = [body for body in model.bodies.values() if body.kind == "free"]
     if not free:
-        raise SettingError("damper_mass_factor: expected a model with a free body, found none")
+        raise SettingError("mass of the damper: expected a model with a free body, found none")
     bodies = dict(model.bodies)
     root = 1.0 / np.sqrt(factor)
     for body in free:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -48,8 +49,8 @@ class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
     engine_order : (m,) int
         Orders that were asked for.
     order : (j,) int, order_mode : (j,) int, order_free, order_stuck : (j,) float, rad/s
-        Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode; NaN
-        where there is none in the range.
+        Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode, more
+        where a resonance meets a line more than once; NaN where there is none in the range.
     damped : Crossings or None
         Damped crossings and the peaks over speed that lead to them.
     notes : tuple of str
@@ -140,18 +141,16 @@ class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
         return "\n".join(lines + [f"  {line}" for found in self.damped for line in str(found).split("\n")])
 
 
-def line_crossing(speed: NDArray, frequency: NDArray, engine_order: int) -> float:
-    """Speed (rad/s) at which frequencies (n,), Hz, over speeds (n,) meet the line of an order; NaN if they do not.
+def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:
+    """(k,) speeds (rad/s) at which frequencies (n,), Hz, over speeds (n,) meet the line of an order.
 
     Squared frequencies are interpolated linearly over squared speeds, exact where modes keep their shapes.
     """
     gap = (2.0 * np.pi * frequency) ** 2 - (engine_order * speed) ** 2
-    below = np.flatnonzero(np.sign(gap[:-1]) * np.sign(gap[1:]) <= 0.0)
-    if not len(below) or not np.isfinite(gap).all():
-        return float("nan")
-    i = int(below[0])
-    part = gap[i] / (gap[i] - gap[i + 1]) if gap[i] != gap[i + 1] else 0.0
-    return float(np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2)))
+    i = np.flatnonzero((gap[:-1] == 0.0) | (gap[:-1] * gap[1:] < 0.0))
+    part = np.where(gap[i] == 0.0, 0.0, gap[i] / np.where(gap[i] == gap[i + 1], 1.0, gap[i] - gap[i + 1]))
+    found = np.sqrt(speed[i] ** 2 + part * (speed[i + 1] ** 2 - speed[i] ** 2))
+    return np.append(found, speed[-1:][gap[-1:] == 0.0])
 
 
 @one_thread
@@ -214,8 +213,8 @@ def campbell(
             raise SettingError(f"engine_orders: expected orders that meet nodal diameters {diameters}, found {order}")
         k = diameters.index(d)
         for m in range(modes):
-            at = [line_crossing(values, lines[k, :, m], order) for lines in (free, stuck)]
-            rows.append((order, m + 1, *at))
+            at = [line_crossings(values, lines[k, :, m], order).tolist() or [np.nan] for lines in (free, stuck)]
+            rows += [(order, m + 1, *met) for met in zip_longest(*at, fillvalue=np.nan)]
     table = np.array(rows, float).reshape(-1, 4)
     return Campbell(
         speed=values,

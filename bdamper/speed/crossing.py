@@ -233,7 +233,7 @@ def derivatives(family: SpeedFamily[Any], peak: Peak) -> dict[str, float]:
     problem, preload = family.problem(omega), family.preload(omega)
 
     def heavier(factor: float) -> Any:
-        return like(vary(problem, {"damper_mass_factor": factor}), problem).system(factor * preload)
+        return like(vary(problem, {"damper_mass": factor}), problem).system(factor * preload)
 
     try:
         found = sensitivities(peak, {"speed": (family.system, omega), "mass": (heavier, 1.0)})
@@ -261,12 +261,15 @@ class CrossingTask:
     conditions : Conditions
     margin : LeastMargin, optional
         With it margins against fatigue are found, too.
+    named : tuple
+        What tells the functions among the conditions from others in files of long work: their values.
     """
 
     speeds: tuple[float, ...]
     mode: int = 1
     conditions: Conditions = field(default_factory=Conditions)
     margin: LeastMargin | None = None
+    named: tuple[Any, ...] = ()
 
     def __post_init__(self) -> None:
         given = validate.numbers("speeds", self.speeds, above=0.0, unit="rad/s")

@@ -103,6 +103,8 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     range : (low, high), rad/s
     mode : int
     cost : tuple of Cost
+    notes : tuple of str
+        What the model neglects over speed.
     settings : mapping
     model_hash : str
     """
@@ -130,6 +132,7 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     range: tuple[float, float]
     mode: int
     cost: tuple[Cost, ...]
+    notes: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
 
@@ -232,8 +235,8 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
                 f"{head}{self.speed[i]:>9.5g} {self.rpm[i]:>7.0f} {self.frequency[i]:>9.5g} {self.amplitude[i]:>12.5g} "
                 f"{self.preload[i]:>10.5g} {100.0 * self.shares[i, 1]:>7.3g} {margin}"
             )
-        warned = [w for w in self.warnings if w]
-        return "\n".join(line.rstrip() for line in (*lines, *([f"  first warning: {warned[0]}"] if warned else [])))
+        lines += [f"  first warning: {w}" for w in self.warnings if w][:1] + [f"  neglected: {note}" for note in self.notes]
+        return "\n".join(line.rstrip() for line in lines)
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:
@@ -305,15 +308,12 @@ def crossings(
     if not problem.carries_load:
         raise SettingError(f"crossings: expected a model with a body that carries a load, found that {problem.why_no_load}")
     given = Conditions.of(conditions)
-    for omega in (float(values[0]), float(values[-1])):  # what tables do not reach is told before any work
-        given.friction_at(omega)
-        for order in orders:
-            given.excitation_at(omega, order)
-    over = {"damper_mass_factor": factors.tolist(), "engine_order": list(orders)}
+    named = given.values(values.tolist(), orders)  # what tables do not reach is told before any work
+    over = {"damper_mass": factors.tolist(), "engine_order": list(orders)}
     if margin is not None:
         validate.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask(tuple(values.tolist()), mode, given, margin)
+    task = CrossingTask(tuple(values.tolist()), mode, given, margin, named)
     answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
     return _table(problem, answers, values, mode)
 
@@ -324,7 +324,7 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
     def column(name: str) -> NDArray:
         return np.array([value.get(name, np.nan) for value in answers.values], float)
 
-    factors = np.array([p["damper_mass_factor"] for p in answers.points])
+    factors = np.array([p["damper_mass"] for p in answers.points])
     loaded = next(b for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
     parts = [[value.get(f"line_{name}", []) for value in answers.values] for name in ("speed", "frequency", "amplitude")]
     lines = {name: np.array([x for part in p for x in part]) for name, p in zip(("speed", "frequency", "amplitude"), parts)}
@@ -335,6 +335,8 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
         "speed", "low", "high", "frequency", "amplitude", "preload", "residual", "slope",
         "frequency_slope", "half_bandwidth", "amplitude_by_mass", "speed_by_mass", "margin",
     )  # fmt: skip
+    orders = {p["engine_order"] for p in answers.points}
+    needed = {d for order in orders for d in problem.with_(engine_order=order).needed_diameters}
     return Crossings(
         engine_order=np.array([p["engine_order"] for p in answers.points], int),
         mass_factor=factors,
@@ -347,6 +349,7 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
         range=(float(values[0]), float(values[-1])),
         mode=mode,
         cost=answers.cost,
+        notes=problem.model.neglected_over_speed(needed),
         settings=answers.settings,
         model_hash=answers.model_hash,
     )

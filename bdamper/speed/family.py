@@ -57,10 +57,9 @@ def like(problem: P, reference: Problem) -> P:
     return problem
 
 
-def with_needed_bases(problem: P, harmonics: set[int]) -> P:
-    """The same problem with those nodal diameters alone that some harmonics need, which is faster to make at a speed."""
-    orders = {problem.engine_order * (1 if problem.single_basis else l) for l in {0, 1, *harmonics}} | {0}
-    needed = {problem.model.folded_nodal_diameter(order)[0] for order in orders}
+def with_needed_bases(problem: P) -> P:
+    """The same problem with those nodal diameters alone that its harmonics need, which is faster to make at a speed."""
+    needed = problem.needed_diameters
     bodies = {
         name: replace(body, bases={d: b for d, b in body.bases.items() if d in needed}) if body.kind != "free" else body
         for name, body in problem.model.bodies.items()
@@ -98,7 +97,7 @@ class SpeedFamily(Generic[P]):
                 f'"{problem.residual_traction}" and "{problem.friction_axes}"'
             )
         self.whole = problem
-        self.base = with_needed_bases(problem, problem.active_harmonics)
+        self.base = with_needed_bases(problem)
         self.conditions = conditions
         self._made: dict[float, P] = {}
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.harmonic_balance.system import DIVERGED, NOT_CONVERGED, NOT_FINITE, OK, Correction, HarmonicSystem, norm2
-from bdamper.peaks.newton import refine_maxima
+from bdamper.peaks.newton import Peak, refine_maxima
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import TWO_PI, Search, derivatives, excess, half_bandwidth
@@ -49,6 +49,8 @@ from bdamper.util.tables import Column, Tabular
 NODES = 6
 """Speeds at which the problem is made for one run-up.  Over 10 % to both sides of a crossing of the shipped disk the
 residual of solutions in between is then below 1e-6."""
+WITHIN = (50.0, 2000.0)
+"""Speeds (rad/s) between which a crossing is looked for if none are given."""
 CLOSE = 1e-3
 """Largest residual, relative to the excitation, that the interpolation may leave at a solution."""
 FOLLOWING = ContinuationOptions(step=0.1, max_step=0.3, max_turn=0.6, locate_tolerance=1e-4)
@@ -344,7 +346,7 @@ def run_up(
     speeds: tuple[float, float] | None = None,
     *,
     mode: int = 1,
-    within: tuple[float, float] = (50.0, 2000.0),
+    within: tuple[float, float] | None = None,
     options: ContinuationOptions | None = None,
     **conditions: Any,
 ) -> RunUp:
@@ -357,8 +359,9 @@ def run_up(
     speeds : (low, high), rad/s, optional
         Range of the run-up, which holds the crossing; 6 % to both sides of it by default.
     mode : int
-    within : (low, high), rad/s
-        Where the crossing is looked for if no range is given.
+    within : (low, high), rad/s, optional
+        Where the crossing is looked for if no range is given, and what the range does not leave; 50 to 2000 rad/s by
+        default, as far as tables over speed reach.
     options : ContinuationOptions
         ``FOLLOWING`` by default.
     **conditions
@@ -372,20 +375,16 @@ def run_up(
         If there is no crossing in the range.
     """
     validate.instance("study", problem, Problem, "a Study")
-    asked = speed_values(speeds or within, 5)
+    given = Conditions.of(conditions)
+    reach = given.reach(int(problem.engine_order))
+    asked = speed_values(speeds or within or np.clip(reach, *WITHIN).tolist(), 5)
     meter = CostMeter(time.perf_counter())
-    family = SpeedFamily(problem, Conditions.of(conditions))
-    search = Search(family, tuple(asked.tolist()), validate.whole("mode", mode, least=1), meter)
-    peak, ends = search.run()
-    if peak is None:
-        order = problem.engine_order
-        jumps = f"; the highest peak jumps over the line between {ends[0]:.6g} and {ends[1]:.6g} rad/s"
-        raise BdamperError(
-            f"run-up: expected a crossing of mode {mode} with engine order {order} between {asked[0]:.6g} and "
-            f"{asked[-1]:.6g} rad/s, found none" + (jumps if np.isfinite(ends[0]) else "")
-        )
+    family = SpeedFamily(problem, given)
+    peak = _crossing(family, asked, validate.whole("mode", mode, least=1), meter)
     speed = peak.parameter
-    low, high = (float(asked[0]), float(asked[-1])) if speeds else (0.94 * speed, 1.06 * speed)
+    low, high = float(asked[0]), float(asked[-1])
+    if not speeds:
+        low, high = max(low, 0.94 * speed), min(high, 1.06 * speed)
     system = RunUpSystem(family, (low, high))
     error = float(np.abs(system.residual(peak.y) * system.row_scale).max())
     if not error <= CLOSE:
@@ -419,6 +418,18 @@ def run_up(
         settings=problem.record(None),
         model_hash=problem.model.hash,
     )
+
+
+def _crossing(family: SpeedFamily[Any], speeds: NDArray, mode: int, meter: CostMeter) -> Peak:
+    """The peak of a mode on the line of the engine order, an error where there is none."""
+    peak, ends = Search(family, tuple(speeds.tolist()), mode, meter).run()
+    if peak is None:
+        jumps = f"; the highest peak jumps over the line between {ends[0]:.6g} and {ends[1]:.6g} rad/s"
+        raise BdamperError(
+            f"run-up: expected a crossing of mode {mode} with engine order {family.whole.engine_order} between "
+            f"{speeds[0]:.6g} and {speeds[-1]:.6g} rad/s, found none" + (jumps if np.isfinite(ends[0]) else "")
+        )
+    return peak
 
 
 def _highest(system: RunUpSystem, points: list[NDArray]) -> NDArray:

@@ -134,6 +134,17 @@ def test_what_cannot_be_asked_is_said(study, peak, curve):
         study.margin(peak, 300e6)
     with pytest.raises(SettingError, match="at the rotor speed of this study, 300 rad/s, found one at none"):
         study.at_speed(300.0).margin(curve, AISI_1050)
+    at = study.at_speed(300.0)
+    turning = at.peak(200.0)
+    assert at.margin(turning, AISI_1050).speed == 300.0
+    with pytest.raises(SettingError, match="at the rotor speed of this study, 310 rad/s, found one at 300 rad/s"):
+        study.at_speed(310.0).margin(turning, AISI_1050)
+    with pytest.raises(SettingError, match="expected one of this study, found one with friction_coefficient = "):
+        study.with_(friction_coefficient=0.2).margin(peak, AISI_1050)
+    with pytest.raises(SettingError, match="expected one of this study's model, found one of another"):
+        study.with_(model=with_stress(study.model, seed=1)).margin(peak, AISI_1050)
+    bare = study.with_(model=replace(study.model, stress={})).peak(200.0)
+    assert study.margin(bare, AISI_1050).least == pytest.approx(study.margin(peak, AISI_1050).least, rel=1e-9)
 
 
 @pytest.mark.parametrize(

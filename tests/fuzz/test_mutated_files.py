@@ -45,6 +45,7 @@ from bdamper.io import (
     read_unv,
     save_model,
 )
+from bdamper.io.calculix import read_frd_stress
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import load
@@ -104,10 +105,10 @@ def frd(numbers, nodes, elements):
     rng = np.random.default_rng(0)
     for mode in (1, 2):
         lines += ["    1PHID                          1", f"    1PMODE                         {mode}"]
-        for name in ("DISP", "DISPI"):
+        for name, n in (("DISP", 3), ("DISPI", 3), ("STRESS", 6), ("STRESSI", 6)):
             lines.append(f"  100CL  10{mode} {100.0 * mode:11.7f}{len(numbers):12d}{'':20}2{mode:5d}MODAL      1")
-            lines += [f" -4  {name:8s}    4    1", *(f" -5  D{i}" for i in range(1, 4))]
-            lines += block(rng.standard_normal((len(numbers), 3)))
+            lines += [f" -4  {name:8s}    4    1", *(f" -5  D{i}" for i in range(1, n + 1))]
+            lines += block(rng.standard_normal((len(numbers), n)))
     return "\n".join([*lines, " 9999", ""])
 
 
@@ -243,6 +244,7 @@ READERS: list[tuple[str, Callable[[Path], object]]] = [
     *((f"job.{e}", lambda p: build(read_calculix(p / "job"))) for e in ("inp", "sti", "mas", "dof")),
     ("job.inp", lambda p: read_inp(p / "job.inp")),
     ("job.frd", lambda p: read_frd(p / "job.frd")),
+    ("job.frd", lambda p: read_frd_stress(p / "job.frd")),
     ("a.full", lambda p: build(read_ansys(p / "a.full", p / "a.cdb"))),
     ("a.cdb", lambda p: build(read_ansys(p / "a.full", p / "a.cdb"))),
     ("a.cdb", lambda p: read_cdb(p / "a.cdb")),

@@ -28,6 +28,7 @@ from bdamper.io import (
     read_set,
     read_unv,
 )
+from bdamper.io.calculix import read_frd_stress
 from bdamper.reduction.facets import area_vectors
 from bdamper.reduction.patches import Facets
 from bdamper.util.errors import BdamperError, ModelError
@@ -308,8 +309,9 @@ def test_bad_matrices_of_calculix(run, tmp_path, ending, change, message):
 def test_bad_results_of_calculix(run, tmp_path, change, message):
     text = (run[0] / "modes.frd").read_text()
     (tmp_path / "x.frd").write_text(change(text))
-    with pytest.raises(ModelError, match=message):
-        read_frd(tmp_path / "x.frd")
+    for read in (read_frd, read_frd_stress):
+        with pytest.raises(ModelError, match=message):
+            read(tmp_path / "x.frd")
 
 
 # ---- universal files ----

@@ -24,9 +24,15 @@ def test_the_preload_is_mass_times_radius_times_squared_speed(study):
     damper = study.model.bodies["damper"]
     radius = np.hypot(damper.centre[0], damper.centre[1])
     assert study.at_speed(SPEED).preload == pytest.approx(damper.mass * radius * SPEED**2, rel=1e-12)
-    heavy = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
+    heavy = vary(study.at_speed(SPEED), {"damper_mass": 2.0})
+    assert "neglected" not in str(heavy)
     assert heavy.preload == pytest.approx(2.0 * study.at_speed(SPEED).preload, rel=1e-12), "load and inertia together"
     assert "speed: 400 rad/s" in str(heavy)
+    inert = vary(study.at_speed(SPEED), {"damper_mass_factor": 2.0})
+    loads = [at.preload * at.damper_load[1] for at in (study.at_speed(SPEED), heavy)]
+    elastic = study.at_speed(SPEED).preload * study.damper_load[1]
+    np.testing.assert_allclose(loads[1] - 2.0 * elastic, loads[0] - elastic, rtol=1e-9, err_msg="faces displaced by speed")
+    np.testing.assert_allclose(inert.damper_load[1], study.at_speed(SPEED).damper_load[1], rtol=1e-12, err_msg="by load")
     with pytest.raises(bd.SettingError, match="expected a study at a rotor speed"):
         _ = study.preload
 
@@ -78,6 +84,10 @@ def test_friction_by_temperature_and_excitation_by_order(study):
     assert study.at_speed(SPEED, excitation=lambda omega, order: omega / order).excitation.amplitude == 80.0
     assert repr(Conditions(friction={1.0: 0.3, 2.0: 0.4})) == "Conditions(friction={1.0: 0.3, 2.0: 0.4})"
     assert "0x" not in repr(Conditions(friction=np.sqrt)), "the same from run to run"
+    one, other = Conditions(friction=lambda omega: 0.3), Conditions(friction=lambda omega: 0.4)
+    assert repr(one) == repr(other) and one.values([SPEED], [5]) != other.values([SPEED], [5]), "known by their values"
+    reach = Conditions(friction={100.0: 0.3, 500.0: 0.4}, excitation={4: {200.0: 1.0, 900.0: 2.0}, 5: 3.0}).reach
+    assert (reach(4), reach(5)) == ((200.0, 500.0), (100.0, 500.0))
 
 
 @pytest.mark.parametrize(
@@ -110,6 +120,6 @@ def test_speeds_and_bodies_that_do_not_fit(study):
 
 def test_a_speed_is_varied_with_its_model(study):
     """As sweeps do; the factor on the mass comes with its own preload."""
-    found, at = vary(study, {"speed": SPEED, "damper_mass_factor": 2.0}), study.at_speed(SPEED)
+    found, at = vary(study, {"speed": SPEED, "damper_mass": 2.0}), study.at_speed(SPEED)
     assert found.model.bodies["blade"].bases[5].omega2[0] == at.model.bodies["blade"].bases[5].omega2[0]
     assert found.preload == pytest.approx(2.0 * at.preload)

@@ -134,8 +134,35 @@ def test_executors_and_files_give_the_same_table(study, found, tmp_path):
         study.crossings((400.0, 500.0), [5], resume=tmp_path / "kept")
 
 
+def test_answers_of_another_function_are_not_taken_up(study, tmp_path):
+    """Two functions of one name, and a search without a crossing, which ends at once."""
+    for mu in (0.3, 0.4):
+        where = tmp_path / "kept"
+        if mu == 0.4:
+            with pytest.raises(bd.BdamperError, match="found those of another one"):
+                study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+        else:
+            study.crossings((100.0, 200.0), [5], resume=where, friction=lambda omega, mu=mu: mu)
+
+
+def test_nodal_diameters_without_data_over_speed_are_told():
+    study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, harmonics=2, friction_coefficient=0.3)
+    blade = study.model.bodies["blade"]
+    bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
+    study = study.with_(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
+    told = "nodal diameters 10: modes of one rotor speed"
+    assert told in str(study.crossings((100.0, 200.0), [5])) and told in str(study.at_speed(400.0))
+    assert "neglected" not in str(study.with_(harmonics=1).at_speed(400.0))
+
+
+def test_tables_are_asked_where_they_reach(study):
+    with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 300 and 400"):
+        study.run_up(friction={300.0: 0.3, 400.0: 0.3})
+
+
 def test_no_crossing_in_the_range(study):
     found = study.crossings((100.0, 200.0), [5])
+    assert found.notes == ()
     assert found.kind == ("none",) and not found.found.any() and found.complete
     with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 100 and 200"):
         study.run_up((100.0, 200.0))
@@ -167,8 +194,8 @@ def test_a_derivative_by_parameters_of_coupled_friction_is_refused(study):
 def test_the_mass_factor_alone_scales_inertia(study):
     """At the same preload a heavier damper changes little; with its own load much more."""
     at = study.at_speed(470.0)
-    heavy = vary(at, {"damper_mass_factor": 1.5})
-    same, own = heavy.peak(at.preload).amplitude, heavy.peak(heavy.preload).amplitude
+    same = vary(at, {"damper_mass_factor": 1.5}).peak(at.preload).amplitude
+    own = vary(at, {"damper_mass": 1.5}).peak(1.5 * at.preload).amplitude
     peak = at.peak(at.preload)
     base = peak.amplitude
     found = at.peak_sensitivities(peak, ("preload", "damper_mass_factor", "damper_mass"))
