@@ -5,17 +5,18 @@ the flexibility :math:`R` of both sides, the rigid-body motion :math:`\eta` of f
 :math:`x_0` per newton of load, the relative motion :math:`x = (u_1, u_2, v)` of the surfaces and the forces
 :math:`F = (T_1, T_2, N)` satisfy
 
-.. math:: x = \Psi\eta + P x_0 - R F,\qquad \Psi^T F = P f,
+.. math:: x = \Psi\eta + x_0 - R F,\qquad \Psi^T F = f,
 
-.. math:: N \ge 0,\quad v \le g,\quad N (v - g) = 0;\qquad |T_d| \le \mu N,\quad
+.. math:: N \ge 0,\quad v \le 0,\quad N v = 0;\qquad |T_d| \le \mu N,\quad
           (\mu N - |T_d|)\,(u_d - w_d) = 0,\quad T_d\,(u_d - w_d) \ge 0,
 
-:math:`g` the initial gap and :math:`w` the position at which a point was stuck before the load step.  The same conditions
-read :math:`F = \mathrm{law}(x + F/k)` with the law of an elastic contact element of any stiffness :math:`k > 0`, which
-cancels: piecewise linear equations for :math:`(F, \eta)`, solved by Newton's method on the states of the points, with the
-load in steps where that is needed.  Where Newton's method finds no set of states, as when a body tilts before it touches
-elsewhere, the body creeps into its next state and the sliders follow (:meth:`_Solver.creep`); :math:`w` is then the
-position of the last step of that motion.  :class:`Certificate` measures the conditions themselves.
+:math:`w` the position at which a point was stuck before, that of rest.  There are no gaps, so forces and motion grow in
+proportion to the load and one newton of it is enough; histories and gaps belong to :mod:`bdamper.contact.preload`.  The
+same conditions read :math:`F = \mathrm{law}(x + F/k)` with the law of an elastic contact element of any stiffness
+:math:`k > 0`, which cancels: piecewise linear equations for :math:`(F, \eta)`, solved by Newton's method on the states of
+the points.  Where that finds no set of states (184 of 600 random wedges with six points) the body creeps into its state and
+the sliders follow (:meth:`_Solver.creep`); :math:`w` is then the position of the last step of that motion.
+:class:`Certificate` measures the conditions themselves.
 
 With friction there may be several states, or none: then no forces within friction balance the load, and the error gives
 the smallest imbalance.
@@ -23,7 +24,6 @@ the smallest imbalance.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +32,13 @@ from numpy.typing import NDArray
 
 from bdamper.contact.preload import STICK, law_tangent, limited_forces
 from bdamper.model.coupling import Coupling
-from bdamper.util.errors import ModelError, SettingError
+from bdamper.util.errors import ModelError
 from bdamper.util.repr import brief
+
+TOLERANCE = 1e-12
+"""On the residual, relative to the largest contact force."""
+CREEPING_STEPS = 200
+"""At most."""
 
 
 @brief
@@ -41,14 +46,14 @@ from bdamper.util.repr import brief
 class Certificate:
     """Largest violations of equilibrium and of the contact conditions, without unit.
 
-    Forces are relative to the largest contact force, displacements to the largest relative motion or gap, products to the
-    product of both.
+    Forces are relative to the largest contact force, displacements to the largest relative motion, products to the product
+    of both.
 
     Parameters
     ----------
     equilibrium : float
     tension, penetration, separation : float
-        ``N < 0``; ``v > g``; ``N (g - v)``.
+        ``N < 0``; ``v > 0``; ``N v``.
     friction, sticking, sense : float
         ``|T| > mu N``; motion of a point whose friction is below its limit; friction along the slip instead of against it.
     """
@@ -72,7 +77,7 @@ class Certificate:
 @brief
 @dataclass(frozen=True)
 class StaticContactProblem:
-    """Arrays of the problem.
+    """Arrays of the problem, per newton of load.
 
     Parameters
     ----------
@@ -80,10 +85,10 @@ class StaticContactProblem:
     rigid : (3 n, n_rigid) float
         Relative motion by rigid-body coordinates.
     load : (n_rigid,) float
-        Their generalised force per newton of load.
+        Their generalised force.
     offset : (n, 3) float, m/N
         Relative motion by the load without contact.
-    friction, gap : (n,) float
+    friction : (n,) float
     """
 
     flexibility: NDArray
@@ -91,60 +96,45 @@ class StaticContactProblem:
     load: NDArray
     offset: NDArray
     friction: NDArray
-    gap: NDArray
 
 
 @brief
 @dataclass(frozen=True)
 class StaticContactSolution:
-    """A state of the contact.
+    """A state of the contact, per newton of load.
 
     Parameters
     ----------
-    load : float, N
-    force : (n, 3) float, N
+    force : (n, 3) float
         T1, T2, N; N positive in compression.
-    motion : (n, 3) float, m
+    motion : (n, 3) float, m/N
         u1, u2, v of the surfaces.
-    slider : (n, 2) float, m
     rigid : (n_rigid,) float
     status : (n, 2) int
         0 stick, 1 slip +, 2 slip -, 3 open.
     certificate : Certificate
-    iterations, steps : int
     """
 
-    load: float
     force: NDArray
     motion: NDArray
-    slider: NDArray
     rigid: NDArray
     status: NDArray
     certificate: Certificate
-    iterations: int
-    steps: int
 
 
 def certify(
-    problem: StaticContactProblem,
-    load: float,
-    force: NDArray,
-    motion: NDArray,
-    rest: NDArray,
-    least_force: float = 1e-300,
+    problem: StaticContactProblem, force: NDArray, motion: NDArray, rest: NDArray, least_force: float = 1e-300
 ) -> Certificate:
     """Violations of the conditions by forces (n, 3) and motion (n, 3), ``rest`` (n, 2) where the points were stuck before.
 
-    The motion is what the caller claims; that it belongs to the forces is not checked here.  ``least_force`` (N) stands in
-    for the largest contact force where there is hardly any.
+    The motion is what the caller claims; that it belongs to the forces is not checked here.  ``least_force`` stands in for
+    the largest contact force where there is hardly any.
     """
     size = max(float(np.abs(force).max(initial=0.0)), least_force)
-    slip = motion[:, :2] - rest
-    distance = problem.gap - motion[:, 2]
-    reach = max(float(np.abs(motion).max(initial=0.0)), float(np.abs(problem.gap).max(initial=0.0)), 1e-300)
-    normal = force[:, 2]
+    slip, normal, distance = motion[:, :2] - rest, force[:, 2], -motion[:, 2]
+    reach = max(float(np.abs(motion).max(initial=0.0)), 1e-300)
     limit = problem.friction[:, None] * normal[:, None]
-    balance = problem.rigid.T @ force.ravel() - load * problem.load
+    balance = problem.rigid.T @ force.ravel() - problem.load
     largest = max(float(np.abs(problem.rigid.T).max(initial=0.0)) * size, 1e-300)
 
     def top(values: NDArray, unit: float) -> float:
@@ -166,34 +156,32 @@ class _Solver:
 
     def __init__(self, problem: StaticContactProblem) -> None:
         self.problem = problem
-        n = len(problem.gap)
-        self.n = n
+        self.n, m = len(problem.friction), problem.rigid.shape[1]
         self.flexibility = problem.flexibility
-        self.k = (1.0 / np.diag(problem.flexibility)).reshape(n, 3)
+        self.k = (1.0 / np.diag(problem.flexibility)).reshape(self.n, 3)
         # a rigid coordinate is measured by the displacement that it gives
         self.largest = float(np.abs(problem.rigid).max()) if problem.rigid.size else 1.0
         self.rigid_unit = self.largest * self.k.mean()
         self.iterations = 0
-        m = problem.rigid.shape[1]
-        # force that goes with a newton of load, and the least force that counts
+        # force that goes with a newton of load
         reach = np.abs(problem.rigid).max(axis=0, initial=0.0)
         unit = np.divide(np.abs(problem.load), reach, out=np.zeros(m), where=reach > 0.0)
-        self.unit_force, self.least = float(unit.max(initial=0.0)), 1e-300
+        self.unit_force = max(float(unit.max(initial=0.0)), 1e-300)
         D = problem.rigid.T @ (self.k.ravel()[:, None] * problem.rigid)
         self.damping = D + 1e-9 * np.trace(D) / max(m, 1) * np.eye(m)
         # of a creeping motion: drag on the rigid coordinates, and what adds to the motion of the surfaces
-        self.drag, self.eta_before, self.extra = np.zeros((m, m)), np.zeros(m), np.zeros((n, 3))
+        self.drag, self.eta_before, self.extra = np.zeros((m, m)), np.zeros(m), np.zeros((self.n, 3))
 
-    def motion(self, load: float, F: NDArray, eta: NDArray) -> NDArray:
+    def motion(self, F: NDArray, eta: NDArray) -> NDArray:
         p = self.problem
-        return (p.rigid @ eta - self.flexibility @ F.ravel()).reshape(-1, 3) + load * p.offset + self.extra
+        return (p.rigid @ eta - self.flexibility @ F.ravel()).reshape(-1, 3) + p.offset + self.extra
 
-    def residual(self, load: float, F: NDArray, eta: NDArray, rest: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    def residual(self, F: NDArray, eta: NDArray, rest: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Misfit of the law (3 n,) and of equilibrium (n_rigid,), and the states (n, 2)."""
         p, k = self.problem, self.k
-        z = self.motion(load, F, eta) + F / k
-        law, status = limited_forces(k[:, 2] * (z[:, 2] - p.gap), k[:, :2] * (z[:, :2] - rest), p.friction)
-        balance = p.rigid.T @ F.ravel() - load * p.load + self.drag @ (eta - self.eta_before)
+        z = self.motion(F, eta) + F / k
+        law, status = limited_forces(k[:, 2] * z[:, 2], k[:, :2] * (z[:, :2] - rest), p.friction)
+        balance = p.rigid.T @ F.ravel() - p.load + self.drag @ (eta - self.eta_before)
         return (F - law).ravel(), balance, status
 
     def newton_step(self, r: NDArray, balance: NDArray, status: NDArray) -> tuple[NDArray, NDArray]:
@@ -224,19 +212,10 @@ class _Solver:
                 block[np.arange(n) * 3 + i, np.arange(n) * 3 + j] -= B[:, i, j] / self.k[:, j]
         return block
 
-    def creep(
-        self,
-        load: float,
-        F: NDArray,
-        eta: NDArray,
-        rest: NDArray,
-        tolerance: float,
-        max_iterations: int,
-        max_steps: int = 200,
-    ) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
-        r"""State at which a creeping motion ends; the sliders follow the slip.
+    def creep(self) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
+        r"""State at which a creeping motion from rest ends; the sliders follow the slip.
 
-        .. math:: x = \Psi\eta + P x_0 - R F - S \dot F,\qquad \Psi^T F + D \dot\eta = P f
+        .. math:: x = \Psi\eta + x_0 - R F - S \dot F,\qquad \Psi^T F + D \dot\eta = f
 
         with ``S`` the diagonal of ``R`` and ``D`` the stiffness of the bonded contact.  A short implicit step has one
         solution whatever the friction, since ``S/dt`` decouples the points and ``D/dt`` holds the body, with or without
@@ -244,20 +223,21 @@ class _Solver:
         """
         whole, own = self.problem.flexibility, self.k
         S = 1.0 / own
+        F, eta, rest = np.zeros((self.n, 3)), np.zeros(self.problem.rigid.shape[1]), np.zeros((self.n, 2))
         status = np.full((self.n, 2), STICK)
         dt, quick = 0.1, 0
-        for _ in range(max_steps):
+        for _ in range(CREEPING_STEPS):
             try:
                 self.flexibility = whole + np.diag(S.ravel() / dt)
                 self.k = 1.0 / (S + S / dt)
                 self.extra = S * F / dt
                 self.drag, self.eta_before = self.damping / dt, eta
                 before = self.iterations
-                F_new, eta_new, status, ok = self.newton(load, F, eta, rest, 0.01 * tolerance, max_iterations)
+                F_new, eta_new, status, ok = self.newton(F, eta, rest, 0.01 * TOLERANCE)
                 if not ok:
-                    F_new, eta_new, status, ok = self.newton(load, F_new, eta_new, rest, tolerance, 2)
+                    F_new, eta_new, status, ok = self.newton(F_new, eta_new, rest, most=2)
                 if ok:
-                    rest = np.where(status == STICK, rest, self.motion(load, F_new, eta_new)[:, :2])
+                    rest = np.where(status == STICK, rest, self.motion(F_new, eta_new)[:, :2])
             finally:
                 self.flexibility, self.k = whole, own
                 self.extra, self.drag = np.zeros_like(self.extra), np.zeros_like(self.drag)
@@ -271,33 +251,31 @@ class _Solver:
             quick = quick + 1 if self.iterations - before <= 6 else 0
             dt *= 4.0 if quick else 1.0
             if moved < 0.3 * min(1.0, dt) or dt > 1e3:
-                out = self.newton(load, F, eta, rest, tolerance, 8)
+                out = self.newton(F, eta, rest, most=8)
                 if out[3]:
                     return *out, rest
         return F, eta, status, False, rest
 
     def newton(
-        self, load: float, F: NDArray, eta: NDArray, rest: NDArray, tolerance: float, max_iterations: int
+        self, F: NDArray, eta: NDArray, rest: NDArray, tolerance: float = TOLERANCE, most: int = 25
     ) -> tuple[NDArray, NDArray, NDArray, bool]:
-        """Newton with a line search; forces, rigid coordinates, states, and whether it converged."""
-        least = max(abs(load) * self.unit_force, self.least)
+        """Newton with a line search, at ``most`` so many steps; forces, rigid coordinates, states, whether it converged."""
         unit = self.largest
-        r, balance, status = self.residual(load, F, eta, rest)
+        r, balance, status = self.residual(F, eta, rest)
 
         def norm(r: NDArray, balance: NDArray) -> float:
             return float(np.sqrt(r @ r + balance @ balance / unit**2))
 
         now = norm(r, balance)
-        for _ in range(max_iterations):
-            size = max(float(np.abs(F).max(initial=0.0)), least)
-            if now <= tolerance * size:
+        for _ in range(most):
+            if now <= tolerance * max(float(np.abs(F).max(initial=0.0)), self.unit_force):
                 return F, eta, status, True
             self.iterations += 1
             dF, deta = self.newton_step(r, balance, status)
             fraction, best = 1.0, (np.inf, F, eta, r, balance, status)
             for _ in range(6):
                 trial = F + fraction * dF, eta + fraction * deta
-                r_t, balance_t, status_t = self.residual(load, *trial, rest)
+                r_t, balance_t, status_t = self.residual(*trial, rest)
                 value = norm(r_t, balance_t)
                 if value < best[0]:
                     best = (value, *trial, r_t, balance_t, status_t)
@@ -307,34 +285,19 @@ class _Solver:
             if best[0] >= now:
                 # no descent along Newton's direction: the full step moves to other states
                 F, eta = F + dF, eta + deta
-                r, balance, status = self.residual(load, F, eta, rest)
+                r, balance, status = self.residual(F, eta, rest)
                 now = norm(r, balance)
             else:
                 now, F, eta, r, balance, status = best
-        return F, eta, status, now <= tolerance * max(float(np.abs(F).max(initial=0.0)), least)
+        return F, eta, status, now <= tolerance * max(float(np.abs(F).max(initial=0.0)), self.unit_force)
 
 
-def solve_static_contact(
-    problem: StaticContactProblem,
-    loads: Sequence[float] = (1.0,),
-    *,
-    steps: int = 8,
-    tolerance: float = 1e-12,
-    max_iterations: int = 25,
-) -> list[StaticContactSolution]:
-    """States of the contact at the end of each leg of a history of loads, from rest without load.
+def solve_static_contact(problem: StaticContactProblem) -> StaticContactSolution:
+    """State of the contact under one newton of load, from rest.
 
     Parameters
     ----------
     problem : StaticContactProblem
-    loads : sequence of float, N
-        Passed one after the other.
-    steps : int
-        Load steps of a leg.  Without gaps the first leg, from rest, needs only one: the state is proportional to the load.
-    tolerance : float
-        On the residual, relative to the largest contact force.
-    max_iterations : int
-        In a step; a step that fails creeps, or is halved, down to a tenth.
 
     Raises
     ------
@@ -343,51 +306,24 @@ def solve_static_contact(
     """
     if not (np.any(problem.load) or np.any(problem.offset)):
         raise ModelError("static contact: expected a load on a free body, the model has none")
-    n = len(problem.gap)
-    solver = _Solver(problem)
-    # unloading may end at no force at all
-    solver.least = max(1e-3 * max((abs(load) for load in loads), default=0.0) * solver.unit_force, 1e-300)
-    F, eta, rest = np.zeros((n, 3)), np.zeros(problem.rigid.shape[1]), np.zeros((n, 2))
-    at, out = 0.0, []
-    for leg, target in enumerate(loads):
-        if not (np.isfinite(target) and target >= 0.0):
-            raise SettingError(f"load history: expected finite numbers >= 0 N, found {target}")
-        done, taken = 0.0, 0
-        fraction = 1.0 if leg == 0 and not np.any(problem.gap) else 1.0 / steps
-        first = at
-        while done < 1.0 and target != first:
-            now = min(1.0, done + fraction)
-            load = first + now * (target - first)
-            F_guess, eta_guess = _bonded(problem, solver, load) if at == 0.0 else (F, eta)
-            F_new, eta_new, status, ok = solver.newton(load, F_guess, eta_guess, rest, tolerance, max_iterations)
-            before = rest
-            if not ok:
-                _refuse_without_equilibrium(problem, target)
-                F_new, eta_new, status, ok, before = solver.creep(load, F, eta, rest, tolerance, max_iterations)
-            if not ok:
-                fraction *= 0.5
-                if fraction < 0.1 / steps:
-                    raise ModelError(
-                        f"static contact: the states of the points did not settle beyond a load of {at:.6g} N (of "
-                        f"{target:.6g} N); give the contact stiffness or finite element contact forces instead"
-                    )
-                continue
-            F, eta, at, done, taken = F_new, eta_new, load, now, taken + 1
-            motion = solver.motion(load, F, eta)
-            rest = np.where(status == STICK, before, motion[:, :2])
-        if target == first:
-            motion, before = solver.motion(at, F, eta), rest
-            status = solver.residual(at, F, eta, rest)[2]
-        certificate = certify(problem, at, F, motion, before, solver.least)
-        out.append(StaticContactSolution(at, F, motion, rest, eta, status, certificate, solver.iterations, taken))
-    return out
+    solver, rest = _Solver(problem), np.zeros((len(problem.friction), 2))
+    F, eta, status, ok = solver.newton(*_bonded(problem, solver), rest)
+    if not ok:
+        _refuse_without_equilibrium(problem)
+        F, eta, status, ok, rest = solver.creep()
+    if not ok:
+        raise ModelError(
+            "static contact: the states of the points did not settle; give the contact stiffness or finite element contact "
+            "forces instead"
+        )
+    motion = solver.motion(F, eta)
+    return StaticContactSolution(F, motion, eta, status, certify(problem, F, motion, rest, 1e-3 * solver.unit_force))
 
 
-def _bonded(problem: StaticContactProblem, solver: _Solver, load: float) -> tuple[NDArray, NDArray]:
-    """All points closed, gaps included, and stuck: the first guess."""
-    x = solver.motion(load, np.zeros((solver.n, 3)), np.zeros(problem.rigid.shape[1]))
-    x[:, 2] -= problem.gap
-    return solver.newton_step(-(solver.k * x).ravel(), -load * problem.load, np.full((solver.n, 2), STICK))
+def _bonded(problem: StaticContactProblem, solver: _Solver) -> tuple[NDArray, NDArray]:
+    """All points closed and stuck: the first guess."""
+    x = solver.motion(np.zeros((solver.n, 3)), np.zeros(problem.rigid.shape[1]))
+    return solver.newton_step(-(solver.k * x).ravel(), -problem.load, np.full((solver.n, 2), STICK))
 
 
 def friction_limits(friction: NDArray) -> NDArray:
@@ -411,7 +347,7 @@ def least_imbalance(problem: StaticContactProblem) -> float:
 
     A linear program gives it; zero means that statics allows an equilibrium, however the surfaces deform.
     """
-    n, m = len(problem.gap), problem.rigid.shape[1]
+    n, m = len(problem.friction), problem.rigid.shape[1]
     if not np.any(problem.load):
         return 0.0
     # unknowns T1, T2, N of each point, then the largest miss; columns in units of the load
@@ -432,25 +368,23 @@ def least_imbalance(problem: StaticContactProblem) -> float:
     return float(found.fun) / float(np.abs(f).max()) if found.status == 0 else 0.0
 
 
-def _refuse_without_equilibrium(problem: StaticContactProblem, load: float) -> None:
+def _refuse_without_equilibrium(problem: StaticContactProblem) -> None:
     missing = least_imbalance(problem)
     if missing > 1e-9:
         raise ModelError(
             "static contact: expected contact forces with N >= 0, |T| <= mu N in equilibrium with the load, found that "
-            f"the best of them miss it by {100 * missing:.3g} % ({load:.6g} N): the body slides away"
+            f"the best of them miss it by {100 * missing:.3g} %: the body slides away"
         )
 
 
-def static_contact_problem(
-    coupling: Coupling, friction: NDArray | None = None, gap: NDArray | None = None
-) -> StaticContactProblem:
+def static_contact_problem(coupling: Coupling, friction: NDArray | None = None) -> StaticContactProblem:
     """The problem of a model: every mode counts through the flexibility at nodal diameter 0.
 
     Parameters
     ----------
     coupling : Coupling
         Interfaces and retained rigid-body modes.
-    friction, gap : (n_points,) float, optional
+    friction : (n_points,) float, optional
         Zero everywhere by default.
     """
     modes = {}
@@ -462,5 +396,5 @@ def static_contact_problem(
     load, offset = bare.load()
     n = coupling.n_points
     flexibility = bare.residual_flexibility(0).real
-    friction, gap = (np.zeros(n) if given is None else given for given in (friction, gap))
-    return StaticContactProblem(flexibility, bare.basis(0).G.real.reshape(3 * n, -1), load, offset, friction, gap)
+    friction = np.zeros(n) if friction is None else friction
+    return StaticContactProblem(flexibility, bare.basis(0).G.real.reshape(3 * n, -1), load, offset, friction)

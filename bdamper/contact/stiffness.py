@@ -352,7 +352,7 @@ def _forces_for_paper(coupling: Coupling, friction: NDArray) -> NDArray:
     only_faces = replace(coupling, interfaces=faces)
     rows = coupling.friction_rows
     problem = static_contact_problem(only_faces, friction[rows])
-    solution = solve_static_contact(problem)[0]
+    solution = solve_static_contact(problem)
     if solution.certificate.worst > CERTIFIED:
         raise ModelError(f"static contact: expected violations below {CERTIFIED:g}, found {solution.certificate}")
     out[rows] = solution.force

@@ -1,4 +1,4 @@
-"""Condensed static contact: certificate, closed forms of the rigid wedge, unloading."""
+"""Condensed static contact: certificate, closed forms of the rigid wedge; how the search for a static state gives up."""
 
 from dataclasses import replace
 
@@ -34,56 +34,16 @@ def coupling(request):
 @pytest.mark.parametrize("mu", [0.0, 0.05, 0.3, 0.6, 1.0, 1.8, 2.5])
 def test_certificate_on_the_reference_model(coupling, mu):
     n = coupling.n_points
-    solution = solve_static_contact(static_contact_problem(coupling, np.full(n, mu), np.zeros(n)))[0]
+    solution = solve_static_contact(static_contact_problem(coupling, np.full(n, mu)))
     assert solution.certificate.worst < 1e-10
 
 
 def test_frictionless_force_is_that_of_statics(coupling):
     """Faces at 60 degrees from the radial axis: N = P/(2 sin 60) on each."""
     n = coupling.n_points
-    solution = solve_static_contact(static_contact_problem(coupling, np.zeros(n), np.zeros(n)))[0]
+    solution = solve_static_contact(static_contact_problem(coupling))
     half = solution.force[: n // 2, 2].sum(), solution.force[n // 2 :, 2].sum()
     np.testing.assert_allclose(half, 1.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-10)
-
-
-def test_state_is_proportional_to_the_load(coupling):
-    n = coupling.n_points
-    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
-    one = solve_static_contact(problem)[0]
-    many = solve_static_contact(problem, (7.0, 50.0, 400.0), steps=3)[-1]
-    np.testing.assert_allclose(many.force, 400.0 * one.force, atol=1e-9 * np.abs(many.force).max())
-
-
-def test_unloading_remembers(coupling):
-    n = coupling.n_points
-    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
-    up, down, again = solve_static_contact(problem, (1.0, 0.4, 1.0))
-    for state in (up, down, again):
-        assert state.certificate.worst < 1e-10
-    assert np.abs(down.force - 0.4 * up.force).max() > 0.01 * np.abs(up.force).max()
-    # the wedge is held back by friction on its way out: more normal force than on the way in
-    assert down.force[:, 2].sum() > 0.4 * up.force[:, 2].sum()
-
-
-@pytest.mark.parametrize("gap", [0.0, 1e-6])
-def test_unloading_to_nothing_and_back(gap):
-    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
-    heights = gap * np.random.default_rng(0).random(18)
-    problem = static_contact_problem(coupling, np.full(18, 0.3), heights)
-    up, off, again = solve_static_contact(problem, (1000.0, 0.0, 1000.0))
-    assert max(state.certificate.worst for state in (up, off, again)) < 1e-10
-    assert np.abs(off.force).max() < 1e-9 * np.abs(up.force).max()
-    assert (again.force[:, 2].sum(), off.load) == (pytest.approx(up.force[:, 2].sum(), rel=0.2), 0.0)
-
-
-def test_gaps_close_under_load():
-    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
-    gap = 1e-6 * np.random.default_rng(0).random(18)
-    states = solve_static_contact(static_contact_problem(coupling, np.full(18, 0.3), gap), (100.0, 1000.0, 200.0, 1500.0))
-    for state in states:
-        assert state.certificate.worst < 1e-10
-    contacts = [(state.status[:, 0] != OPEN).sum() for state in states]
-    assert contacts[0] < contacts[-1]
 
 
 @pytest.mark.parametrize("own", [0.02, 1.0, 5.0])
@@ -93,63 +53,24 @@ def test_random_wedges(mu, own):
     for seed in range(12):
         coupling = coupling_of(wedge_model(seed, n_points=6, alpha=0.6 + 0.1 * (seed % 6), beta=0.9), 2)
         n = coupling.n_points
-        problem = static_contact_problem(coupling, np.full(n, mu), np.zeros(n))
+        problem = static_contact_problem(coupling, np.full(n, mu))
         problem = replace(problem, offset=own * problem.offset)
-        state = solve_static_contact(problem)[0]
+        state = solve_static_contact(problem)
         assert state.certificate.worst < 1e-10
         motion = problem.rigid @ state.rigid - problem.flexibility @ state.force.ravel() + problem.offset.ravel()
         np.testing.assert_allclose(state.motion.ravel(), motion, atol=1e-12 * np.abs(motion).max())
 
 
-MISFITS = {
-    "line": {"crowning": 1e-5},
-    "axial": {"axial_crowning": 1e-5},
-    "one point": {"crowning": 1e-5, "axial_crowning": 1e-5},
-    "angle": {"angle": 2e-4},
-    "hollow": {"crowning": -1e-5},
-}
-
-
-@pytest.mark.parametrize("kind", sorted(MISFITS))
-@pytest.mark.parametrize("both", [True, False])
-@pytest.mark.parametrize("mu", [0.0, 0.3, 0.8])
-def test_faces_that_do_not_fit(kind, both, mu):
-    """Contact along one line or at one point of each face, at first: the damper can turn until others touch."""
-    coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
-    gap = [
-        bd.misfit(coupling.model.interfaces[name], **MISFITS[kind]) * (both or name == "left")
-        for name in coupling.interfaces
-    ]
-    problem = static_contact_problem(coupling, np.full(18, mu), np.concatenate(gap))
-    states = solve_static_contact(problem, (100.0, 1000.0, 200.0, 1500.0))
-    for state in states:
-        assert state.certificate.worst < 1e-10
-    if both:
-        assert (states[0].status[:, 0] != OPEN).sum() < 18
-    if mu == 0.0:
-        np.testing.assert_allclose(states[-1].force[:9, 2].sum(), 1500.0 / (2.0 * np.sin(np.pi / 3)), rtol=1e-9)
-
-
-@pytest.mark.parametrize("points", [24, 48])
-def test_line_contact_of_more_points(points):
-    coupling = coupling_of(bd.reference_model("bladed_disk", points), 5)
-    gap = np.concatenate([bd.misfit(coupling.model.interfaces[n], crowning=1e-5) for n in coupling.interfaces])
-    for state in solve_static_contact(
-        static_contact_problem(coupling, np.full(2 * points, 0.3), gap), (100.0, 1000.0, 200.0)
-    ):
-        assert state.certificate.worst < 1e-10
-
-
-def distinct_states(problem, load, starts=200, tolerance=1e-12):
+def distinct_states(problem, starts=200):
     """Certified states by status, from no force and from random forces and motions, with sliders at rest."""
     rng = np.random.default_rng(0)
-    solver, n, m = preload_forces._Solver(problem), len(problem.gap), problem.rigid.shape[1]
+    solver, n, m = preload_forces._Solver(problem), len(problem.friction), problem.rigid.shape[1]
     rest, found = np.zeros((n, 2)), {}
     for start in range(starts):
-        F = np.zeros((n, 3)) if start == 0 else 10.0 * load * rng.standard_normal((n, 3))
+        F = np.zeros((n, 3)) if start == 0 else 10.0 * rng.standard_normal((n, 3))
         F[:, 2] = np.abs(F[:, 2])
-        F, eta, status, ok = solver.newton(load, F, np.zeros(m), rest, tolerance, 50)
-        if ok and certify(problem, load, F, solver.motion(load, F, eta), rest).worst < 1e-10:
+        F, eta, status, ok = solver.newton(F, np.zeros(m), rest, most=50)
+        if ok and certify(problem, F, solver.motion(F, eta), rest).worst < 1e-10:
             found[status[0, 0]] = F
     return found
 
@@ -166,27 +87,26 @@ def test_several_states_are_found():
         load=np.zeros(0),
         offset=np.array([[8.0, 0.0, -1.0]]),
         friction=np.array([mu]),
-        gap=np.zeros(1),
     )
-    found = distinct_states(problem, 1.0)
+    found = distinct_states(problem)
     assert sorted(found) == [0, 1, 3]
     np.testing.assert_allclose(found[1][0], [mu * -1.0 / (b + c * mu), 0.0, -1.0 / (b + c * mu)], rtol=1e-12)
     np.testing.assert_allclose(found[3], 0.0, atol=1e-15)
     stuck = np.linalg.solve([[a, c], [c, b]], [8.0, -1.0])
     np.testing.assert_allclose(found[0][0, [0, 2]], stuck, rtol=1e-12)
     # with little friction there is one
-    assert len(distinct_states(replace(problem, friction=np.array([0.5])), 1.0)) == 1
+    assert len(distinct_states(replace(problem, friction=np.array([0.5])))) == 1
 
 
 def test_no_state_without_equilibrium():
     """A flat wedge without friction on one face only is pushed away; the linear program says by how much."""
     coupling = coupling_of(bd.reference_model("bladed_disk", 9), 5)
-    problem = static_contact_problem(coupling, np.full(18, 0.3), np.zeros(18))
+    problem = static_contact_problem(coupling, np.full(18, 0.3))
     assert least_imbalance(problem) < 1e-9
     rows = np.arange(27)
     half = StaticContactProblem(
         problem.flexibility[np.ix_(rows, rows)], problem.rigid[rows], problem.load, problem.offset[:9],
-        np.full(9, 0.3), np.zeros(9),
+        np.full(9, 0.3),
     )  # fmt: skip
     assert least_imbalance(half) > 0.1
     with pytest.raises(ModelError, match=r"miss it by \d+"):
@@ -202,26 +122,20 @@ def test_one_point_pressed_and_dragged():
             load=np.array([drag, 1.0]),
             offset=np.zeros((1, 3)),
             friction=np.array([0.3]),
-            gap=np.array([1e-6]),
         )
-        s = solve_static_contact(problem, (10.0,))[0]
-        np.testing.assert_allclose(s.force, [[10.0 * drag, 0.0, 10.0]], atol=1e-12)
-        np.testing.assert_allclose(s.motion[0], [0.0, 0.0, 1e-6], atol=1e-18)
+        s = solve_static_contact(problem)
+        np.testing.assert_allclose(s.force, [[drag, 0.0, 1.0]], atol=1e-13)
+        np.testing.assert_allclose(s.motion[0], 0.0, atol=1e-19)
         assert s.status[0].tolist() == states
     # N = 1, T up to 0.3: the largest miss is least at N = 1 + d, T = 0.3 (1 + d) = 0.4 - d, d = 1/13
-    with pytest.raises(ModelError, match=r"miss it by 7\.69 % \(10 N\): the body slides away"):
-        solve_static_contact(
-            StaticContactProblem(
-                problem.flexibility, problem.rigid, np.array([0.4, 1.0]), problem.offset, problem.friction, problem.gap
-            ),
-            (10.0,),
-        )
+    with pytest.raises(ModelError, match=r"miss it by 7\.69 %: the body slides away"):
+        solve_static_contact(replace(problem, load=np.array([0.4, 1.0])))
 
 
 def test_certificate_sees_each_violation(coupling):
     n = coupling.n_points
-    problem = static_contact_problem(coupling, np.full(n, 0.3), np.zeros(n))
-    s = solve_static_contact(problem)[0]
+    problem = static_contact_problem(coupling, np.full(n, 0.3))
+    s = solve_static_contact(problem)
     rest = np.zeros((n, 2))
     closed = int(np.argmax(s.force[:, 2]))
     open_ = int(np.flatnonzero(s.status[:, 0] == OPEN)[0])
@@ -229,7 +143,7 @@ def test_certificate_sees_each_violation(coupling):
     def broken(name, point, component, value, what="force"):
         force, motion = s.force.copy(), s.motion.copy()
         (force if what == "force" else motion)[point, component] = value
-        assert getattr(certify(problem, 1.0, force, motion, rest), name) > 1e-3
+        assert getattr(certify(problem, force, motion, rest), name) > 1e-3
 
     big, far = np.abs(s.force).max(), np.abs(s.motion).max()
     broken("tension", open_, 2, -0.1 * big)
