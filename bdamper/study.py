@@ -38,16 +38,10 @@ from bdamper.stability import floquet, steady_state, time_sweep, verification
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import removed
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, short
 
 
-@removed(
-    adaptive_peak="Study.advise and Study.apply",
-    find_start="bdamper.continuation.track.find_start",
-    without_highest_harmonic="Study.with_(harmonics=...)",
-)
 @brief
 @dataclass(frozen=True, eq=False)
 class Study(Problem, Comparable):

@@ -1,7 +1,6 @@
-"""The public names: few, each in the API reference, and those of version 0.1 tell what stands for them."""
+"""The public names: few, and each in the API reference."""
 
 import importlib
-import pickle
 import re
 from importlib import metadata
 from pathlib import Path
@@ -10,7 +9,6 @@ import pytest
 
 import bdamper as bd
 import bdamper.io
-from tests.plain import plain_study
 
 ROOT = Path(__file__).parents[1]
 
@@ -39,26 +37,6 @@ def found(path):
     home, _, name = path.rpartition(".")
     inside = getattr(importlib.import_module(home), name, None)
     return importlib.import_module(path) if inside is None else inside
-
-
-@pytest.mark.parametrize(("name", "successor"), bd._SUCCESSORS.items())
-def test_a_removed_name_tells_its_successor(name, successor):
-    assert not hasattr(bd, name)
-    with pytest.raises(AttributeError, match=rf"bdamper\.{name} has gone with version 0\.2: use {re.escape(successor)}$"):
-        getattr(bd, name)
-    if successor.startswith("bdamper."):
-        assert found(successor).__name__ == (name if name[0].isupper() else "load")
-
-
-def test_removed_methods_tell_their_successors():
-    study = plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5)
-    with pytest.raises(AttributeError, match=r"Study\.adaptive_peak has gone with version 0\.2: use Study\.advise and"):
-        study.adaptive_peak(500.0, (330.0, 365.0))
-    with pytest.raises(AttributeError, match=r"Curve\.errors has gone with version 0\.2: use Study\.estimate_errors"):
-        study.free((330.0, 365.0)).errors(study)
-    with pytest.raises(AttributeError, match="'Study' object has no attribute 'trakc'"):
-        study.trakc()
-    assert pickle.loads(pickle.dumps(study)).model.hash == study.model.hash
 
 
 def test_an_unknown_name_is_an_ordinary_error():

@@ -19,7 +19,7 @@ from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.continuation.slow_sweep import SlowSweep, slow_sweep
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import BdamperError, removed
+from bdamper.util.errors import BdamperError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
@@ -52,7 +52,6 @@ class Fold:
         return f"{self.kind}: {self.amplitude:.6g} m at {self.frequency:.6g} Hz (point {self.index})"
 
 
-@removed(errors="Study.estimate_errors(curve)")
 @brief
 @dataclass(frozen=True)
 class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):

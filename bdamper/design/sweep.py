@@ -26,7 +26,7 @@ from bdamper.problem.variation import check_name, study_fingerprint, vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import BdamperError, SettingError, renamed
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork
@@ -38,7 +38,7 @@ from bdamper.util.versions import HERE
 UNITS = {
     "preload": "N", "amplitude": "m", "frequency": "Hz", "optimum_preload": "N", "optimum_amplitude": "m",
     "optimum_frequency": "Hz", "free_amplitude": "m", "free_frequency": "Hz", "stuck_amplitude": "m",
-    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad", "major_frequency": "Hz",
+    "stuck_frequency": "Hz", "excitation.amplitude": "N", "excitation.phase": "rad",
 }  # fmt: skip
 """Units of settings and answers; what is not listed is a plain number or a name."""
 Values = Mapping[str, Any]
@@ -361,7 +361,6 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-@renamed(results="resume")
 @one_thread
 def sweep(
     problem: Problem,

@@ -21,7 +21,7 @@ from bdamper.design.sweep import OptimalTask, interruption, sweep
 from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError, renamed
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
@@ -186,7 +186,6 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
         return "\n".join(lines)
 
 
-@renamed(results="resume")
 def uncertain_curve(
     problem: Problem,
     samples: Mapping[str, Sequence[float] | NDArray],

@@ -92,7 +92,7 @@ def compare_laws(
 def _under(problem: Problem, law: str) -> Problem:
     if law == "major":
         return replace(problem, friction_law="separable", friction_axes="major")
-    plain = replace(problem, friction_axes="contact", major_frequency=None)
+    plain = replace(problem, friction_axes="contact")
     if law == "coupled":
         return plain.with_effects(replace(Effects.of(problem), friction_law="coupled", residual_traction="static"))
     return replace(plain, friction_law=law)

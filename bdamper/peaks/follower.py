@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,37 +19,9 @@ from bdamper.harmonic_balance.system import norm2
 from bdamper.peaks.newton import FAR, Family, Peak, PeakOptions, find_peak, peak_scale, vibration_width
 from bdamper.peaks.sensitivity import sensitivities
 from bdamper.util.errors import SettingError, StaticError
-from bdamper.util.repr import brief
 
 LOST = (ArithmeticError, np.linalg.LinAlgError, StaticError)
 """What may go wrong at one preload without saying anything about others."""
-
-
-@brief
-@dataclass(frozen=True)
-class PeakBranch:
-    """One peak followed over a parameter.
-
-    Parameters
-    ----------
-    peaks : tuple of Peak
-        At the values asked for, as far as the peak exists.
-    ended : float
-        Value of the parameter up to which the peak was followed.
-    status : str
-        "complete", "vanished" or "left the interval".
-    reason : str
-    iterations : int
-    trials : int
-        Correctors in all.
-    """
-
-    peaks: tuple[Peak, ...]
-    ended: float
-    status: str
-    reason: str
-    iterations: int
-    trials: int
 
 
 class PeakFollower:
@@ -82,7 +54,6 @@ class PeakFollower:
         self.limits = limits
         self.known: list[Peak] = known[-4:]
         self.iterations = 0
-        self.trials = 0
         self.logarithmic = all(peak.parameter > 0.0 for peak in known)
         self.n_mean = 0
         self.first_slope: NDArray | None = None
@@ -165,7 +136,6 @@ class PeakFollower:
             thorough=thorough or last.corner,
         )  # fmt: skip
         self.iterations += peak.iterations
-        self.trials += peak.trials
         if not peak.converged:
             self.reason = peak.status
             return None
@@ -228,44 +198,3 @@ class PeakFollower:
             if successes > 1:
                 step *= 2.0
         return self.known[-1]
-
-
-def follow_peak(
-    family: Family,
-    start: Peak,
-    values: Sequence[float] | NDArray,
-    *,
-    options: PeakOptions | None = None,
-    limits: tuple[float, float] = (0.0, np.inf),
-) -> PeakBranch:
-    """Follow a peak through values of a parameter, in the order given.
-
-    Parameters
-    ----------
-    family : callable
-        Gives the equations for a value of the parameter.
-    start : Peak
-        Converged, at ``start.parameter``.
-    values : sequence of float
-    options : PeakOptions
-    limits : (low, high), Hz
-
-    Returns
-    -------
-    PeakBranch
-    """
-    follower = PeakFollower(family, start, options, limits)
-    peaks = []
-    for value in values:
-        peak = follower.go(float(value))
-        if peak is None:
-            break
-        peaks.append(peak)
-    return PeakBranch(
-        tuple(peaks),
-        follower.known[-1].parameter,
-        follower.status,
-        follower.reason if follower.status != "complete" else "",
-        follower.iterations,
-        follower.trials,
-    )

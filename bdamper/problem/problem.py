@@ -590,11 +590,7 @@ class Problem(Settings):
         plain = copy(self)  # shares all that was made
         object.__setattr__(plain, "friction_axes", "contact")
         system = plain.system(preload)
-        if self.major_frequency is not None:
-            omega = 2.0 * np.pi * self.major_frequency
-        else:
-            poles = [w for w in system.linear_modes(springs)[0] if w > 0.0]
-            heights = [abs(system.linear_response(w, springs) @ self.response_rows[1]) for w in poles]
-            omega = poles[int(np.argmax(heights))]
-        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ system.linear_response(omega, springs))
+        motions = [system.linear_response(w, springs) for w in system.linear_modes(springs)[0] if w > 0.0]
+        largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
+        self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)
         return self._angles[preload]

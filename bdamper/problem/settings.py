@@ -92,11 +92,8 @@ class Settings:
         :mod:`bdamper.contact.preload`).  "bonded": linear springs in all directions and both senses.
         "constant_normal_load": separable with ``variable_normal_load=False``; together with "coupled" give the latter.
     friction_axes : {"contact", "major"}
-        Axes of the separable law: those of the interface, or at each point the major directions of its motion
-        (:mod:`bdamper.contact.friction_axes`).
-    major_frequency : float, Hz, optional
-        At which the stuck response shows the major directions; by default its resonance with the largest response.  Only
-        with ``friction_axes="major"``.
+        Axes of the separable law: those of the interface, or at each point the major directions of its motion at the
+        resonance of the stuck contact with the largest response (:mod:`bdamper.contact.friction_axes`).
     residual_traction : {"static", "lower", "upper"}
         Friction force of points that never slip, which the equations leave open within an interval
         (``HarmonicSystem.slider_interval``): that of the static state, or that end of the interval at which friction
@@ -145,7 +142,6 @@ class Settings:
     evaluation: str | Sampled = "exact"
     friction_law: str | Mapping[str, str] = "separable"
     friction_axes: str = "contact"
-    major_frequency: float | None = None
     residual_traction: str = "static"
     bias: bool = True
     variable_normal_load: bool = True
@@ -287,12 +283,6 @@ class Settings:
             raise SettingError(
                 'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
             )
-        if self.major_frequency is not None:
-            validate.fields(self, validate.number, "major_frequency", above=0.0, unit="Hz")
-            if self.friction_axes != "major":
-                raise SettingError(
-                    f'major_frequency: expected friction_axes="major" with it, found friction_axes="{self.friction_axes}"'
-                )
         _ = self.friction_by_interface()
 
     def law_by_interface(self) -> dict[str, int]:
@@ -404,7 +394,6 @@ class Settings:
             "speed": self.speed,
             "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
             "friction_axes": self.friction_axes,
-            "major_frequency": self.major_frequency,
             "residual_traction": self.residual_traction,
             "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
         }

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable
-from functools import wraps
-from typing import Any, ParamSpec, TypeVar
-
 
 class BdamperError(Exception):
     """Base class of all errors raised on purpose by this package."""
@@ -25,39 +20,6 @@ class StaticError(BdamperError):
 
 
 _LONGEST_FOUND = 300
-P = ParamSpec("P")
-T = TypeVar("T")
-
-
-def removed(**successors: str) -> Callable[[type[T]], type[T]]:
-    """Class decorator: attributes that are gone, each with what stands for it in the error that asking for it raises."""
-
-    def decorate(cls: type[T]) -> type[T]:
-        def missing(self: Any, name: str) -> Any:
-            if name in successors:
-                raise AttributeError(f"{cls.__name__}.{name} has gone with version 0.2: use {successors[name]}")
-            raise AttributeError(f"'{type(self).__name__}' object has no attribute '{name}'")
-
-        cls.__getattr__ = missing  # type: ignore[attr-defined]
-        return cls
-
-    return decorate
-
-
-def renamed(**successors: str) -> Callable[[Callable[P, T]], Callable[P, T]]:
-    """Decorator of a function: arguments under a name that they had before are accepted with a DeprecationWarning."""
-
-    def decorate(function: Callable[P, T]) -> Callable[P, T]:
-        @wraps(function)
-        def call(*args: P.args, **keywords: P.kwargs) -> T:
-            for old in successors.keys() & keywords.keys():
-                warnings.warn(f"{old}= is now {successors[old]}=", DeprecationWarning, stacklevel=2)
-                keywords[successors[old]] = keywords.pop(old)
-            return function(*args, **keywords)
-
-        return call
-
-    return decorate
 
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:

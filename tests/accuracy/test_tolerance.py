@@ -233,7 +233,7 @@ class TestOptimalCurve:
         bare = replace(optimal, ladder=None)
         timer = Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()
-        part = tolerance.with_ladder(study.with_(harmonics=15), bare, 0.05, threads=2)
+        part = tolerance.with_ladder(study.with_(harmonics=9), bare, 0.05, threads=2)
         timer.join()
         assert "interrupted by the user" in str(part.ladder)
         assert [t for t in enumerate_threads() if t.name.startswith("ThreadPool")] == []

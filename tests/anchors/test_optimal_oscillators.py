@@ -13,11 +13,11 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.continuation.follower import follow
 from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
-from bdamper.peaks.follower import follow_peak
 from bdamper.peaks.least import least_peak
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, refine_maxima
 from bdamper.peaks.sensitivity import sensitivities
 from bdamper.util.cost import CostMeter
+from tests.following import follow_peak
 from tests.oscillators import oscillator
 
 # slip limit: (peak, frequency)

@@ -439,11 +439,6 @@ class TestResultsFile:
             first = self.run(study, path, executor=pool)
         assert answers(first) == answers(self.run(study, path))
 
-    def test_the_name_that_resume_had_is_accepted(self, study, tmp_path):
-        with pytest.warns(DeprecationWarning, match="results= is now resume="):
-            again = bd.sweep(study, over=self.over, evaluate=residual_norm, results=tmp_path / "s.jsonl")
-        assert (tmp_path / "s.jsonl").exists() and again.complete
-
     def test_file_of_another_study_is_refused(self, study, tmp_path):
         path = tmp_path / "r.jsonl"
         self.run(study, path)

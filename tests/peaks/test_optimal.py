@@ -11,12 +11,13 @@ import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.peaks import sensitivity
 from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
-from bdamper.peaks.follower import PeakFollower, follow_peak
+from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan, scan_from
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
+from tests.following import follow_peak
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)

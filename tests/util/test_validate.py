@@ -107,7 +107,6 @@ FLAGS = ("bias", "constraints", "single_basis", "stability", "separation", "vari
         ("evaluation", "sampled"), ("evaluation", 128), ("evaluation", None),
         ("friction_law", None), ("friction_law", "x"), ("friction_law", {"left": "x", "right": "x"}), ("friction_law", 1),
         ("friction_axes", None), ("residual_traction", "q"), ("residual_traction", None),
-        ("major_frequency", 300.0), ("major_frequency", "300"),
         ("damping_ratio", "0.1"), ("damping_ratio", 1.0), ("contact_points", "9"), ("contact_points", 0),
         ("gap", 1e-6), ("gap", {"left": "wide"}), ("gap", {"left": np.zeros(4)}), ("gap", ()),
         ("load_history", 1.0), ("load_history", ()), ("load_history", "1"), ("load_history", (2.0,)),
