@@ -23,7 +23,7 @@ exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py"]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
-    "ignore_pattern": r"/(?!fig)[^/]*\.py$",
+    "ignore_pattern": r"^(?!fig)",  # matched with the name of the file alone
     "filename_pattern": r"/fig",
     "within_subsection_order": "FileNameSortKey",
     "image_srcset": ["2x"],

@@ -81,11 +81,11 @@ with plt.rc_context(PAPER):
     pair.fill([-1.0, 1.0, 1.0, -1.0], [-0.9, -0.9, -1.4, -1.4], facecolor=DAMPER, edgecolor="0.5")
     spring(pair, (-0.65, -0.9), (-0.65, 0.9), 0.08)
     pair.text(-0.9, 0.0, "$k_n$", ha="center", va="center")
-    for x, y, name in ((0.0, 0.35, "$k_{t1}$"), (0.55, -0.35, "$k_{t2}$")):
-        spring(pair, (x - 0.35, y), (x + 0.3, y), 0.08)
-        pair.plot([x - 0.35, x - 0.35], [y, 0.9], "k", linewidth=1.0)
-        pair.plot([x + 0.3, x + 0.3], [y, -0.9], "k", linewidth=1.0)
-        pair.plot([x + 0.2, x + 0.4], [-0.9, -0.9], "k", linewidth=3.0)
+    for x, y, name in ((-0.05, 0.35, "$k_{t1}$"), (0.6, -0.35, "$k_{t2}$")):
+        spring(pair, (x - 0.25, y), (x + 0.25, y), 0.08)
+        pair.plot([x - 0.25, x - 0.25], [y, 0.9], "k", linewidth=1.0)
+        pair.plot([x + 0.25, x + 0.25], [y, -0.9], "k", linewidth=1.0)
+        pair.plot([x + 0.15, x + 0.35], [-0.9, -0.9], "k", linewidth=3.0)
         pair.text(x, y + 0.2, name, ha="center")
     pair.text(0.0, 1.15, "blade", ha="center", va="center", fontsize=8.0)
     pair.text(0.0, -1.15, "damper", ha="center", va="center", fontsize=8.0)
@@ -122,7 +122,7 @@ keep(figure, "fig02_axes")
 
 centre = 1e3 * rotation @ model.bodies["damper"].centre
 with plt.rc_context(PAPER):
-    figure, (ax, side) = plt.subplots(1, 2, figsize=(7.6, 3.6))
+    figure, (ax, side) = plt.subplots(1, 2, figsize=(7.6, 3.0))
     for face in front_faces(model, "damper", rotation):
         ax.fill(*(face - centre[:2]).T, facecolor=DAMPER, edgecolor="0.5", linewidth=0.3)
     for name, angle in (("left", r"$\alpha$"), ("right", r"$\beta$")):
@@ -136,9 +136,9 @@ with plt.rc_context(PAPER):
         # between the radial direction downward and the slope of the face
         slope = np.arctan2(*(frame[0, :2] * np.sign(-frame[0, 1]))[::-1])
         turns = np.linspace(-0.5 * np.pi, slope, 30)
-        ax.plot(middle[0] + 6.5 * np.cos(turns), middle[1] + 6.5 * np.sin(turns), "k", linewidth=0.8)
+        ax.plot(middle[0] + 3.5 * np.cos(turns), middle[1] + 3.5 * np.sin(turns), "k", linewidth=0.8)
         where = 0.5 * (turns[0] + turns[-1])
-        ax.text(middle[0] + 8.3 * np.cos(where), middle[1] + 8.3 * np.sin(where), angle, ha="center", va="center")
+        ax.text(middle[0] + 5.0 * np.cos(where), middle[1] + 5.0 * np.sin(where), angle, ha="center", va="center")
         ax.text(middle[0] + outer * 9.0, middle[1] + 7.5, f"{name} face", ha="center", fontsize=8.0)
     ax.set(aspect="equal", xlabel="$X_D$ (mm)", ylabel="$Y_D$ (mm)", xlim=(-21.0, 21.0), ylim=(-14.0, 14.0))
     mesh = 1e3 * model.meshes["damper"].points @ rotation.T - centre
@@ -148,7 +148,7 @@ with plt.rc_context(PAPER):
     for name, sign in (("front", 1.0), ("back", -1.0)):
         frame = model.interfaces[name].frame[0] @ rotation.T
         middle = np.array([sign * high[0], 0.0])
-        arrow(side, middle, frame[1, [2, 1]], "$t_2$", 6.0)
+        arrow(side, middle, frame[1, [2, 1]], "$t_2$", 4.5)
         arrow(side, middle, frame[2, [2, 1]], "n", 6.0)
         gap = 1e3 * model.interfaces[name].gap[0]
         side.text(middle[0] + sign * 9.0, -9.5, f"{name} face\nstop after\n{gap:.2f} mm",
@@ -192,7 +192,7 @@ blade, damper = model.meshes["blade"], model.meshes["damper"]
 corner = model.locations["tip_trailing_edge"].position
 ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))], backend="matplotlib",
                    title="blade; dot: excitation and response")  # fmt: skip
-ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, zorder=100)
+ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, clip_on=False)
 keep(ax, "fig05_blade")
 points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
 ax = plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points, backend="matplotlib",

@@ -16,7 +16,10 @@ NAMES = [f"{axis} {kind}" for kind in ("translation", "rotation") for axis in "X
 
 
 def plot_motion(quantity: str, title: str, name: str) -> None:
-    """Modal coefficients over preload, with the settings of the paper and converged; prints them as well."""
+    """Modal coefficients over preload, with the settings of the paper and converged; prints them as well.
+
+    What is less than a fifty-thousandth of the largest is not drawn.
+    """
     with plt.rc_context(PAPER):
         figure, axes = plt.subplots(1, 2, figsize=(8.0, 3.7), sharex=True, sharey=True)
     shown = [np.abs(motion["modal_" + quantity]) for motion in out.values()]
@@ -27,9 +30,10 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
             order = " > ".join(bd.RIGID_NAMES[k] for k in np.argsort(-modal)[:3])
             print(f"{preload:>8.0f} N" + "".join(f"{v:10.3f}" for v in (*1e6 * physical[:3], *1e3 * physical[3:])), order)
         for k, shade in enumerate([*colours(3), *colours(3)]):
-            ax.loglog(motion["preload"], np.maximum(values[:, k], 1e-9 * top), color=shade, marker=MARKERS[k],
+            seen = np.where(values[:, k] > 2e-5 * top, values[:, k], np.nan)
+            ax.loglog(motion["preload"], seen, color=shade, marker=MARKERS[k],
                       linestyle="-" if k < 3 else "--", markersize=3.2, label=NAMES[k])  # fmt: skip
-        ax.set(xlabel="Preload (N)", ylim=(1e-5 * top, 2.0 * top))
+        ax.set(xlabel="Preload (N)", ylim=(1.4e-5 * top, 2.0 * top))
         ax.set_title(f"{title}, {which}", fontsize=9.0)
     axes[0].set_ylabel("Modal coefficient of the damper (kg$^{1/2}$ m)")
     handles, labels = axes[0].get_legend_handles_labels()

@@ -39,7 +39,7 @@ with plt.rc_context(PAPER):
     figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.6), sharex=True)
 for ax, (title, found) in zip(axes.flat, panels):
     print_curves(f"{title}: 9, 24, 48 points on a face", found)
-    plot_curves(found, ax, labels=[f"{n} x {n} points" for n in POINTS], title=title)
+    plot_curves(found, ax, labels=[f"{n} points a face" for n in POINTS], title=title)
     ax.get_legend().remove()
     ax.set_xlabel("Frequency (Hz)" if ax in axes[1] else "")
     if ax not in axes[:, 0]:

@@ -17,6 +17,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
@@ -60,6 +61,7 @@ ROTATION_PRELOADS = (100.0, 200.0, 1000.0, 10000.0)
 MOTION_PRELOADS = tuple(float(p) for p in np.geomspace(50.0, 25e3, 21))
 POINTS, POINTS_PRELOADS = (9, 24, 48), (100.0, 200.0, 1000.0, 25000.0)
 RIG_LOADS, RIG_BAND = (25.0, 1.5e5), (240.0, 380.0)
+RIG_PLAIN = {"contact_stiffness": "unit_traction", "harmonics": 1}
 
 
 def study(mode: int, contact_points: int = 24, model: bd.Model | None = None, **settings: Any) -> bd.Study:
@@ -139,19 +141,22 @@ def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str
     """Optimal curves with the paper's settings on the left, converged on the right, on the same axes."""
     with plt.rc_context(PAPER):
         figure, axes = plt.subplots(1, 2, figsize=(8.2, 4.2), sharex=True, sharey=True)
-        shifts = []
+        shifts, common = [], {}
         for ax, curve, name in zip(axes, (paper, converged), ("settings of the paper", "converged")):
             shifts.append(plot_optimal(curve, ax, title=f"{title}, {name}", coexisting=False)[1])
             handles = dict(zip(*ax.get_legend_handles_labels()[::-1]))
-            ax.legend(*zip(*[(h, n) for n, h in handles.items() if n.startswith(("optimum", "least"))]), fontsize=7.5,
-                      loc="lower right")  # fmt: skip
+            best = [n for n in handles if n.startswith(("optimum", "least"))]
+            ax.legend([handles.pop(n) for n in best], best, fontsize=7.5, loc="lower right")
+            common |= handles
         axes[0].set_xlim(0.9 * paper.preload[0], 1.1 * paper.preload[-1])
+        low, high = axes[0].get_ylim()
+        axes[0].set_ylim(low * (low / high) ** 0.07, high)  # room for the legends below the curves
         lowest, highest = (f([f(s.get_ylim()) for s in shifts]) for f in (min, max))
         for shift in shifts:
             shift.set_ylim(lowest, highest)
         axes[1].set_ylabel("")
         shifts[0].set_ylabel("")
         shifts[0].set_yticklabels([])
-        common = [(handles[n], n) for n in ("free", "stuck", "amplitude", "frequency shift")]
-        figure.legend(*zip(*common), ncols=4, fontsize=8.0, loc="outside lower center")
+        common["another peak is the highest next"] = Line2D([], [], color="0.1", linestyle=":", linewidth=0.8)
+        figure.legend(common.values(), common.keys(), ncols=4, fontsize=8.0, loc="outside lower center")
     return figure

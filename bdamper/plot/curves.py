@@ -321,7 +321,7 @@ def plot_over_measurement(
             ax.set_title(str(fit), fontsize=8.0)
         ax.set(xscale="log", xlabel="Load over optimum load")
         if quantity == "amplitude":
-            ax.set(yscale="log", ylabel="Amplitude over free amplitude")
+            ax.set(yscale="log", ylabel=amplitude_label(*curves.values()).removesuffix(" (m)") + ", over free")
         else:
             ax.set_ylabel("Frequency shift (%)")
     return ax, fit

@@ -103,7 +103,7 @@ def _surfaces_matplotlib(
     # the picture's axes are (Z, X, Y): Y up
     with plt.rc_context(FIXED):
         figure = plt.figure(figsize=(4.2, 5.0))
-        ax: Any = figure.add_axes((0.0, 0.16, 1.0, 0.79), projection="3d")
+        ax: Any = figure.add_axes((0.0, 0.16, 0.76, 0.79), projection="3d")  # labels stand on the right
         every = 1e3 * np.concatenate([np.asarray(p, float)[:, [2, 0, 1]] for p, _, _ in surfaces])
         low, high = every.min(axis=0), every.max(axis=0)
         _box(ax, low, high, "ZXY")
@@ -121,7 +121,7 @@ def _surfaces_matplotlib(
             face = plt.get_cmap("viridis")(colour[quads].mean(axis=1) / top) if values else colour
             ax.add_collection3d(Poly3DCollection(corner, facecolors=face, edgecolors="0.4", linewidths=0.15, clip_on=False))
         if points is not None and len(points):
-            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=4.0, c="#c0392b", depthshade=False)
+            ax.scatter(*(1e3 * np.asarray(points, float)[:, [2, 0, 1]].T), s=7.0, c="k", depthshade=False)
         if path is not None:
             save_figure(figure, path)
     return ax
