@@ -16,8 +16,9 @@ from scipy.spatial import cKDTree
 
 from bdamper.fe import Geometry, MeshDensity, SectorFE, bladed_disk
 from bdamper.fe.contact_points import wedge_patches
+from bdamper.fe.parts import interface
 from bdamper.reduction import LocalSizes
-from bdamper.reduction.local_coordinates import local_shapes
+from bdamper.reduction.local_coordinates import damper_motion, local_shapes
 
 POINTS = (2, 2)
 SIZES = LocalSizes()
@@ -37,6 +38,12 @@ def small_wheel(fe: SectorFE, sizes: LocalSizes = SIZES):
     """The model of such a sector with its local basis and the modes of all nodal diameters."""
     diameters = tuple(range(fe.geometry.n_blades // 2 + 1))
     return bladed_disk(POINTS, n_modes=20, n_damper_modes=6, nodal_diameters=diameters, fe=fe, wheel=sizes)
+
+
+def dampers_between(left, right) -> tuple[np.ndarray, np.ndarray]:
+    """Rigid motion of the dampers at the contact patches of a blade, and their sectors."""
+    faces = interface("left", left, "damper", "blade"), interface("right", right, "damper", "blade", sector_b=1)
+    return damper_motion((("left", "b"), ("right", "b")), {face.name: face for face in faces})
 
 
 def turn(angle: float) -> np.ndarray:
@@ -66,6 +73,7 @@ class Annulus:
             self.own.append(rows.tocsr())
         left, right = (wedge_patches(g, side, POINTS) for side in ("left", "right"))
         self.contact = fe.blade_contact(left, right)
+        self.dampers = dampers_between(left, right)
 
     def matrices(self, deviation=None) -> tuple[sp.csc_matrix, sp.csc_matrix]:
         """Stiffness and mass of the moving components; blades of frequency deviation (N,), clamped at their roots."""
@@ -100,7 +108,7 @@ class Annulus:
     @cached_property
     def basis(self) -> np.ndarray:
         """Motion (n_moving, N n) of the annulus by the local coordinates of all sectors, one sector after the other."""
-        shapes = local_shapes(self.part, self.fe.cyclic, self.contact, self.sizes).shapes
+        shapes = local_shapes(self.part, self.fe.cyclic, self.contact, self.dampers, self.sizes).shapes
         nodes = np.zeros(len(self.fe.blade.nodes), bool)
         nodes[self.part.nodes] = True
         of_blade = sp.diags(np.repeat(nodes, 3).astype(float))

@@ -112,22 +112,22 @@ def bladed_disk(
     at = set(diameters if flexibility_at is None else flexibility_at)
     left, right = (wedge_patches(g, side, points) for side in ("left", "right"))
     front, back = (end_patches(g, side) for side in ("front", "back"))
-    contact_blade = fe.blade_contact(left, right)
-
+    faces = _interfaces(left, right, front, back, g.end_gap)
+    contact = fe.blade_contact(left, right)
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact_blade, nodes, diameters, n_modes, damping_ratio, at, rotation
+        "blade", BLADE_PORTS, fe.cyclic, contact, nodes, diameters, n_modes, damping_ratio, at, rotation
     )
-    local = None if wheel is None else fe.local_basis(contact_blade, nodes, damping_ratio, wheel)
+    local = None if wheel is None else fe.local_basis(contact, faces, nodes, damping_ratio, wheel)
     own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)
     damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, turn(0.5 * g.pitch)[:, 1])
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},
-        interfaces=_interfaces(left, right, front, back, g.end_gap),
+        interfaces=faces,
         locations=locations("blade", fe.blade, nodes) | locations("damper", fe.damper.body, damper_nodes),
         meshes=_meshes(fe, n_modes, pictures),
         provenance=provenance("bdamper.fe.reference", fe.blade, fe.damper.body, over_speed=rotation is not None),
-        stress={} if not stress else blade_stress(fe, contact_blade, (left, right), diameters, n_modes),
+        stress={} if not stress else blade_stress(fe, contact, (left, right), diameters, n_modes),
     )

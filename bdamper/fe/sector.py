@@ -20,10 +20,11 @@ from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks, sector_mesh
 from bdamper.fe.spin import stiffness_per_squared_speed
 from bdamper.model.local import LocalBasis
+from bdamper.model.model import Interface
 from bdamper.reduction.bonded import bonded_frequencies
 from bdamper.reduction.cyclic import CyclicSector, match_faces, sector_phase
 from bdamper.reduction.free_body import FreeBody
-from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
+from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.spin import Rotation
 
@@ -108,11 +109,17 @@ class SectorFE:
         return BladePart(self.blade, nodes, fixed, stiffness)
 
     def local_basis(
-        self, contact: sp.csr_matrix, locations: Mapping[str, int], damping_ratio: float, sizes: LocalSizes
+        self,
+        contact: sp.csr_matrix,
+        interfaces: Mapping[str, Interface],
+        locations: Mapping[str, int],
+        damping_ratio: float,
+        sizes: LocalSizes,
     ) -> LocalBasis:
         """Coordinates of blade and disk for wheels of unequal blades; see :func:`bdamper.reduction.local_basis`."""
         region = "shank, platform and airfoil"
-        return local_basis(self.blade_part(), self.cyclic, contact, locations, damping_ratio, sizes, region)
+        dampers = damper_motion((("left", "b"), ("right", "b")), interfaces)
+        return local_basis(self.blade_part(), self.cyclic, contact, dampers, locations, damping_ratio, sizes, region)
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
         """Averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.

@@ -290,7 +290,9 @@ def _reduced(
         else:
             made[name] = free_from_matrices(body, wanted) if body.has_matrices else free_from_modes(body, wanted)
         if part is not None:
-            made[name] = with_local_basis(made[name], body, wanted, ring, part, shapes or LocalSizes())
+            made[name] = with_local_basis(
+                made[name], body, wanted, laid.interfaces, ring, part, shapes or LocalSizes()
+            )
     if laid.ports["ground"]:
         made["ground"] = Body("ground", "ground", laid.ports["ground"])
     return made

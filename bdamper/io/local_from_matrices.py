@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
-from bdamper.model.model import Body
+from bdamper.model.model import Body, Interface
 from bdamper.reduction.cyclic import CyclicSector
-from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
+from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.util.errors import SettingError
 
 
@@ -42,7 +43,13 @@ def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | 
 
 
 def with_local_basis(
-    made: Body, body: PreparedBody, wanted: Wanted, ring: Ring, part: BladePart, sizes: LocalSizes
+    made: Body,
+    body: PreparedBody,
+    wanted: Wanted,
+    interfaces: Mapping[str, Interface],
+    ring: Ring,
+    part: BladePart,
+    sizes: LocalSizes,
 ) -> Body:
     """The sector ``made`` with a local basis from its matrices, parameters as in :func:`blade_part`.
 
@@ -56,7 +63,10 @@ def with_local_basis(
         return CyclicSector(body.structure, ring.left, ring.right, part.fixed, ring.n_blades, d)
 
     with body.refusing("wheel", "a blade that its root holds"):
-        local = local_basis(part, sector, wanted.contact, wanted.locations, wanted.damping_ratio, sizes, "set of nodes")
+        local = local_basis(
+            part, sector, wanted.contact, damper_motion(wanted.ports, interfaces), wanted.locations, wanted.damping_ratio,
+            sizes, "set of nodes",
+        )  # fmt: skip
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
     body.checks += [
