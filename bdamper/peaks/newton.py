@@ -37,6 +37,8 @@ from bdamper.util.rootfind import find_root
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
 FAR = "a peak far from its prediction"
+LOOSEST = ContinuationOptions().tolerance
+"""Residual at most that counts as rounding, as along curves."""
 
 Family = Callable[[float], HarmonicSystem]
 """The equations as a function of one scalar parameter."""
@@ -49,7 +51,8 @@ class PeakOptions:
     Parameters
     ----------
     tolerance : float
-        On the residual, relative to excitation and static load.
+        On the residual, relative to excitation and static load; where rounding keeps the residual above it, as stiff bonded
+        faces do, that of :func:`rounding` up to 1e-9.
     position_tolerance : float
         On the place of the peak along the curve, relative to the vibration.
     max_step : float
@@ -399,6 +402,12 @@ class _Search:
         return (point, curvature, False) if found is None else (found, curvature, True)
 
 
+def rounding(system: HarmonicSystem, y: NDArray) -> float:
+    """Residual, relative as tolerances are, that rounding of its terms can leave at a point."""
+    J = system.evaluate(y[:-1], y[-1])[1]
+    return float(np.finfo(float).eps * (np.abs(J) @ np.abs(y[:-1]) * system.row_scale).max())
+
+
 def find_peak(
     system: HarmonicSystem,
     guess: NDArray,
@@ -443,6 +452,7 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
+    asked: dict[str, Any] = {"tangent": tangent, "scale": scale, "curvature": curvature, "drift": drift, "reach": reach}
     if tangent is not None and scale is not None and curvature < 0.0:
         quick = _newton_to_peak(system, guess, tangent, scale, curvature, options, parameter, reach)
         if quick.converged or not thorough:
@@ -461,6 +471,9 @@ def find_peak(
     if scale is None:
         start = search.in_own_units(start)
     point, curvature, found = search.run(start, curvature)
+    if not found and options.tolerance < (floor := min(rounding(system, point.y), LOOSEST)):
+        options = replace(options, tolerance=floor)
+        return find_peak(system, guess, options=options, parameter=parameter, **asked)
     return Peak(
         parameter, float(point.y[-1] / (2.0 * np.pi)), amplitude_at(system, point.y), point.y, point.tangent, search.scale,
         point.slope, curvature, point.shares, point.residual, search.iterations, search.trials, point.rank_deficiency,

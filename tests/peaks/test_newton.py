@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks.follower import PeakFollower
-from bdamper.peaks.newton import FAR, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.peaks.newton import FAR, PeakOptions, find_peak, peak_scale, rounding, same_peak
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
@@ -83,3 +83,13 @@ def test_a_converged_peak_has_a_residual_within_the_tolerance(study, peak, besid
     assert found.converged
     assert found.residual <= 1e-12
     assert np.isfinite(found.curvature)
+
+
+def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
+    """Springs of bonded faces: terms of the residual are so large that 1e-13 of the excitation is out of reach."""
+    model = bd.reference_model("bladed_disk", 9)
+    settings = {"harmonics": 1, "blade_modes": 10, "damper_modes": 4, "friction_law": "bonded", "constraints": False}
+    bonded = bd.Study(model, bd.Excitation("tip", "tangential", 1.0), 5, **settings)
+    strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
+    assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
+    assert 1e-13 < strict.residual <= rounding(bonded.system(500.0), strict.y) < 1e-8
