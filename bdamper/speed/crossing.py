@@ -38,14 +38,16 @@ from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 
 FOLLOWING = PeakOptions(max_halvings=4)
-TOLERANCE = 1e-11
+TOLERANCE = 1e-10
 """Relative, on the speed of a crossing."""
 SECANTS, SCANS = 12, 8
 """Most peaks of one secant, and most scans over frequency for one crossing."""
-SPAN = 0.2
-"""Relative, of the speed of a crossing: the peak is followed so far to both sides, to be drawn."""
+SPAN, ALONG = 0.2, 13
+"""The peak is followed so far to both sides of a crossing, relative to its speed, and at so many speeds by default."""
 USUAL_SLOPE = 0.25
 """Of ln(frequency) over ln(speed), for the first step of the secant."""
+APART = 2e-3
+"""Least distance, relative to the speed, of peaks from which others are predicted."""
 BESIDE = 0.05
 """Relative, by which a crossing may lie beyond those of the free and the stuck resonance."""
 TWO_PI = 2.0 * np.pi
@@ -64,7 +66,7 @@ class Search:
     ----------
     family : SpeedFamily
     speeds : tuple of float, rad/s, ascending
-        At which peaks are followed.
+        At which peaks are followed; of two, the range.
     mode : int
     meter : CostMeter
     lost : bool
@@ -78,6 +80,7 @@ class Search:
     lost: bool = False
     scanned: dict[float, Peak | None] = field(default_factory=dict)
     line: dict[float, Peak] = field(default_factory=dict)
+    known: list[Peak] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
 
     @property
@@ -109,28 +112,43 @@ class Search:
         return self.scanned[omega]
 
     def follow(self, start: Peak) -> dict[float, Peak]:
-        """A peak at the speeds around its own to which it can be followed, that of its start included."""
+        """A peak at the speeds around its own to which it can be followed, that of its start included.
+
+        Each is predicted from the nearest that are known, those on the way to the start among them.
+        """
         here = start.parameter
-        known = {here: start}
-        near = [w for w in self.speeds if abs(w - here) <= SPAN * here]
+        line = {here: start}
+        wanted = self.speeds if len(self.speeds) > 2 else here * np.linspace(1.0 - SPAN, 1.0 + SPAN, ALONG)
+        near = [float(w) for w in np.clip(wanted, self.speeds[0], self.speeds[-1]) if abs(w - here) <= (SPAN + 1e-9) * here]
         for beyond in ([w for w in near if w > here], [w for w in near if w < here][::-1]):
-            follower = PeakFollower(self.family.system, start, FOLLOWING)
             for omega in beyond:
+                follower = PeakFollower(self.family.system, self._nearest(omega), FOLLOWING)
                 peak = follower.go(omega)
+                self.meter.count(follower.iterations)
+                self.known += follower.known
                 if peak is None:
                     break
-                known[omega] = peak
-            self.meter.count(follower.iterations)
-        return dict(sorted(known.items()))
+                line[omega] = peak
+        return dict(sorted(line.items()))
+
+    def _nearest(self, omega: float) -> list[Peak]:
+        """Up to four known peaks that are apart from each other, the nearest to a speed last."""
+        out: list[Peak] = []
+        for peak in sorted(self.known, key=lambda p: abs(p.parameter - omega)):
+            if all(abs(p.parameter - peak.parameter) > APART * omega for p in out):
+                out.append(peak)
+        return out[3::-1]
 
     def secant(self, start: Peak) -> tuple[Peak | None, float]:
         """The peak on the line that is reached from one near it, and its speed; without it the speed that was wanted."""
         follower = PeakFollower(self.family.system, start, FOLLOWING)
+        self.known = []  # of this peak
         trials: list[tuple[float, float]] = []
         peak: Peak | None = start
         wanted = start.parameter
         while peak is not None and len(trials) < SECANTS:
             g, omega = _off_line(peak, self.order), peak.parameter
+            self.known += follower.known
             if abs(g) <= TOLERANCE * omega:
                 self.meter.count(follower.iterations)
                 return peak, omega
@@ -256,7 +274,7 @@ class CrossingTask:
     Parameters
     ----------
     speeds : tuple of float, rad/s
-        At which the peak is followed.
+        At which the peak is followed; of two, the range.
     mode : int
     conditions : Conditions
     margin : LeastMargin, optional

@@ -273,7 +273,8 @@ def crossings(
     problem : Problem
         Of any engine order; its model has bases over speed.
     speeds : (low, high) or sequence of more than two values, rad/s
-        Range in which crossings are looked for; at these speeds, thirteen between two ends, peaks are followed.
+        Range in which crossings are looked for.  Peaks are followed over the values that lie within 20 % of a crossing,
+        over thirteen there if two ends are given.
     engine_orders : sequence of int
     damper_mass : sequence of float
         Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
@@ -313,7 +314,8 @@ def crossings(
     if margin is not None:
         validate.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    task = CrossingTask(tuple(values.tolist()), mode, given, margin, named)
+    ends = values[[0, -1]] if len(speeds) == 2 else values
+    task = CrossingTask(tuple(ends.tolist()), mode, given, margin, named)
     answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
     return _table(problem, answers, values, mode)
 
