@@ -108,6 +108,7 @@ def wheel_system(
     pressed = system.gathered(np.pad(pressing.reshape(N, -1, 3, 1), ((0, 0), (0, 0), (0, 0), (0, len(active) - 1))))
     largest = max(float(np.abs(load + constant).max()), float(np.abs(pressed).max()), scale) or 1.0
     system.relate(largest, scale or largest)
+    system.home = mean[:, n:]
     if not tuned.bias:
         still = np.zeros(system.shape)
         still[:, 0] = mean

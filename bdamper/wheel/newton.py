@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from bdamper.util.progress import end_if_asked
 from bdamper.wheel.krylov import gmres
-from bdamper.wheel.system import Inverse, Linearised, WheelSystem
+from bdamper.wheel.system import PLAIN, Ease, Inverse, Linearised, WheelSystem
 
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
@@ -57,7 +57,7 @@ def correct(
     least: int = 0,
     most: int = 12,
     line_search: bool = False,
-    level: float = 1.0,
+    ease: Ease = PLAIN,
     inverse: Inverse | None = None,
     longest: float = np.inf,
     content: float = 0.0,
@@ -76,8 +76,8 @@ def correct(
         Iterations.
     line_search : bool
         Shorten steps that do not reduce the residual.
-    level : float
-        Of the excitation.
+    ease : Ease
+        Of the equations.
     inverse : Inverse, optional
         An approximate inverse from nearby, used while it serves.
     longest : float
@@ -86,7 +86,7 @@ def correct(
         A step shorter than this, relative to the vibration, ends it as converged if the residual is below 1.
     """
     end_if_asked()
-    at = system.linearised(X, omega, level)
+    at = system.linearised(X, omega, ease)
     size = system.size(at.residual)
     worn = inverse is None
     for iteration in range(most + 1):
@@ -94,17 +94,17 @@ def correct(
             return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
         if worn or inverse is None:
             inverse, worn = at.inverse(), False
-        wanted = 1e-7 if line_search else max(0.01 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
+        wanted = 1e-3 if line_search else max(0.01 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
         dX, d_omega, count = solved(at, inverse, plane, min(LOOSE, wanted))
         worn = line_search or count > WORN
         if line_search:
-            X, omega, at, size = _searched(system, X, omega, inverse, dX, d_omega, level)
+            X, omega, at, size = _searched(system, X, omega, inverse, dX, d_omega, ease)
         else:
             before = size
             if longest < np.inf and np.sqrt((dX[:, 1:] ** 2).sum()) > longest:
                 return Corrected(False, X, omega, iteration, size, at, inverse)
             X, omega = X + dX, omega + d_omega
-            at = system.linearised(X, omega, level)
+            at = system.linearised(X, omega, ease)
             size = system.size(at.residual)
             if size < 1.0 and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
                 return Corrected(True, X, omega, iteration + 1, size, at, inverse)
@@ -114,7 +114,7 @@ def correct(
 
 
 def walked(
-    system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, most: int = 60, level: float = 1.0
+    system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, most: int = 60
 ) -> Corrected:
     """Newton at a fixed frequency with dampers that nothing holds along a direction: they walk until something does.
 
@@ -123,18 +123,18 @@ def walked(
     """
     end_if_asked()
     held = 1e-2
-    at = system.linearised(X, omega, level, held)
+    at = system.linearised(X, omega, held=held)
     size = system.size(at.residual)
     for iteration in range(most):
         if size <= tolerance or not held < 1e6:
             break
         inverse = at.inverse()
         dX, _, _ = solved(at, inverse, None, LOOSE * min(1.0, 10.0 * size) + 1e-8)
-        new = system.linearised(X + dX, omega, level, held)
+        new = system.linearised(X + dX, omega, held=held)
         now = system.size(new.residual)
         if not now < 1.5 * size:
             held *= 10.0
-            at = system.linearised(X, omega, level, held)
+            at = system.linearised(X, omega, held=held)
             continue
         held *= 0.2 if now > 0.5 * size else 1.0
         X, size = X + dX, now
@@ -143,19 +143,19 @@ def walked(
 
 
 def _searched(
-    system: WheelSystem, X: NDArray, omega: float, inverse: Inverse, dX: NDArray, d_omega: float, level: float
+    system: WheelSystem, X: NDArray, omega: float, inverse: Inverse, dX: NDArray, d_omega: float, ease: Ease
 ) -> tuple[NDArray, float, Linearised, float]:
     """The full step, or the best of shorter ones where the step that would follow with the same inverse is no shorter."""
     norm = float(np.linalg.norm(dX))
     best, factor = np.inf, 1.0
     for trial in 0.5 ** np.arange(8):
-        now = float(np.linalg.norm(inverse(system.residual(X + trial * dX, omega + trial * d_omega, level))))
+        now = float(np.linalg.norm(inverse(system.residual(X + trial * dX, omega + trial * d_omega, ease))))
         if now < best:
             best, factor = now, float(trial)
         if now < (1.0 - 0.25 * trial) * norm:
             break
     X, omega = X + factor * dX, omega + factor * d_omega
-    at = system.linearised(X, omega, level)
+    at = system.linearised(X, omega, ease)
     return X, omega, at, system.size(at.residual)
 
 

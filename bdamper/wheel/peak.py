@@ -2,9 +2,10 @@
 
 The worst blade's peak is not that of the tuned wheel followed into mistuning, which loses it too often.  The sweep covers
 the frequencies at which any wave of the tuned wheel, with the contacts as stiff as at the tuned peak, resonates, widened by
-the deviations of the blades; its points, a share of the width of the tuned peak apart, satisfy the equations loosely.  From
-the highest of its maxima, of different blades or at different frequencies, Newton's method climbs to the peaks of single
-blades, which are smooth where the envelope is not.
+the deviations of the blades; its points, a share of the width of the tuned peak apart, satisfy the equations loosely, and
+the mean of dampers is held by springs (:mod:`bdamper.wheel.solution`).  From the highest of its maxima, of different blades
+or at different frequencies, Newton's method climbs to the peaks of single blades, which are smooth where the envelope is
+not, and on to those of free dampers.
 """
 
 from __future__ import annotations
@@ -21,15 +22,17 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, correct, solved
 from bdamper.wheel.results import WheelPeak
-from bdamper.wheel.system import WheelSystem
-from bdamper.wheel.track import TOLERANCE, TWO_PI, Path, cost_of, follow, size_of, start
+from bdamper.wheel.solution import SPRINGS, Solver, relaxed
+from bdamper.wheel.system import PLAIN, Ease, WheelSystem
+from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of, size_of
 
 PLACE = 3e-4
 """Place of a peak along the curve, relative to the vibration: its amplitude is off by some 1e-7 then."""
-LONGEST = 2.0
-"""Newton step, relative to the vibration, beyond which the sweep follows the curve to the next frequency instead."""
 FAR = 1.5
 """Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
+
+
+HELD = Ease(springs=SPRINGS)
 
 
 @dataclass(frozen=True)
@@ -124,8 +127,8 @@ def peak(
     -------
     WheelPeak
         ``status`` is "converged" if the highest of all climbs is, and the sweep has solutions in the whole band.  It is
-        "lower bound" if the sweep leaves out a part of the band, which ``reason`` names, and "not found", the amplitude
-        NaN, if no climb converges.
+        "lower bound" if the sweep has none at two and more frequencies in a row, which ``reason`` names; "held" if the
+        highest peak is one with the mean of dampers held; and "not found", the amplitude NaN, if no climb converges.
     """
     watch = time.perf_counter(), time.process_time()
     options = options or WheelPeakOptions()
@@ -137,25 +140,24 @@ def peak(
     low, high, width = band(wheel, preload)
     low, high = frequency or (low, high)
     n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
-    swept, gap = _sweep(system, mean, TWO_PI * np.linspace(low, high, n), options.loose)
+    points = TWO_PI * np.linspace(low, high, n)
+    swept, missing = _sweep(system, mean, points, options.loose)
+    gap = _gap(points, missing)
     climbs: list[tuple[float, float, float]] = []
     best: Corrected | None = None
-    height, blade, why = np.nan, -1, "no solution found on the sweep"
-    for X, omega, k in _candidates(wheel, swept, options.climbs):
-        found, amplitude = climb(wheel, system, X, omega, k, TWO_PI * width)
-        why = "no climb converged" if best is None else why
+    height, blade, free = np.nan, -1, False
+    queue = _candidates(wheel, swept, options.climbs)
+    while queue:
+        X, omega, k = queue.pop(0)
+        found, freed = _top(wheel, system, X, omega, k, TWO_PI * width)
         if found is None:
             continue
-        climbs.append((float(k), found.omega / TWO_PI, amplitude))
-        # whichever blade is highest there
         heights = np.abs(wheel.response(found.X)[:, 1])
+        climbs.append((float(k), found.omega / TWO_PI, float(heights[k])))
         if best is None or heights.max() > height:
-            best, height, blade = found, float(heights.max()), int(np.argmax(heights))
-    if best is not None and climbs[int(np.argmax([c[2] for c in climbs]))][0] != blade:
-        again, amplitude = climb(wheel, system, best.X, best.omega, blade, TWO_PI * width)
-        if again is not None and amplitude >= height:
-            best, height = again, amplitude
-            climbs.append((float(blade), best.omega / TWO_PI, amplitude))
+            best, height, blade, free = found, float(heights.max()), int(np.argmax(heights)), freed
+            if blade != k:  # the peak of whichever blade is highest there
+                queue.insert(0, (found.X, found.omega, blade))
     empty = np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),
@@ -169,8 +171,8 @@ def peak(
         climbs=np.array(climbs).reshape(-1, 3),
         sweep_frequency=np.array([w for _, w in swept]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(X)[:, 1]) for X, _ in swept]).reshape(-1, wheel.n_blades),
-        status=_status(best, gap),
-        reason=_reason(best, gap, why, f"highest of {len(climbs)} climbs from {len(swept)} points"),
+        status=_status(best, free, gap),
+        reason=_reason(best, free, gap, f"highest of {len(climbs)} climbs from {len(swept)} of {n} points"),
         residual=np.nan if best is None else best.residual,
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         unknowns=np.zeros(system.shape) if best is None else best.X,
@@ -180,65 +182,42 @@ def peak(
     )
 
 
-def _status(best: Corrected | None, gap: tuple[float, float] | None) -> str:
-    return "not found" if best is None else "converged" if gap is None else "lower bound"
-
-
-def _reason(best: Corrected | None, gap: tuple[float, float] | None, why: str, found: str) -> str:
-    left = "" if gap is None else f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz"
-    return "; ".join(filter(None, (why if best is None else found, left)))
+def _status(best: Corrected | None, free: bool, gap: tuple[float, float] | None) -> str:
+    if best is None:
+        return "not found"
+    return "lower bound" if gap else "converged" if free else "held"
 
 
 def _sweep(
     system: WheelSystem, mean: NDArray, omega: NDArray, loose: float
-) -> tuple[list[tuple[NDArray, float]], tuple[float, float] | None]:
-    """Loose solutions over frequency, ascending, and the part of the band (rad/s) without any, if there is one.
-
-    A pass from below, and where it does not reach the other end, one from above through what it left out.
-    """
-    out, reached = _pass(system, mean, omega, loose)
-    if reached == len(omega):
-        return out, None
-    rest = omega[reached:][::-1]
-    above, again = _pass(system, mean, rest, loose)
-    both = sorted(out + above, key=lambda point: point[1])
-    if again == len(rest):
-        return both, None
-    return both, (float(out[-1][1] if out else omega[0]), float(above[-1][1] if above else omega[-1]))
-
-
-def _pass(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> tuple[list[tuple[NDArray, float]], int]:
-    """Loose solutions at one frequency after another, each from the one before, and how many frequencies were reached.
+) -> tuple[list[tuple[NDArray, float]], NDArray]:
+    """Loose solutions with dampers held, ascending, each from the one before; and the frequencies (rad/s) without any.
 
     Newton's first step from a solution nearby is that of the linear wheel with the contacts as they are there, which is
-    what resonances between both frequencies need; extrapolation would pass over them.  Where it does not converge, the
-    curve is followed by its arclength; the pass ends where that does not lead to the next frequency either.
+    what resonances between both frequencies need; extrapolation would pass over them.
     """
-    out: list[tuple[NDArray, float]] = []
-    up = bool(omega[-1] >= omega[0])
-    for i, w in enumerate(omega):
-        if not out:
-            found = start(system, mean, w, 1e-6)
-            if found is None or not found.converged:
-                return out, i
-            out.append((found.X, w))
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    X[system.still] = 0.0
+    solver, out, missing = Solver(system, HELD), [], []
+    for w in omega:
+        found = solver.at(w, X, 1e-6, loose)
+        if found is None:
+            missing.append(w)
             continue
-        last, at = out[-1]
-        found = correct(system, last, w, tolerance=1e-6, most=6, longest=LONGEST * size_of(last), content=loose)
-        if found.converged:
-            out.append((found.X, w))
-            continue
-        first = correct(system, last, at, tolerance=1e-6, most=10)
-        if not first.converged:
-            first = correct(system, last, at, tolerance=1e-6, most=25, line_search=True)
-        if not first.converged:
-            return out[:-1], i - 1
-        path = Path(system, (min(w, 2.0 * at - w), max(w, 2.0 * at - w)), order=1)
-        path.set_off(first, up)
-        status, _ = follow(path, lambda found, kind: out.append((found.X, found.omega)), up, 60, 0.3, 1e-3)
-        if status != "complete":
-            return out, i
-    return out, len(omega)
+        X = found.X
+        out.append((X, float(w)))
+    return out, np.array(missing)
+
+
+def _gap(omega: NDArray, missing: NDArray) -> tuple[float, float] | None:
+    """Ends of the longest part of a band with two and more frequencies in a row that have no solution."""
+    lost = np.concatenate([[False], np.isin(omega, missing), [False]])
+    begin, end = np.flatnonzero(lost[1:] & ~lost[:-1]), np.flatnonzero(~lost[1:] & lost[:-1])
+    if not len(begin) or (end - begin).max() < 2:
+        return None
+    k = int(np.argmax(end - begin))
+    return float(omega[begin[k]]), float(omega[end[k] - 1])
 
 
 def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[tuple[NDArray, float, int]]:
@@ -261,8 +240,29 @@ def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[
     return out
 
 
+def _reason(best: Corrected | None, free: bool, gap: tuple[float, float] | None, found: str) -> str:
+    parts = ["no solution found on the sweep, or no climb converged" if best is None else found]
+    if best is not None and not free:
+        parts.append("the mean of dampers held by springs, since it was not found free")
+    if gap is not None:
+        parts.append(f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz")
+    return "; ".join(parts)
+
+
+def _top(
+    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float
+) -> tuple[Corrected | None, bool]:
+    """A blade's peak with dampers free, or where it is lost on the way there with dampers held; and which it is."""
+    held, _ = climb(wheel, system, X, omega, blade, width, HELD)
+    if held is None:
+        return None, False
+    freed = relaxed(system, held, HELD, "springs", 0.0, 1e-6)
+    free = None if freed is None else climb(wheel, system, freed.X, freed.omega, blade, width)[0]
+    return (held, False) if free is None else (free, True)
+
+
 def climb(
-    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, most: int = 60
+    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, ease: Ease = PLAIN, most: int = 60
 ) -> tuple[Corrected | None, float]:
     """Maximum of one blade's amplitude along the curve near a point: secant on its slope; None if it was not found.
 
@@ -272,10 +272,13 @@ def climb(
     blade : int
     width : float, rad/s
         First step at most.
+    ease : Ease
+    most : int
+        Steps.
     """
     row = np.zeros(system.shape[2])
     row[: wheel.structure.n] = wheel.response_row
-    place = correct(system, X, omega, tolerance=1e-6, most=25, line_search=True)
+    place = correct(system, X, omega, ease=ease, tolerance=1e-6, most=25, line_search=True)
     if not place.converged:
         return None, np.nan
 
@@ -303,8 +306,8 @@ def climb(
             guess = place.X + h * tangent[0]
             guess[:, 0] = place.X[:, 0]
             new = correct(
-                system, guess, place.omega + h * tangent[1], normal, tolerance=1e-6, most=6, inverse=place.inverse,
-                longest=size_of(place.X),
+                system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=6,
+                inverse=place.inverse, longest=size_of(place.X),
             )  # fmt: skip
             if new.converged:
                 break
@@ -313,7 +316,7 @@ def climb(
             break
         before, place = slope, new
         best = place if amplitude(place) > amplitude(best) else best
-    done = correct(system, best.X, best.omega, tolerance=TOLERANCE, most=25, line_search=True)
+    done = correct(system, best.X, best.omega, ease=ease, tolerance=TOLERANCE, most=25, line_search=True)
     at_top = abs(h) < 10.0 * PLACE or cap < 10.0 * PLACE
     return (done, amplitude(done)) if done.converged and at_top else (None, np.nan)
 

@@ -13,6 +13,9 @@ sector by sector.  Contact forces F and their tangents are those of the study, p
 The **approximate inverse** is that of the present matrix with the couplings of the disk cut to next neighbours, and of the
 damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
 dampers and root shapes (csrc/bd_wheel.c).
+
+**Eased equations** (:class:`Ease`) have more damping, :math:`C + \delta\omega M`, and springs that hold the mean of
+dampers at its static place.  Their solutions lead to those of the wheel itself (:mod:`bdamper.wheel.solution`).
 """
 
 from __future__ import annotations
@@ -36,6 +39,25 @@ NEUTRAL = 1e-8
 fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
 
 
+@dataclass(frozen=True)
+class Ease:
+    """What makes the equations of a wheel easier to solve.
+
+    Parameters
+    ----------
+    damping : float
+        Loss of all masses, relative to their inertia; the width of a resonance, relative to its frequency.
+    springs : float
+        On the mean of dampers, relative to their stiffness when stuck.
+    """
+
+    damping: float = 0.0
+    springs: float = 0.0
+
+
+PLAIN = Ease()
+
+
 class WheelSystem:
     """Equations of one wheel at one preload.
 
@@ -56,6 +78,11 @@ class WheelSystem:
         Coefficients that are unknowns; others stay zero.
     pinned : (n_blades,) bool
         Dampers that are missing; their coordinates stay zero.
+
+    Attributes
+    ----------
+    home : (n_blades, n_damper) float
+        Static place of the dampers.
     """
 
     def __init__(
@@ -87,6 +114,7 @@ class WheelSystem:
         self.force[self.still] = 0.0
         # points of each sector whose blade is that sector's, and the next one's
         self.groups = [np.flatnonzero(structure.sector == s) for s in (0, 1)]
+        self.home = np.zeros((structure.n_blades, structure.n_damper))
         self.evaluations = self.factorisations = self.iterations = 0
 
     def relate(self, mean: float, harmonics: float) -> None:
@@ -109,7 +137,7 @@ class WheelSystem:
         for out, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
             self.add_amplitudes(out[..., n - r : n], np.fft.ifft(root @ disk.transpose(0, 2, 1), axis=0))
         self.add_amplitudes(C[..., :n], 1j * np.fft.ifft(wave @ s.damping.transpose(0, 2, 1), axis=0))
-        C[:, 1::2, n:], C[:, 2::2, n:] = s.damper_damping * X[:, 2::2, n:], -s.damper_damping * X[:, 1::2, n:]
+        C[..., n:] = turned(s.damper_damping * X[..., n:])
         C[:, 0] = 0.0
         return K, M, C
 
@@ -128,11 +156,11 @@ class WheelSystem:
         out[:, 1::2] += amplitude[:, 1:].real
         out[:, 2::2] -= amplitude[:, 1:].imag
 
-    def linear(self, X: NDArray, omega: float) -> NDArray:
-        """(K - (l omega)^2 M + i l omega C) x."""
+    def linear(self, X: NDArray, omega: float, damping: float = 0.0) -> NDArray:
+        """(K - (l omega)^2 M + i l omega (C + damping omega M)) x."""
         K, M, C = self._parts(X)
         w = (self.order * omega)[:, None]
-        return K - w**2 * M + w * C
+        return K - w**2 * M + w * (C + damping * omega * turned(M) if damping else C)
 
     # ---- contact ----
 
@@ -172,27 +200,31 @@ class WheelSystem:
 
     # ---- residual ----
 
-    def residual(self, X: NDArray, omega: float, level: float = 1.0) -> NDArray:
-        """Residual under a level of the excitation."""
-        return self._residual(X, self.linear(X, omega), self.forces(X)[0], level)
+    def residual(self, X: NDArray, omega: float, ease: Ease = PLAIN) -> NDArray:
+        """Residual of the equations, eased or as they are."""
+        return self._residual(X, self.linear(X, omega, ease.damping), self.forces(X)[0], ease)
 
-    def _residual(self, X: NDArray, linear: NDArray, F: NDArray, level: float) -> NDArray:
-        r = linear + self.gathered(F)
-        r[:, 0] -= self.force[:, 0]
-        r[:, 1:] -= level * self.force[:, 1:]
+    def _residual(self, X: NDArray, linear: NDArray, F: NDArray, ease: Ease) -> NDArray:
+        r = linear + self.gathered(F) - self.force
+        if ease.springs:
+            n = self.structure.n
+            r[:, 0, n:] += ease.springs * self.damper_springs * (X[:, 0, n:] - self.home)
         r[self.still] = X[self.still]
         return r
 
-    def linearised(self, X: NDArray, omega: float, level: float = 1.0, held: float = NEUTRAL) -> Linearised:
+    def linearised(self, X: NDArray, omega: float, ease: Ease = PLAIN, held: float = NEUTRAL) -> Linearised:
         """Residual with its derivatives at a point, the mean of dampers held by springs of so much of their stiffness."""
         K, M, C = self._parts(X)
         l = self.order[:, None]
         F, shares, T = self.forces(X, True)
         assert T is not None
-        r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, level)
         by_omega = -2.0 * l**2 * omega * M + l * C
+        if ease.damping:
+            lost = ease.damping * omega * turned(M)
+            C, by_omega = C + lost, by_omega + 2.0 * l * lost
+        r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, ease)
         by_omega[self.still] = 0.0
-        return Linearised(self, omega, r, by_omega, T, shares, held * self.damper_springs)
+        return Linearised(self, omega, r, by_omega, T, shares, (held + ease.springs) * self.damper_springs, ease.damping)
 
     def size(self, r: NDArray) -> float:
         """Largest entry of a residual, relative to excitation and static load."""
@@ -230,6 +262,13 @@ class WheelSystem:
         return (*own, (turn * s.disk_stiffness).mean(axis=0).real, (turn * s.disk_mass).mean(axis=0).real)
 
 
+def turned(x: NDArray) -> NDArray:
+    """Coefficients of i times the amplitudes; none of the mean."""
+    out = np.zeros_like(x)
+    out[:, 1::2], out[:, 2::2] = x[:, 2::2], -x[:, 1::2]
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class Linearised:
     """Residual and derivatives at a point.
@@ -242,7 +281,9 @@ class Linearised:
     tangents : (n_blades, n_points, 7, n_coefficients, n_coefficients) float
     shares : (n_blades, n_points, 5) float
     springs : (n_blades, n_damper) float
-        On the mean of dampers, in the Jacobian alone.
+        On the mean of dampers.
+    damping : float
+        Of eased equations.
     """
 
     system: WheelSystem
@@ -252,6 +293,7 @@ class Linearised:
     tangents: NDArray
     shares: NDArray
     springs: NDArray
+    damping: float = 0.0
 
     @cached_property
     def _dense(self) -> NDArray:
@@ -279,18 +321,25 @@ class Linearised:
         s, n, r = self.system.structure, self.system.structure.n, self.system.structure.local.n_interface
         w = self.omega * np.arange(self.system.n_harmonics + 1)[:, None, None]
         out = 1j * w * s.damping[:, None]
-        out[..., n - r :, n - r :] += s.disk_stiffness[:, None] - w**2 * s.disk_mass[:, None]
+        out[..., n - r :, n - r :] += s.disk_stiffness[:, None] - (w**2 - 1j * w * self.lost) * s.disk_mass[:, None]
         return out.transpose(0, 1, 3, 2)
 
+    @property
+    def lost(self) -> float:
+        """Damping of eased equations, relative to the mass (1/s)."""
+        return self.damping * self.omega
+
     def _add_linear(self, X: NDArray, r: NDArray) -> None:
-        """Adds (K - (l omega)^2 M + i l omega C) x, as :meth:`WheelSystem.linear` does."""
+        """Adds (K - (l omega)^2 M + i l omega (C + lost M)) x, as :meth:`WheelSystem.linear` does."""
         system, s = self.system, self.system.structure
         n, w = s.n, (system.order * self.omega)[:, None]
         U, Y = X[..., :n], X[..., n:]
-        r[..., :n] += U @ s.stiffness.transpose(0, 2, 1) - w**2 * (U @ s.mass)
+        inertia = U @ s.mass
+        r[..., :n] += U @ s.stiffness.transpose(0, 2, 1) - w**2 * inertia
         r[..., n:] += (s.damper_stiffness - w**2 * s.damper_mass[:, None]) * Y
-        r[:, 1::2, n:] += w[1::2] * s.damper_damping * Y[:, 2::2]
-        r[:, 2::2, n:] -= w[2::2] * s.damper_damping * Y[:, 1::2]
+        r[..., n:] += w * turned((s.damper_damping + self.lost * s.damper_mass[:, None]) * Y)
+        if self.damping:
+            r[..., :n] += w * self.lost * turned(inertia)
         wave = np.matmul(system.waves(U)[:, :, None], self._waves)[:, :, 0]
         system.add_amplitudes(r[..., :n], np.fft.ifft(wave, axis=0))
 
@@ -311,13 +360,13 @@ class Linearised:
         mass[-r:, -r:] += disk_m
         w = self.omega * np.arange(system.n_harmonics + 1)
         squares = (w**2)[:, None, None]
-        lost = np.broadcast_to(w[:, None, None] * s.damper_damping, (len(w), *s.damper_mass.shape))
+        lost = w[:, None, None] * (s.damper_damping + self.lost * s.damper_mass)
         own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
         status = system.core.factor(
             own,
             following,
             stiffness - squares[..., None] * mass,
-            w[:, None, None] * damping,
+            w[:, None, None] * (damping + self.lost * mass),
             np.stack([s.damper_stiffness - squares * s.damper_mass, lost], axis=2),
             np.ascontiguousarray(self.springs),
             np.ascontiguousarray((near_k - squares * near_m)[:, r - k :, r - k :]),

@@ -19,13 +19,12 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.wheel.newton import Corrected, correct, solved, walked
 from bdamper.wheel.results import WheelCurve
+from bdamper.wheel.solution import Solver
 from bdamper.wheel.system import WheelSystem
 
 TWO_PI = 2.0 * np.pi
 TOLERANCE = 1e-9
 """On the residual, relative to excitation and static load."""
-BELOW = (0.85, 0.7)
-"""Lower frequencies, relative to the one asked for, from which a start is looked for."""
 FIRST, LEAST = 0.05, 1e-6
 """First and least step, relative to the vibration."""
 SHORT = 5e-3
@@ -33,40 +32,12 @@ SHORT = 5e-3
 
 
 def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = TOLERANCE) -> Corrected | None:
-    """A solution at one frequency, or None: from the static state; from there at a lower frequency, along the curve; by
-    raising the excitation."""
+    """A solution at one frequency from the static state, or None."""
     X = np.zeros(system.shape)
     X[:, 0] = mean
     X[system.still] = 0.0
     found = correct(system, X, omega, tolerance=tolerance, most=40, line_search=True)
-    if found.converged:
-        return found
-    for share in BELOW:
-        low = correct(system, X, share * omega, tolerance=tolerance, most=40, line_search=True)
-        if low.converged:
-            return _led_up(system, low, omega, tolerance) or _raised(system, X, omega, tolerance)
-    return _raised(system, X, omega, tolerance)
-
-
-def _led_up(system: WheelSystem, low: Corrected, omega: float, tolerance: float) -> Corrected | None:
-    """The solution at a frequency to which the curve leads from a lower one."""
-    path, ends = Path(system, (low.omega, omega)), [low]
-    path.set_off(low, True)
-    follow(path, lambda new, kind: ends.append(new), True, 200, 0.2, tolerance)
-    return ends[-1] if ends[-1].omega == omega else None
-
-
-def _raised(system: WheelSystem, X: NDArray, omega: float, tolerance: float) -> Corrected | None:
-    """The solution at a frequency to which raising the excitation leads from the static state."""
-    level, step, far, found = 0.0, 0.1, X, None
-    while level < 1.0 and step > 1e-3:
-        now = min(1.0, level + step)
-        new = correct(system, far, omega, tolerance=tolerance, most=20, line_search=True, level=now)
-        if new.converged:
-            far, level, step, found = new.X, now, 1.5 * step, new
-        else:
-            step *= 0.3
-    return found if level >= 1.0 else None
+    return found if found.converged else Solver(system).at(omega, X, tolerance)
 
 
 class Path:
