@@ -113,9 +113,7 @@ def correct(
     raise AssertionError
 
 
-def walked(
-    system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, most: int = 60
-) -> Corrected:
+def walked(system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, most: int = 60) -> Corrected:
     """Newton at a fixed frequency with dampers that nothing holds along a direction: they walk until something does.
 
     The mean of every damper is held by springs in the Jacobian, which are weakened as long as its mean force stays, so
@@ -173,7 +171,9 @@ def solved(
 
     if plane is None:
         x, count, _ = gmres(
-            lambda x: at.product(x.reshape(shape)).ravel(), lambda r: inverse(r.reshape(shape)).ravel(), b.ravel(),
+            lambda x: at.product(x.reshape(shape)).ravel(),
+            lambda r: inverse(r.reshape(shape)).ravel(),
+            b.ravel(),
             tolerance,
         )
         system.iterations += count

@@ -86,7 +86,7 @@ class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optima
 
     def facts(self) -> tuple[Fact, ...]:
         """Where the highest blade is lowest."""
-        found = sum(status == "converged" for status in self.status)
+        found = sum(status in ("converged", "held") for status in self.status)
         head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads converged")
         if not found:
             return (head,)
@@ -103,9 +103,7 @@ class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optima
         return "\n".join(f"{fact.name}: {fact.text}" for fact in self.facts()) + f"\n  {self.cost}"
 
 
-def optimal_curve(
-    wheel: Any, preloads: Sequence[float], *, options: WheelPeakOptions | None = None
-) -> WheelOptimalCurve:
+def optimal_curve(wheel: Any, preloads: Sequence[float], *, options: WheelPeakOptions | None = None) -> WheelOptimalCurve:
     """Highest amplitude of any blade at each of several preloads, every one searched for anew.
 
     Parameters
@@ -125,7 +123,7 @@ def optimal_curve(
     return WheelOptimalCurve(
         preload=values,
         frequency=np.array([p.frequency for p in found]),
-        amplitude=np.array([p.amplitude if p.converged else np.nan for p in found]),
+        amplitude=np.array([p.amplitude if p.found else np.nan for p in found]),
         blade=np.array([p.blade for p in found], int),
         tuned_amplitude=np.array([p.tuned_amplitude for p in found]),
         status=tuple(p.status for p in found),

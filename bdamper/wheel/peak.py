@@ -128,7 +128,8 @@ def peak(
     WheelPeak
         ``status`` is "converged" if the highest of all climbs is, and the sweep has solutions in the whole band.  It is
         "lower bound" if the sweep has none at two and more frequencies in a row, which ``reason`` names; "held" if the
-        highest peak is one with the mean of dampers held; and "not found", the amplitude NaN, if no climb converges.
+        highest peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
+        found", the amplitude NaN, if no climb converges.
     """
     watch = time.perf_counter(), time.process_time()
     options = options or WheelPeakOptions()
@@ -145,17 +146,17 @@ def peak(
     gap = _gap(points, missing)
     climbs: list[tuple[float, float, float]] = []
     best: Corrected | None = None
-    height, blade, free = np.nan, -1, False
+    height, blade, springs = np.nan, -1, 0.0
     queue = _candidates(wheel, swept, options.climbs)
     while queue:
         X, omega, k = queue.pop(0)
-        found, freed = _top(wheel, system, X, omega, k, TWO_PI * width)
+        found, left = _top(wheel, system, X, omega, k, TWO_PI * width)
         if found is None:
             continue
         heights = np.abs(wheel.response(found.X)[:, 1])
         climbs.append((float(k), found.omega / TWO_PI, float(heights[k])))
         if best is None or heights.max() > height:
-            best, height, blade, free = found, float(heights.max()), int(np.argmax(heights)), freed
+            best, height, blade, springs = found, float(heights.max()), int(np.argmax(heights)), left
             if blade != k:  # the peak of whichever blade is highest there
                 queue.insert(0, (found.X, found.omega, blade))
     empty = np.zeros((wheel.n_blades, 0))
@@ -171,9 +172,10 @@ def peak(
         climbs=np.array(climbs).reshape(-1, 3),
         sweep_frequency=np.array([w for _, w in swept]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(X)[:, 1]) for X, _ in swept]).reshape(-1, wheel.n_blades),
-        status=_status(best, free, gap),
-        reason=_reason(best, free, gap, f"highest of {len(climbs)} climbs from {len(swept)} of {n} points"),
+        status=_status(best, springs, gap),
+        reason=_reason(best, springs, gap, f"highest of {len(climbs)} climbs from {len(swept)} of {n} points"),
         residual=np.nan if best is None else best.residual,
+        springs=springs,
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         unknowns=np.zeros(system.shape) if best is None else best.X,
         cost=cost_of(system, watch, before),
@@ -182,15 +184,13 @@ def peak(
     )
 
 
-def _status(best: Corrected | None, free: bool, gap: tuple[float, float] | None) -> str:
+def _status(best: Corrected | None, springs: float, gap: tuple[float, float] | None) -> str:
     if best is None:
         return "not found"
-    return "lower bound" if gap else "converged" if free else "held"
+    return "lower bound" if gap else "held" if springs else "converged"
 
 
-def _sweep(
-    system: WheelSystem, mean: NDArray, omega: NDArray, loose: float
-) -> tuple[list[tuple[NDArray, float]], NDArray]:
+def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> tuple[list[tuple[NDArray, float]], NDArray]:
     """Loose solutions with dampers held, ascending, each from the one before; and the frequencies (rad/s) without any.
 
     Newton's first step from a solution nearby is that of the linear wheel with the contacts as they are there, which is
@@ -240,10 +240,10 @@ def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[
     return out
 
 
-def _reason(best: Corrected | None, free: bool, gap: tuple[float, float] | None, found: str) -> str:
+def _reason(best: Corrected | None, springs: float, gap: tuple[float, float] | None, found: str) -> str:
     parts = ["no solution found on the sweep, or no climb converged" if best is None else found]
-    if best is not None and not free:
-        parts.append("the mean of dampers held by springs, since it was not found free")
+    if springs:
+        parts.append(f"the mean of dampers held by springs of {springs:.2g} of their stuck stiffness")
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz")
     return "; ".join(parts)
@@ -251,14 +251,14 @@ def _reason(best: Corrected | None, free: bool, gap: tuple[float, float] | None,
 
 def _top(
     wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float
-) -> tuple[Corrected | None, bool]:
-    """A blade's peak with dampers free, or where it is lost on the way there with dampers held; and which it is."""
+) -> tuple[Corrected | None, float]:
+    """A blade's peak with the weakest springs on the mean of dampers with which it was found, and those springs."""
     held, _ = climb(wheel, system, X, omega, blade, width, HELD)
     if held is None:
-        return None, False
-    freed = relaxed(system, held, HELD, "springs", 0.0, 1e-6)
-    free = None if freed is None else climb(wheel, system, freed.X, freed.omega, blade, width)[0]
-    return (held, False) if free is None else (free, True)
+        return None, HELD.springs
+    freed, springs = relaxed(system, held, HELD, "springs", 0.0, 1e-6)
+    again = climb(wheel, system, freed.X, freed.omega, blade, width, Ease(springs=springs))[0]
+    return (held, HELD.springs) if again is None else (again, springs)
 
 
 def climb(

@@ -156,11 +156,14 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
         The coarse sweep, whose points satisfy the equations only loosely.
     status, reason : str
-        "converged"; "lower bound" if the sweep leaves out a part of its band, which the reason names; or "not found".
+        "converged"; "held" if the peak was found only with springs on the mean of dampers; "lower bound" if the sweep
+        leaves out a part of its band, which the reason names; or "not found".
     residual : float
     deviation : (n_blades, n_modes) float
     unknowns : (n_blades, n_coefficients, n_sector) float
     cost : Cost
+    springs : float
+        On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     settings : mapping
     model_hash : str
     """
@@ -182,12 +185,19 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     deviation: NDArray
     unknowns: NDArray
     cost: Cost
+    springs: float = 0.0
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
     model_hash: str = ""
 
     @property
     def converged(self) -> bool:
+        """With dampers free."""
         return self.status == "converged"
+
+    @property
+    def found(self) -> bool:
+        """With dampers free or held."""
+        return self.status in ("converged", "held")
 
     @property
     def amplification(self) -> float:

@@ -73,7 +73,7 @@ class _Job:
             with LongWork() as work:
                 wheel = self.drawn(settings["wheel"], settings["standard_deviation"])
                 if "interval" in settings:
-                    values, cost = _whole_curve(wheel, settings["preload"], settings["interval"])
+                    values, cost = _whole_curve(wheel, settings["preload"], settings["interval"], settings["springs"])
                 else:
                     values, cost = _highest(wheel, settings["preload"], self.frequency, self.options)
             if work.interrupted:
@@ -85,19 +85,19 @@ class _Job:
 
 def _highest(wheel: Wheel, preload: float, frequency: Any, options: WheelPeakOptions) -> tuple[dict[str, Any], Cost]:
     peak = wheel.peak(preload, frequency, options=options)
-    if not peak.converged:
+    if not peak.found:
         raise BdamperError(f"{peak.status}: {peak.reason}")
     interval = [float(peak.sweep_frequency[0]), float(peak.sweep_frequency[-1])]
     return {
         "amplitude": peak.amplitude, "frequency": peak.frequency, "blade": peak.blade, "residual": peak.residual,
-        "climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": interval,
+        "springs": peak.springs, "climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": interval,
     }, peak.cost  # fmt: skip
 
 
-def _whole_curve(wheel: Wheel, preload: float, interval: Sequence[float]) -> tuple[dict[str, Any], Cost]:
+def _whole_curve(wheel: Wheel, preload: float, interval: Sequence[float], springs: float) -> tuple[dict[str, Any], Cost]:
     beyond = 0.1 * (interval[1] - interval[0])
     limits = interval[0] - beyond, interval[1] + beyond
-    curves = [wheel.track(preload, limits, from_high=from_high) for from_high in (False, True)]
+    curves = [wheel.track(preload, limits, from_high=from_high, springs=springs) for from_high in (False, True)]
     left = [f"{c.status}: {c.reason}" for c in curves if not c.complete]
     costs = [curve.cost for curve in curves]
     cost = Cost(seconds=costs[0].seconds + costs[1].seconds, processor=costs[0].processor + costs[1].processor)
@@ -264,7 +264,7 @@ def _records(
     height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(asked.shape)
     whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]
     at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
-    audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
+    audited = [points[i] | {name: peaks[i]["values"][name] for name in ("interval", "springs")} for i in at]
     for i, record in zip(
         at, run_stored(job, audited, [f"curve {names[i]}" for i in at], executor, store, progress, "audit", "curve")
     ):
@@ -283,7 +283,7 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
         wheels=np.array(asked.wheels),
         standard_deviation=asked.deviations,
         preload=asked.preloads,
-        **{name: array(peaks, name) for name in ("amplitude", "frequency", "blade", "residual")},
+        **{name: array(peaks, name) for name in ("amplitude", "frequency", "blade", "residual", "springs")},
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),

@@ -151,7 +151,8 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
         Of the highest blade, and its number.
-    residual : float
+    residual, springs : float
+        ``springs`` on the mean of dampers (:class:`~bdamper.wheel.results.WheelPeak`).
     tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
         Of the tuned wheel at the same preload.
     status : tuple of str
@@ -180,6 +181,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     frequency: NDArray
     blade: NDArray
     residual: NDArray
+    springs: NDArray
     tuned_amplitude: NDArray
     tuned_frequency: NDArray
     status: tuple[str, ...]
@@ -299,7 +301,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """A row for each wheel at each standard deviation and preload."""
         grid = np.meshgrid(self.wheels, self.standard_deviation, self.preload, indexing="ij")
         units = {"amplitude": "m", "frequency": "Hz", "curve_amplitude": "m", "processor": "s"}
-        names = ("amplification", "amplitude", "frequency", "blade", "residual", "curve_amplitude", "processor")
+        names = ("amplification", "amplitude", "frequency", "blade", "residual", "springs", "curve_amplitude", "processor")
         own = {name: Column(g.ravel(), unit) for name, g, unit in zip(self._grid(), grid, ("", "", "N"))}
         values = {name: Column(getattr(self, name).ravel(), units.get(name, "")) for name in names}
         return own | values | {"run": Column(np.array(self.status))}
@@ -316,13 +318,14 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         )
 
     def __str__(self) -> str:
-        failed = sum(s.startswith("failed") for s in self.status)
+        failed, held = sum(s.startswith("failed") for s in self.status), int((self.springs > 0.0).sum())
         pattern = self.drawn.get("distribution", "")
         pattern = pattern if isinstance(pattern, str) else "measured pattern"
         spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
         lines = [
             f"{len(self)} wheels of {self.n_blades} blades ({pattern}, seed {self.drawn.get('seed', '')}), "
-            f"{len(self.standard_deviation)} standard deviations, {len(self.preload)} preloads: {failed} without a peak; "
+            f"{len(self.standard_deviation)} standard deviations, {len(self.preload)} preloads: {failed} without a peak, "
+            f"{held} with the mean of dampers held; "
             f"{spent[0]:.0f} s of the processor, {spent[1]:.0f} s for the audit"
         ]
         lines += interruption(self.status, "peaks")

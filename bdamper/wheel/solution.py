@@ -75,31 +75,28 @@ class Solver:
                     continue
                 if damping == DAMPING[0]:
                     self.damped = found.X
-                undamped = relaxed(system, found, eased, "damping", 0.0, tolerance)
-                if undamped is None or ease.springs >= eased.springs:
-                    return undamped
-                return relaxed(system, undamped, replace(eased, damping=0.0), "springs", ease.springs, tolerance)
+                undamped, left = relaxed(system, found, eased, "damping", 0.0, tolerance)
+                if left > 0.0 or ease.springs >= eased.springs:
+                    return undamped if left == 0.0 else None
+                freed, left = relaxed(system, undamped, Ease(0.0, eased.springs), "springs", ease.springs, tolerance)
+                return freed if left == ease.springs else None
         return None
 
 
 def relaxed(
     system: WheelSystem, found: Corrected, ease: Ease, name: str, target: float, tolerance: float
-) -> Corrected | None:
-    """The solution to which that of eased equations leads as one of the aids is taken back; None if it is lost."""
+) -> tuple[Corrected, float]:
+    """The solution to which that of eased equations leads as one of the aids is taken back, and what is left of the aid."""
     level, ratio = float(getattr(ease, name)), 0.3
-    while True:
+    while level > target and ratio < 0.9:
         lower = max(level * ratio, target)
         lower = lower if lower > LEAST[name] else target
         new = near(system, found.X, found.omega, replace(ease, **{name: lower}), tolerance if lower == target else EASY)
         if new.converged:
-            found, level = new, lower
-            if level == target:
-                return found
-            ratio = max(ratio**1.5, 0.05)
+            found, level, ratio = new, lower, max(ratio**1.5, 0.05)
         else:
             ratio = ratio**0.4
-            if ratio > 0.9:
-                return None
+    return found, level
 
 
 def near(system: WheelSystem, X: NDArray, omega: float, ease: Ease, tolerance: float) -> Corrected:

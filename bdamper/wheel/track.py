@@ -20,7 +20,7 @@ from bdamper.util.cost import Cost
 from bdamper.wheel.newton import Corrected, correct, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.solution import Solver
-from bdamper.wheel.system import WheelSystem
+from bdamper.wheel.system import PLAIN, Ease, WheelSystem
 
 TWO_PI = 2.0 * np.pi
 TOLERANCE = 1e-9
@@ -31,20 +31,20 @@ SHORT = 5e-3
 """Step below which a path tries whether a damper has come free."""
 
 
-def start(system: WheelSystem, mean: NDArray, omega: float, tolerance: float = TOLERANCE) -> Corrected | None:
+def start(system: WheelSystem, mean: NDArray, omega: float, ease: Ease) -> Corrected | None:
     """A solution at one frequency from the static state, or None."""
     X = np.zeros(system.shape)
     X[:, 0] = mean
     X[system.still] = 0.0
-    found = correct(system, X, omega, tolerance=tolerance, most=40, line_search=True)
-    return found if found.converged else Solver(system).at(omega, X, tolerance)
+    found = correct(system, X, omega, ease=ease, tolerance=TOLERANCE, most=40, line_search=True)
+    return found if found.converged else Solver(system, ease).at(omega, X, TOLERANCE)
 
 
 class Path:
     """State of one run along the curve."""
 
-    def __init__(self, system: WheelSystem, limits: tuple[float, float], order: int = 3) -> None:
-        self.system, self.limits, self.order = system, limits, order
+    def __init__(self, system: WheelSystem, limits: tuple[float, float], ease: Ease = PLAIN) -> None:
+        self.system, self.limits, self.ease = system, limits, ease
         self.points: list[tuple[NDArray, float]] = []
         self.length: list[float] = []
         self.failed = 0
@@ -63,7 +63,7 @@ class Path:
 
     def predicted(self, step: float, unit: float, unit_omega: float) -> tuple[NDArray, float, tuple[NDArray, float]]:
         """Point ahead by a polynomial through the last points, and the plane of the corrector."""
-        last = self.points[-self.order - 1 :]
+        last = self.points[-4:]
         s = np.array(self.length[-len(last) :])
         at = s[-1] + step
         weight = np.array([np.prod([(at - b) / (a - b) for b in s if b != a]) for a in s])
@@ -113,6 +113,7 @@ def track(
     from_high: bool = False,
     max_points: int = 3000,
     max_step: float = 0.15,
+    springs: float = 0.0,
 ) -> WheelCurve:
     """Response of all blades over a frequency interval at one preload.
 
@@ -126,6 +127,8 @@ def track(
     max_points : int
     max_step : float
         Largest step, relative to the vibration of the whole wheel.
+    springs : float
+        On the mean of dampers, relative to their stiffness when stuck, as peaks with dampers held have.
 
     Returns
     -------
@@ -137,6 +140,7 @@ def track(
     validate.flag("from_high", from_high)
     max_points = validate.whole("max_points", max_points, least=2)
     max_step = validate.number("max_step", max_step, above=0.0, most=1.0)
+    ease = Ease(springs=validate.number("springs", springs, least=0.0))
     system, mean = wheel.system(preload)
     before = system.evaluations, system.factorisations, system.iterations
     limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
@@ -146,12 +150,12 @@ def track(
         shares = wheel.damper_shares(found.at.shares)
         records.append((found.omega / TWO_PI, wheel.response(found.X), shares, found.residual, kind))
 
-    first = start(system, mean, limits[1 if from_high else 0])
+    first = start(system, mean, limits[1 if from_high else 0], ease)
     if first is None:
         status, reason, failed = "no start", f"no solution found at {frequency[1 if from_high else 0]:.6g} Hz", 0
     else:
         keep(first, "end")
-        path = Path(system, limits)
+        path = Path(system, limits, ease)
         path.set_off(first, not from_high)
         status, reason = follow(path, keep, not from_high, max_points, max_step)
         failed = path.failed
@@ -183,9 +187,7 @@ def cost_of(system: WheelSystem, watch: tuple[float, float], before: tuple[int, 
     )
 
 
-def follow(
-    path: Path, keep: Any, up: bool, max_points: int, max_step: float, tolerance: float = TOLERANCE
-) -> tuple[str, str]:
+def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) -> tuple[str, str]:
     """Follows the curve until it leaves the interval; returns status and reason."""
     system, (low, high) = path.system, path.limits
     step, rising, inverse = FIRST, up, None
@@ -197,14 +199,16 @@ def follow(
         if beyond:
             bound = high if omega > high else low
             share = (bound - here[1]) / (omega - here[1])
-            end = correct(system, here[0] + share * (X - here[0]), bound, tolerance=tolerance, inverse=inverse)
+            end = correct(system, here[0] + share * (X - here[0]), bound, ease=path.ease, tolerance=TOLERANCE,
+                          inverse=inverse)  # fmt: skip
             if end.converged and path.distance((end.X, end.omega), here, unit, unit_omega) < 2.0 * step:
                 keep(end, "end")
                 whole = (bound == high) == up
                 where = f"{bound / TWO_PI:.6g} Hz"
                 return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
         new = None if beyond else correct(
-            system, X, omega, plane, tolerance=tolerance, least=1, most=8, inverse=inverse, longest=_reach(here, step)
+            system, X, omega, plane, ease=path.ease, tolerance=TOLERANCE, least=1, most=8, inverse=inverse,
+            longest=_reach(here, step),
         )  # fmt: skip
         off = np.inf
         if new is not None and new.converged:
@@ -213,8 +217,8 @@ def follow(
             path.failed += 1
             step *= 0.5 if new is None or new.converged else 0.25
             inverse = None
-            if step < SHORT:
-                new = _walk_on(path, max(step, SHORT), tolerance)
+            if step < SHORT and not path.ease.springs:
+                new = _walk_on(path, max(step, SHORT))
                 if new is not None:
                     path.add(new.X, new.omega, unit, unit_omega)
                     keep(new, "regular")
@@ -233,14 +237,14 @@ def follow(
     return "too many points", f"{max_points} points before the end of the interval"
 
 
-def _walk_on(path: Path, step: float, tolerance: float) -> Corrected | None:
+def _walk_on(path: Path, step: float) -> Corrected | None:
     """A solution beyond a place at which a damper comes free: at fixed frequencies ahead, its position found anew."""
     unit, unit_omega = path.scale()
     here = path.points[-1]
     for ahead in (step, 4.0 * step):
         X, omega, _ = path.predicted(ahead, unit, unit_omega)
         if path.limits[0] < omega < path.limits[1]:
-            new = walked(path.system, X, omega, tolerance=tolerance, most=25)
+            new = walked(path.system, X, omega, tolerance=TOLERANCE, most=25)
             if new.converged and path.distance((new.X, new.omega), here, unit, unit_omega) < 3.0 * ahead:
                 return new
     return None

@@ -37,12 +37,13 @@ def quick(monkeypatch):
         time.sleep(0.002)
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) else 1.0
         return SimpleNamespace(
-            converged=True, sweep_frequency=np.array([180.0, 220.0]), amplitude=missed * height(wheel, preload),
+            found=True, springs=0.0, sweep_frequency=np.array([180.0, 220.0]),
+            amplitude=missed * height(wheel, preload),
             frequency=200.0, blade=int(np.argmax(wheel.mistuning.deviation)), residual=1e-12, climbs=[0],
             cost=Cost(processor=1.0),
         )  # fmt: skip
 
-    def track(wheel, preload, limits, from_high):
+    def track(wheel, preload, limits, from_high, springs):
         assert limits == (176.0, 224.0)
         top = np.array([[0.1], [1.0]]) * height(wheel, preload)
         return Curve(
