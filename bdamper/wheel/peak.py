@@ -5,7 +5,7 @@ the frequencies at which any wave of the tuned wheel, with the contacts as stiff
 the deviations of the blades; its points, a share of the width of the tuned peak apart, satisfy the equations loosely, and
 the mean of dampers is held by springs (:mod:`bdamper.wheel.solution`).  From the highest of its maxima, of different blades
 or at different frequencies, Newton's method climbs to the peaks of single blades, which are smooth where the envelope is
-not, and on to those of free dampers.
+not.  The highest of them is then looked for with dampers free, or held by the weakest springs that lead to it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, correct, solved
 from bdamper.wheel.results import WheelPeak
-from bdamper.wheel.solution import SPRINGS, Solver, relaxed
+from bdamper.wheel.solution import SPRINGS, Solver
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
 from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of, size_of
 
@@ -33,6 +33,8 @@ FAR = 1.5
 
 
 HELD = Ease(springs=SPRINGS)
+WEAKER = (0.0, 1e-2, 1e-1)
+"""Springs on the mean of dampers with which the highest peak is looked for again, the first that leads to one counts."""
 
 
 @dataclass(frozen=True)
@@ -150,15 +152,19 @@ def peak(
     queue = _candidates(wheel, swept, options.climbs)
     while queue:
         X, omega, k = queue.pop(0)
-        found, left = _top(wheel, system, X, omega, k, TWO_PI * width)
+        found, _ = climb(wheel, system, X, omega, k, TWO_PI * width, HELD)
         if found is None:
             continue
         heights = np.abs(wheel.response(found.X)[:, 1])
         climbs.append((float(k), found.omega / TWO_PI, float(heights[k])))
         if best is None or heights.max() > height:
-            best, height, blade, springs = found, float(heights.max()), int(np.argmax(heights)), left
+            best, height, blade = found, float(heights.max()), int(np.argmax(heights))
             if blade != k:  # the peak of whichever blade is highest there
                 queue.insert(0, (found.X, found.omega, blade))
+    if best is not None:
+        best, springs = _freed(wheel, system, best, blade, TWO_PI * width)
+        heights = np.abs(wheel.response(best.X)[:, 1])
+        height, blade = float(heights.max()), int(np.argmax(heights))
     empty = np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),
@@ -249,16 +255,15 @@ def _reason(best: Corrected | None, springs: float, gap: tuple[float, float] | N
     return "; ".join(parts)
 
 
-def _top(
-    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float
-) -> tuple[Corrected | None, float]:
-    """A blade's peak with the weakest springs on the mean of dampers with which it was found, and those springs."""
-    held, _ = climb(wheel, system, X, omega, blade, width, HELD)
-    if held is None:
-        return None, HELD.springs
-    freed, springs = relaxed(system, held, HELD, "springs", 0.0, 1e-6)
-    again = climb(wheel, system, freed.X, freed.omega, blade, width, Ease(springs=springs))[0]
-    return (held, HELD.springs) if again is None else (again, springs)
+def _freed(wheel: Any, system: WheelSystem, held: Corrected, blade: int, width: float) -> tuple[Corrected, float]:
+    """The same peak with the weakest springs on the mean of dampers with which it is found, and those springs."""
+    for springs in WEAKER:
+        ease = Ease(springs=springs)
+        start = Solver(system, ease).at(held.omega, held.X, 1e-6)
+        found = None if start is None else climb(wheel, system, start.X, start.omega, blade, width, ease)[0]
+        if found is not None:
+            return found, springs
+    return held, HELD.springs
 
 
 def climb(
