@@ -2,7 +2,7 @@
 #   make demo      main job on the shipped reference model, figures in figures/
 #   make test      test suite (make test-slow: the tests that take minutes)
 #   make examples  all figures of the paper, with times, in figures/
-#   make docs      documentation with the gallery, in docs/_build/html
+#   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
 #   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS

@@ -77,7 +77,7 @@ def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStat
 
 
 status, curve = plot_status(asked[24], 5000.0, "settings of the paper")
-plot_status(study(1), 5000.0, "converged")
+status_converged, _ = plot_status(study(1), 5000.0, "converged")
 
 # %%
 # The damper over a period, magnified, with the settings of the paper.

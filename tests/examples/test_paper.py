@@ -5,6 +5,7 @@ Cigeroglu, An and Menq, J. Eng. Gas Turbines Power 131 (2009), section 4.
 
 from __future__ import annotations
 
+import json
 import runpy
 import sys
 from pathlib import Path
@@ -26,6 +27,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 sys.path.insert(0, str(EXAMPLES))
 
 import paper_disk  # noqa: E402, what the examples share
+
+from benchmarks import bench_paper  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
@@ -126,15 +129,16 @@ def test_optimal_curves(tmp_path):
         assert curve.amplitude[-1] == pytest.approx(curve.stuck.amplitude, rel=1e-4)
     # the paper's approximations make the damper look three times worse in mode 1
     assert converged[1].ratio == pytest.approx(15.0, rel=0.03) and converged[2].ratio == pytest.approx(5.2, rel=0.03)
-    # below 150 N the search ends: the least value of mode 1 is not verified, and is not shown as if it were
+    # below 92 N no steady response is expected: the least value of mode 1 is not verified, and not shown as if it were
     assert converged[2].optimum.verified and not converged[1].optimum.verified
+    assert converged[1].no_steady_below == pytest.approx(92.0, rel=0.01)
     assert converged[1].stuck_shift_percent == pytest.approx(18.2, rel=0.01)
     assert converged[2].stuck_shift_percent == pytest.approx(2.5, rel=0.01)
     # "damping at the second mode is more effective" (stuck over optimum): with the approximations of the paper only
     assert paper[2].ratio > paper[1].ratio and converged[2].ratio < converged[1].ratio
     # "the decrease in the free response amplitude is larger at the first mode": as a ratio not with these approximations
     gain = [[c[m].free.amplitude / c[m].optimum.amplitude for c in (paper, converged)] for m in (1, 2)]
-    assert gain[0][0] < gain[1][0] and gain[0][1] > gain[1][1]
+    assert gain[0] == pytest.approx([4.5, 16.2], rel=0.02) and gain[1] == pytest.approx([5.6, 5.1], rel=0.02)
     # a damper that slips as a whole is no bound: mode 2 does better with the settings of the paper
     assert paper[2].ratio > out["macroslip_ratio"](paper[2])
     assert out["macroslip_ratio"](paper[2]) == pytest.approx(4.9, rel=0.01)
@@ -143,11 +147,35 @@ def test_optimal_curves(tmp_path):
     assert_pictures(tmp_path, "fig08_optimal_mode_1.png", "fig09_optimal_mode_2.png")
 
 
+def test_tables_of_the_approximations_have_what_was_stored():
+    """The three tables of docs/studies.md below the claims, each number of them."""
+    page = (EXAMPLES.parent / "docs" / "studies.md").read_text().split("## What each approximation is worth")[1]
+    stored = json.loads((EXAMPLES.parent / "benchmarks" / "results" / "paper.json").read_text())
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("| ")]
+    seen = 0
+
+    def microns(found: dict[str, Any]) -> str:
+        return f"{1e6 * found['amplitude']:.3g}"
+
+    for name, *cells in rows:
+        if f"mode 1/{name}" in stored and not cells[0].isdigit():
+            for mode, text in ((1, cells[:3]), (2, cells[3:])):
+                found = stored[f"mode {mode}/{name}"]
+                optimum = f"{microns(found)} µm at {found['preload']:.0f} N"
+                assert text == [f"{found['ratio']:.1f}", f"{found['shift']:.1f} %", optimum], name
+                seen += 1
+        elif cells[0].isdigit():
+            kind, loads = ("ladder", bench_paper.PRELOADS) if len(cells) == 5 else ("rows", (100.0, 200.0, 1000.0))
+            for load, text in zip(loads, cells[1:], strict=True):
+                found = stored[f"{kind}/{name}/{cells[0]}/{load:g}"]
+                assert found["complete"] and text == microns(found), (name, cells)
+                seen += 1
+    assert seen == len(stored) - 1  # besides the sweep in time
+
+
 @pytest.mark.slow
 def test_motion_in_time_has_what_three_harmonics_say():
     """A slow sweep in time reaches 49 um at 300 N: near three harmonics (52) and seven (51), far from one (90)."""
-    from benchmarks import bench_paper
-
     swept = bench_paper.sweep({**bench_paper.OWN, "harmonics": 3})
     assert swept["amplitude"] == pytest.approx(5.07e-5, rel=0.06)
     one = bench_paper.peak(bench_paper.SWEEP[0], bench_paper.OWN)
@@ -243,7 +271,7 @@ def test_contact_points(tmp_path):
     assert converged[48] == pytest.approx(converged[24], rel=0.07)
     # "9 underestimate the amplitude": only where the damper is stuck
     assert paper[9][3] < 0.96 * paper[24][3]
-    assert paper[9][0] > 1.4 * paper[24][0] and paper[9][1] > 1.1 * paper[24][1]
+    assert [paper[9][k] / paper[24][k] for k in (0, 1)] == pytest.approx([1.46, 1.18], abs=0.01)
     assert converged[9] > 1.4 * converged[24]
     # "multiple solutions are captured better with more points": not in the number of folds
     folds = {n: sum(len(c.folds) for c in curves) for n, curves in out["curves"].items()}
@@ -255,9 +283,12 @@ def test_contact_points(tmp_path):
     both = [*status.rows("left"), *status.rows("right")]
     mean = status.share[both].mean(axis=(0, 1))
     assert mean == pytest.approx(out["curve"].shares[out["curve"].peak.index], abs=1e-9)
-    # partial slip: some points never slip, some do, some open
-    slip = status.share[both, :, 1].max(axis=1)
-    assert (slip == 0.0).any() and (slip > 0.1).any() and (status.share[both, 0, 2] > 0.1).any()
+    # partial slip on both faces: some points never slip, some do, some open
+    for state in (status, out["status_converged"]):
+        for side in ("left", "right"):
+            share = state.share[state.rows(side)]
+            slip = share[:, :, 1].max(axis=1)
+            assert (slip == 0.0).any() and slip.max() > 0.05 and (share[:, 0, 2] > 0.1).any()
     names = ("fig15_contact_points", "fig16_status_bars_paper", "fig16_status_maps_paper", "fig16_status_bars_converged")
     assert_pictures(tmp_path, *(f"{name}.png" for name in names), "fig16_damper.gif")
     with Image.open(tmp_path / "fig16_damper.gif") as movie:
@@ -272,7 +303,8 @@ def test_blade_to_ground(tmp_path):
         assert all(c.complete for c in (*single, *multiple))
         change = np.abs(out["differences"](single, multiple))
         assert out["opens"][name][:3] == [True] * 3 and all(c.folds for c in multiple[:3])
-        assert (change[:3] > 0.03).all() and change[:3].max() > 0.15
+        least, most = {"uniform tractions": (0.032, 0.177), "residual modes": (0.090, 0.208)}[name]
+        assert [change[:3].min(), change[:3].max()] == pytest.approx([least, most], abs=0.004)
         assert not any(c.folds for c in single[3:] + multiple[3:])
         assert (change[3:] < 0.025).all() and change[-1] < 2e-3
     # where no point that is closed at rest opens there is no difference
@@ -302,7 +334,7 @@ def test_test_rig(tmp_path, monkeypatch):
     assert {(fit.points, fit.outside) for fit in out["fits"].values()} == {(2, 1)}
     assert max(fit.rms for fit in out["fits"].values()) < 0.1
     rig, more, most, converged, disk = out["curves"].values()
-    assert rig.optimum.kind == "smooth"
+    assert rig.optimum.kind == "smooth" and rig.optimum.preload == pytest.approx(54.5, rel=0.01)
     # "predictions with more blade modes are very close to each other": from 10 to 20, not to 40
     assert more.optimum.amplitude == pytest.approx(rig.optimum.amplitude, rel=0.01)
     assert more.optimum.preload == pytest.approx(rig.optimum.preload, rel=0.01)
