@@ -238,7 +238,6 @@ class Study(Problem, Comparable):
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
-    optimum = optimal.optimum
     with_marched = marched.with_marched
     with_sweeps = marched.with_sweeps
 

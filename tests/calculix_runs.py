@@ -4,9 +4,7 @@ import re
 
 import numpy as np
 
-from bdamper.fe.calculix import _model as deck_of
-from bdamper.fe.calculix import _numbers as numbers_of
-from bdamper.fe.calculix import run_job
+from examples.calculix.decks import deck_of, numbers_of, run_job
 
 
 def free_input(body, n_modes):

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from bdamper.fe.calculix import local_order
-from bdamper.fe.sector import SectorFE, blade_sets, damper_sets
+from bdamper.fe.assemble import local_order
+from bdamper.fe.sector import SectorFE
 from bdamper.io import ContactFaces, FEBody
+from examples.calculix.decks import blade_sets, damper_sets
 
 FIRST_NUMBER = 101
 """Node numbers start here, so that an index taken for a number shows."""

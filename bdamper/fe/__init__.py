@@ -1,9 +1,8 @@
 """Finite element models of a bladed disk with wedge dampers, of a test rig and of a blade on the ground.
 
 In: dimensions, material and mesh density.  Out: a :class:`bdamper.model.model.Model` from `bladed_disk`, `rig` or
-`blade_to_ground`.  `SectorFE` keeps the matrices, factorisations and modes that do not depend on the contact points, and
-:mod:`bdamper.fe.calculix` writes the same meshes as input of another program.  The room needs scikit-fem (extra
-``bdamper[fe]``).
+`blade_to_ground`.  `SectorFE` keeps the matrices, factorisations and modes that do not depend on the contact points.  The
+room needs scikit-fem (extra ``bdamper[fe]``).
 """
 
 try:

@@ -22,6 +22,24 @@ from skfem import Basis, ElementHexS2, MeshHex
 from bdamper.fe.geometry import Material
 from bdamper.reduction.structure import Structure
 
+# C3D20: bottom corners, top corners, bottom middles, top middles, upright middles, on the cube [-1, 1]^3.
+_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+_MIDDLES = np.array([[0, -1], [1, 0], [0, 1], [-1, 0]], float)
+_C3D20 = np.concatenate(
+    [
+        np.column_stack([xy, np.full(4, z)])
+        for xy, z in ((_CORNERS, -1), (_CORNERS, 1), (_MIDDLES, -1), (_MIDDLES, 1))
+    ]
+    + [np.column_stack([_CORNERS, np.zeros(4)])]
+)
+
+
+def local_order() -> NDArray:
+    """For each of the 20 local nodes in the order of CalculiX and Abaqus the number of the same node in scikit-fem."""
+    ours = 2.0 * ElementHexS2().doflocs - 1.0
+    distance = np.abs(_C3D20[:, None] - ours[None]).max(axis=2)
+    return distance.argmin(axis=1)
+
 
 @dataclass(frozen=True)
 class Discretisation(Structure):

@@ -24,7 +24,6 @@ from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.scan import linear_peak, resonance_interval, scan
-from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
@@ -183,21 +182,6 @@ def _status(known: PeakEnvelope, k: int) -> str:
         return "followed" if there is None else "scanned"
     what = "no peak found" if known.highest(k) is None else "lower bound"
     return f"{what}, scan over frequency {'not made' if there is None else there.ending}"
-
-
-@one_thread
-def optimum(
-    problem: Problem,
-    preload: tuple[float, float] | Sequence[float] | NDArray = (10.0, 25e3),
-    n: int = 24,
-    *,
-    frequency: tuple[float, float] | None = None,
-    mode: int = 1,
-    options: PeakOptions | None = None,
-) -> OptimumPoint:
-    """The preload of least resonance amplitude; see :func:`optimal_curve`."""
-    check_question(problem, preload_values(preload, n), frequency)
-    return optimal_curve(problem, preload, n, frequency=frequency, mode=mode, options=options).optimum
 
 
 def preload_values(preload: Any, n: int) -> NDArray:

@@ -14,11 +14,12 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import decks
+
 from bdamper import Excitation, Study
 from bdamper.continuation.curve import Curve
-from bdamper.fe import MeshDensity, SectorFE, calculix
+from bdamper.fe import MeshDensity, SectorFE
 from bdamper.fe.contact_points import end_patches
-from bdamper.fe.sector import blade_sets, damper_sets
 from bdamper.io import BuiltModel, ContactFaces, build_model
 from bdamper.io.calculix import read_calculix
 
@@ -27,11 +28,11 @@ ENGINE_ORDER = 5
 
 def write_and_run(folder: Path, fe: SectorFE) -> None:
     """The decks, and CalculiX on each of them."""
-    blade, damper = blade_sets(fe), damper_sets(fe)
-    calculix.run_job(calculix.matrix_input(fe.blade, blade, clamped="BORE"), folder, "sector")
-    calculix.run_job(calculix.matrix_input(fe.damper.body, damper), folder, "damper")
-    cyclic = calculix.sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, ENGINE_ORDER, 5)
-    calculix.run_job(cyclic, folder, "sector_cyclic")
+    blade, damper = decks.blade_sets(fe), decks.damper_sets(fe)
+    decks.run_job(decks.matrix_input(fe.blade, blade, clamped="BORE"), folder, "sector")
+    decks.run_job(decks.matrix_input(fe.damper.body, damper), folder, "damper")
+    cyclic = decks.sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, ENGINE_ORDER, 5)
+    decks.run_job(cyclic, folder, "sector_cyclic")
 
 
 def import_model(folder: Path, fe: SectorFE, points: int = 9, n_modes: int = 20) -> BuiltModel:

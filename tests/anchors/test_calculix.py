@@ -14,11 +14,11 @@ if shutil.which("ccx") is None:
     pytest.skip("CalculiX (ccx) is not installed", allow_module_level=True)
 
 from bdamper.fe.blade_to_ground import blade_structure
-from bdamper.fe.calculix import sector_input
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.rig import rig_structure
 from bdamper.fe.sector import SectorFE
+from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 
 SHIPPED = Path(__file__).resolve().parents[2] / "bdamper" / "data" / "bladed_disk_24.h5"

@@ -18,11 +18,11 @@ from skfem import MeshHex
 from bdamper.contact.preload import OPEN
 from bdamper.contact.preload_forces import StaticContactProblem, solve_static_contact
 from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import _model
 from bdamper.fe.contact_points import averaging_matrix, wedge_patches
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
 from bdamper.reduction.free_body import FreeBody
+from examples.calculix.decks import deck_of
 
 OVERLAP = 1e-8  # m, holds the damper before the load
 LOAD, MU = 1000.0, 0.3
@@ -98,7 +98,7 @@ def calculix(g, patches, meshes, force, folder):
         np.hstack([m.p for m in meshes]), np.hstack([m.t + o for m, o in zip(meshes, offsets)])
     )
     body = discretise(whole, Material())
-    text = _model(body)
+    text = deck_of(body)
     lines = [text]
     held = np.zeros(len(body.nodes), bool)
     for side, p in patches.items():

@@ -599,7 +599,7 @@ class TestUncertainty:
 
     def test_robust_optimum_of_one_draw_is_the_optimum(self, study):
         """A sample of equal draws has the optimum of the study itself."""
-        plain = study.optimum((25.0, 60.0), 5, frequency=INTERVAL)
+        plain = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False).optimum
         same = {"friction_coefficient": [0.3, 0.3]}
         found = bd.robust_optimum(study, same, (25.0, 60.0), n=8, tolerance=1e-2, frequency=INTERVAL)
         assert found.kind == "interior"

@@ -18,7 +18,8 @@ from tests.plain import plain_study
 PATH = Path(__file__).resolve().parents[2] / "examples" / "calculix" / "bladed_disk.py"
 
 
-def example():
+def example(monkeypatch):
+    monkeypatch.syspath_prepend(str(PATH.parent))
     spec = importlib.util.spec_from_file_location("calculix_example", PATH)
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
@@ -54,8 +55,8 @@ def compare_curves(curve, model):
 
 
 @pytest.mark.slow
-def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys):
-    built, curve = example().main(tmp_path)
+def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys, monkeypatch):
+    built, curve = example(monkeypatch).main(tmp_path)
     assert "Import report" in capsys.readouterr().out
     ours = bladed_disk(9, n_modes=20, engine_order=5, harmonics=3, fe=SectorFE())
     for body, d in (("blade", 0), ("blade", 5), ("blade", 10), ("blade", 15), ("damper", 0)):
@@ -69,9 +70,9 @@ def test_frequencies_and_curve_on_the_coarse_mesh(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_shipped_reference_model(tmp_path):
+def test_shipped_reference_model(tmp_path, monkeypatch):
     """On the mesh of the shipped model: its frequencies to 0.1 %, its tracking curve to 0.5 %."""
-    module = example()
+    module = example(monkeypatch)
     fe = SectorFE(density=MeshDensity.preset("reference"))
     module.write_and_run(tmp_path, fe)
     built = module.import_model(tmp_path, fe, n_modes=12)

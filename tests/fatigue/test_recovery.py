@@ -15,9 +15,6 @@ from scipy.sparse.linalg import splu
 import bdamper as bd
 from bdamper.fatigue.cycle import _contact_axes, _Rows
 from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import _model as deck_of
-from bdamper.fe.calculix import _numbers as numbers_of
-from bdamper.fe.calculix import run_job
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import join_blocks
@@ -25,6 +22,7 @@ from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_points, element_rows, near_patches, node_average, stress_set, von_mises_size
 from bdamper.io.calculix import read_frd_stress
+from examples.calculix.decks import deck_of, numbers_of, run_job
 
 PRELOAD = 20e3
 

@@ -23,8 +23,7 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import local_order
+from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import join_blocks
 from bdamper.io import (

@@ -9,8 +9,7 @@ import pytest
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import local_order
+from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh
 from bdamper.io import ContactFaces, build_model, read_arrays

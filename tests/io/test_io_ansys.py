@@ -9,8 +9,7 @@ from scipy.spatial import cKDTree
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import local_order
+from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import join_blocks
 from bdamper.io import read_ansys, read_cdb, read_full, read_rst

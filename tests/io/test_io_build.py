@@ -14,8 +14,7 @@ from scipy.spatial import cKDTree
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe.assemble import discretise
-from bdamper.fe.calculix import local_order
+from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh

@@ -10,8 +10,7 @@ import scipy.sparse as sp
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.fe import calculix
-from bdamper.fe.assemble import discretise
+from bdamper.fe.assemble import discretise, local_order
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks
 from bdamper.io import (
@@ -33,6 +32,7 @@ from bdamper.reduction.facets import area_vectors
 from bdamper.reduction.patches import Facets
 from bdamper.util.errors import BdamperError, ModelError
 from bdamper.util.hdf5 import load
+from examples.calculix.decks import matrix_input, run_job
 from tests.calculix_runs import free_input
 
 NASTRAN = Path(__file__).resolve().parents[3] / "shared" / "fixtures" / "nastran"
@@ -250,9 +250,9 @@ def run(bar, tmp_path_factory):
         pytest.skip("CalculiX (ccx) is not installed")
     folder = tmp_path_factory.mktemp("ccx")
     body = discretise(damper_mesh(Geometry(), MeshDensity(2, 1, 1, 2, 1, 1, 1, 1, 1, 1, 1, 2)), Material())
-    calculix.run_job(calculix.matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
+    run_job(matrix_input(body, {"SOME": np.arange(5)}), folder, "damper")
     free = free_input(body, 8).replace("*END STEP", "*NODE FILE\nU\n*END STEP")
-    calculix.run_job(free, folder, "modes")
+    run_job(free, folder, "modes")
     return folder, body
 
 
@@ -377,7 +377,7 @@ def test_universal_file_of_set_15_and_second_order(universal, bar):
     """Old node blocks of single precision; elements whose nodes alternate and spread over lines."""
     path = universal[1]
     lines = [f"{k + 1:10d}{0:10d}{0:10d}{11:10d}" + "".join(f"{v:13.5e}" for v in x) for k, x in enumerate(bar.nodes)]
-    common = bar.elements[:, calculix.local_order()] + 1  # corners, bottom middles, top middles, upright ones
+    common = bar.elements[:, local_order()] + 1  # corners, bottom middles, top middles, upright ones
     ring = [0, 8, 1, 9, 2, 10, 3, 11]
     order = [*ring, 16, 17, 18, 19, *(k + 4 for k in ring)]
     path.write_text(block(15, lines) + unv_elements(common[:, order].tolist(), 116))
@@ -512,7 +512,7 @@ def test_bulk_data_and_op4(bar, tmp_path):
     from bdamper.io import read_nastran
 
     numbers = 10 + np.arange(len(bar.nodes))
-    elements = nastran_order(numbers[bar.elements[:, calculix.local_order()]])
+    elements = nastran_order(numbers[bar.elements[:, local_order()]])
     (tmp_path / "a.bdf").write_text(bulk_text(numbers, bar.nodes, elements))
     rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
     pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))

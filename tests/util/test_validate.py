@@ -182,7 +182,7 @@ F = (270.0, 380.0)
         lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((20.0, 25e3), 5, checks=-3),
         lambda s: s.optimal_curve((20.0, 25e3), 5, frequency="F"), lambda s: s.optimal_curve((20.0, 25e3), 5, mode="1"),
         lambda s: s.optimal_curve((20.0, 25e3), 5, options={}), lambda s: s.optimal_curve(20.0),
-        lambda s: s.optimal_curve((20.0, "x")), lambda s: s.optimum((20.0, 10.0)),
+        lambda s: s.optimal_curve((20.0, "x")), lambda s: s.optimal_curve((20.0, 10.0)),
         lambda s: s.advise(9.0, F, against="all"), lambda s: s.advise(9.0, F, tolerance="x"), lambda s: s.advise("9", F),
         lambda s: s.with_effects("all"), lambda s: s.verify(None), lambda s: s.with_stability("curve"),
         lambda s: s.estimate_errors(None), lambda s: s.with_errors(None), lambda s: s.peak_sensitivities("peak"),

@@ -1,4 +1,4 @@
-"""Input for CalculiX, an independent finite element program.
+"""Decks of the meshes of bdamper.fe for CalculiX, an independent finite element program.
 
 The same nodes and elements (C3D20, whose local order of nodes differs), clamped nodes, and the two sector
 faces tied by cyclic symmetry.  A frequency does not depend on the direction in which the wave is counted, so
@@ -14,36 +14,20 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from skfem import ElementHexS2
 
-from bdamper.fe.assemble import Discretisation
-
-# C3D20: bottom corners, top corners, bottom middles, top middles, upright middles, on the cube [-1, 1]^3.
-_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-_MIDDLES = np.array([[0, -1], [1, 0], [0, 1], [-1, 0]], float)
-_C3D20 = np.concatenate(
-    [
-        np.column_stack([xy, np.full(4, z)])
-        for xy, z in ((_CORNERS, -1), (_CORNERS, 1), (_MIDDLES, -1), (_MIDDLES, 1))
-    ]
-    + [np.column_stack([_CORNERS, np.zeros(4)])]
-)
+from bdamper.fe.assemble import Discretisation, local_order
+from bdamper.fe.geometry import Geometry, turn
+from bdamper.fe.sector import SectorFE
 
 
-def local_order() -> NDArray:
-    """For each of CalculiX's 20 local nodes the number of the same node in scikit-fem."""
-    ours = 2.0 * ElementHexS2().doflocs - 1.0
-    distance = np.abs(_C3D20[:, None] - ours[None]).max(axis=2)
-    return distance.argmin(axis=1)
-
-
-def _numbers(nodes: NDArray) -> str:
+def numbers_of(nodes: NDArray) -> str:
     """Numbers from one on, sixteen to a line."""
     text = [str(n + 1) for n in nodes]
     return "\n".join(", ".join(text[i : i + 16]) for i in range(0, len(text), 16))
 
 
-def _model(body: Discretisation) -> str:
+def deck_of(body: Discretisation) -> str:
+    """Nodes, elements and material of a body."""
     elements = body.elements[:, local_order()] + 1
     # The map from scikit-fem's cube may be a reflection, which CalculiX refuses; then turn the elements over.
     corner = body.nodes[elements[0, :8] - 1]
@@ -85,13 +69,13 @@ def sector_input(
     left, right = np.setdiff1d(left, clamped), np.setdiff1d(right, clamped)
     return "\n".join(
         [
-            _model(body),
+            deck_of(body),
             "*NSET, NSET=CLAMPED",
-            _numbers(clamped),
+            numbers_of(clamped),
             "*NSET, NSET=LEFT",
-            _numbers(left),
+            numbers_of(left),
             "*NSET, NSET=RIGHT",
-            _numbers(right),
+            numbers_of(right),
             "*BOUNDARY",
             "CLAMPED, 1, 3",
             "*SURFACE, NAME=SLEFT, TYPE=NODE",
@@ -124,9 +108,7 @@ def _steps(omega: float) -> list[str]:
     ]  # fmt: skip
 
 
-def matrix_input(
-    body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None, omega: float = 0.0
-) -> str:
+def matrix_input(body: Discretisation, sets: Mapping[str, NDArray], clamped: str | None = None) -> str:
     """Input file that makes CalculiX write its stiffness and mass matrix (``.sti``, ``.mas`` and ``.dof``).
 
     Parameters
@@ -136,16 +118,47 @@ def matrix_input(
         Node sets, for the user of the matrices.
     clamped : str, optional
         The set that is held; its nodes have no rows in the matrices.
-    omega : float, rad/s
-        Rotor speed of the stiffness, for a whole structure: without the ties of a sector the static step before it is not
-        that of a disk.
     """
-    lines = [_model(body)]
+    lines = [deck_of(body)]
     for name, nodes in sets.items():
-        lines += [f"*NSET, NSET={name}", _numbers(nodes)]
+        lines += [f"*NSET, NSET={name}", numbers_of(nodes)]
     if clamped is not None:
         lines += ["*BOUNDARY", f"{clamped}, 1, 3"]
-    return "\n".join([*lines, *_steps(omega), "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
+    return "\n".join([*lines, "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""])
+
+
+def _on_face_plane(nodes: NDArray, g: Geometry, side: str) -> NDArray:
+    """Nodes (n,), given in the axes of blade 0, in the plane of the damper's left or right face."""
+    own = nodes @ turn(-0.5 * g.pitch).T
+    sign = 1.0 if side == "right" else -1.0
+    normal = np.array([sign * np.cos(g.face_angle), np.sin(g.face_angle)])
+    ridge = np.array([sign * 0.5 * g.ridge_width, g.ridge_radius])
+    return np.flatnonzero(np.abs((own[:, :2] - ridge) @ normal) < 1e-9)
+
+
+def blade_sets(fe: SectorFE) -> dict[str, NDArray]:
+    """Node sets of the sector: BORE (clamped), LOW and HIGH (sector faces toward -X and +X), and the two undersides
+    of the platform, of which RIGHT_UNDERSIDE touches the damper of this sector and LEFT_UNDERSIDE that of the one before.
+    """
+    ahead = fe.blade.nodes @ turn(fe.geometry.pitch).T
+    return {
+        "BORE": fe.clamped,
+        "LOW": fe.left,
+        "HIGH": fe.right,
+        "RIGHT_UNDERSIDE": _on_face_plane(fe.blade.nodes, fe.geometry, "left"),
+        "LEFT_UNDERSIDE": _on_face_plane(ahead, fe.geometry, "right"),
+    }
+
+
+def damper_sets(fe: SectorFE) -> dict[str, NDArray]:
+    """Node sets of the damper: its contact faces LEFT and RIGHT, its end faces FRONT (+Z) and BACK."""
+    nodes, half = fe.damper.body.nodes, 0.5 * fe.geometry.face_width
+    return {
+        "LEFT": _on_face_plane(nodes, fe.geometry, "left"),
+        "RIGHT": _on_face_plane(nodes, fe.geometry, "right"),
+        "FRONT": np.flatnonzero(nodes[:, 2] > half - 1e-9),
+        "BACK": np.flatnonzero(nodes[:, 2] < -half + 1e-9),
+    }
 
 
 def run_job(text: str, folder: Path, job: str) -> str:
