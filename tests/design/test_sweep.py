@@ -606,6 +606,7 @@ class TestUncertainty:
         assert found.preload == pytest.approx(plain.preload, rel=2e-2)
         assert found.amplitude == pytest.approx(plain.amplitude, rel=1e-3)
 
+    @pytest.mark.slow
     def test_robust_optimum_bounds_a_spread_of_friction(self, study):
         """Friction and preload act nearly as a product, so the robust preload lies between the two extremes' optima."""
         spread = {"friction_coefficient": [0.25, 0.3, 0.35]}

@@ -116,6 +116,7 @@ def test_tracking(tmp_path):
     assert_pictures(tmp_path, "fig06_tracking_mode_1.png", "fig07_tracking_mode_2.png")
 
 
+@pytest.mark.slow
 def test_optimal_curves(tmp_path):
     """Figs 8, 9: 4.4 and 5.5, 17.2 and 3.4 % with the settings of the paper, and what they come to converged."""
     out = load("fig08_09_optimal")
@@ -210,6 +211,7 @@ def test_higher_modes(tmp_path):
     assert_pictures(tmp_path, *names)
 
 
+@pytest.mark.slow
 def test_rigid_body_motion(tmp_path):
     """Figs 12, 13: X translation, Z rotation, Y translation in this order; Y takes over in the mean at high load."""
     out = load("fig12_13_rigid_body_motion")["out"]
@@ -234,6 +236,7 @@ def test_rigid_body_motion(tmp_path):
     assert_pictures(tmp_path, "fig12_rigid_motion_mean.png", "fig13_rigid_motion_vibration.png")
 
 
+@pytest.mark.slow
 def test_rotation(tmp_path):
     """Fig. 14: without rotation lower amplitude, larger shift, no jump."""
     out = load("fig14_rotation")["pairs"]

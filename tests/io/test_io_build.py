@@ -19,7 +19,7 @@ from bdamper.fe.contact_points import end_patches, wedge_patches
 from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh
 from bdamper.fe.reference import bladed_disk
-from bdamper.fe.sector import SectorFE, damper_sets
+from bdamper.fe.sector import SectorFE
 from bdamper.io import ContactFaces, FEBody, build_model, load_model, read_arrays
 from bdamper.io.contact_faces import lay_contacts
 from bdamper.io.plausible import wave_speed
@@ -28,6 +28,7 @@ from bdamper.io.row_order import check_row_order
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from bdamper.util.warn import PlausibilityWarning
+from examples.calculix.decks import damper_sets
 from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
 
 ND = 5

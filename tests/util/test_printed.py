@@ -76,10 +76,9 @@ class TestOptimum:
         bonded.save(tmp_path / "flat.h5")
         assert str(bd.load(tmp_path / "flat.h5")) == str(bonded)
 
-    @pytest.mark.parametrize("ask", ["optimal_curve", "optimum"])
-    def test_an_interval_in_the_place_of_n_is_named(self, study, ask):
+    def test_an_interval_in_the_place_of_n_is_named(self, study):
         with pytest.raises(bd.SettingError, match=r"frequency=\(low, high\)"):
-            getattr(study, ask)((20.0, 25e3), INTERVAL)
+            study.optimal_curve((20.0, 25e3), INTERVAL)
 
 
 class TestStudyOfACurve:
