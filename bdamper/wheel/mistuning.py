@@ -272,70 +272,56 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         object.__setattr__(self, "seed", tuple(self.seed))
 
     @classmethod
-    def of(
-        cls,
-        n_blades: int,
-        *,
-        mass: Any = 1.0,
-        friction_coefficient: Any = 1.0,
-        contact_stiffness: Any = 1.0,
-        gap: Any = 0.0,
-        missing: Sequence[int] = (),
-    ) -> Self:
+    def of(cls, n_blades: int, *, missing: Sequence[int] = (), seed: Sequence[int] = (), **properties: Any) -> Self:
         """Dampers of which some properties differ; one number stands for all dampers.
 
         Parameters
         ----------
         n_blades : int
-        mass, friction_coefficient, contact_stiffness, gap : float or (n_blades,) float
-            As above.
         missing : sequence of int
             Numbers of the dampers that are not there, from 0.
+        seed : sequence of int
+            With which they were drawn.
+        **properties : float or (n_blades,) float
+            mass, friction_coefficient, contact_stiffness and gap as above; those of the nominal damper by default.
         """
         n = validate.whole("n_blades", n_blades, least=1)
-        given = dict(zip(_LIMITS, (mass, friction_coefficient, contact_stiffness, gap)))
-        full: dict[str, Any] = {name: [value] * n if np.ndim(value) == 0 else value for name, value in given.items()}
+        full: dict[str, Any] = dict.fromkeys(_LIMITS, np.ones(n)) | {"gap": np.zeros(n)}
+        for name, value in properties.items():
+            validate.choice("properties of dampers", name, tuple(_LIMITS))
+            full[name] = [value] * n if np.ndim(value) == 0 else value
         gone = np.zeros(n, bool)
         gone[list(validate.wholes("missing", missing, most=n - 1))] = True
-        return cls(**full, missing=gone)
+        return cls(**full, missing=gone, seed=tuple(seed))
 
     @classmethod
     def drawn(
-        cls,
-        n_blades: int,
-        *,
-        mass: float = 0.0,
-        friction_coefficient: float = 0.0,
-        contact_stiffness: float = 0.0,
-        gap: float = 0.0,
-        missing: Sequence[int] = (),
-        seed: int | Sequence[int] = 0,
+        cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float
     ) -> Self:
         """Dampers drawn independently.
 
         Parameters
         ----------
         n_blades : int
-        mass, friction_coefficient, contact_stiffness : float
-            Relative standard deviations of factors with lognormal distributions of mean 1, which stay above 0.
-        gap : float, m
-            Mean of gaps with an exponential distribution.
         missing : sequence of int
         seed : int or sequence of int
             Equal seeds give equal draws, whatever else varies.
+        **spread : float
+            mass, friction_coefficient and contact_stiffness: relative standard deviations of factors with lognormal
+            distributions of mean 1, which stay above 0.  gap: mean of gaps with an exponential distribution, m.
         """
         n = validate.whole("n_blades", n_blades, least=1)
         seed = _seed(seed)
         generator = np.random.default_rng([*seed, _DAMPERS])
-        spread = {"mass": mass, "friction_coefficient": friction_coefficient, "contact_stiffness": contact_stiffness}
         full: dict[str, Any] = {}
-        for name, value in spread.items():
-            sigma = np.sqrt(np.log1p(validate.number(f"standard deviation of {name}", value, least=0.0) ** 2))
-            full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
-        full["gap"] = validate.number("gap", gap, least=0.0, unit="m") * generator.standard_exponential(n)
-        one = cls.of(n, **full, missing=missing)
-        object.__setattr__(one, "seed", seed)
-        return one
+        for name in _LIMITS:
+            value = spread.pop(name, 0.0)
+            if name == "gap":
+                full[name] = validate.number(name, value, least=0.0, unit="m") * generator.standard_exponential(n)
+            else:
+                sigma = np.sqrt(np.log1p(validate.number(f"standard deviation of {name}", value, least=0.0) ** 2))
+                full[name] = np.exp(sigma * generator.standard_normal(n) - 0.5 * sigma**2)
+        return cls.of(n, missing=missing, seed=seed, **full, **spread)
 
     @property
     def n_blades(self) -> int:

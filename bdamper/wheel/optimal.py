@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,11 +18,12 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 from bdamper.wheel.peak import WheelPeakOptions, peak
+from bdamper.wheel.results import OfWheel
 
 
 @brief
 @dataclass(frozen=True)
-class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optimal-curve"):
+class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-optimal-curve"):
     """Highest amplitude of any blade over the preload.
 
     ``plot`` draws it beside the tuned wheel (:func:`bdamper.plot.plot_wheel_optimal`).
@@ -38,10 +39,6 @@ class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optima
     status, reason : tuple of str
         Of each preload.
     residual : (n,) float
-    deviation : (n_blades, n_modes) float
-    cost : Cost
-    settings : mapping
-    model_hash : str
     """
 
     preload: NDArray
@@ -52,10 +49,6 @@ class WheelOptimalCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-optima
     status: tuple[str, ...]
     reason: tuple[str, ...]
     residual: NDArray
-    deviation: NDArray
-    cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.preload)

@@ -16,9 +16,28 @@ from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
 
+@dataclass(frozen=True, kw_only=True)
+class OfWheel:
+    """What all results of a wheel have.
+
+    Parameters
+    ----------
+    deviation : (n_blades, n_modes) float
+        Frequency deviations of the blades.
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    deviation: NDArray
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
+
+
 @brief
 @dataclass(frozen=True)
-class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
+class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
     """Response of all blades of a wheel over frequency at one preload; every point is a converged solution.
 
     ``plot`` draws the envelope over the blades (:func:`bdamper.plot.plot_wheel_curve`).
@@ -37,11 +56,6 @@ class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
     preload : float, N
     status, reason : str
         "complete" if the curve leads from one end of the interval to the other.
-    deviation : (n_blades, n_modes) float
-        Frequency deviations of the blades.
-    cost : Cost
-    settings : mapping
-    model_hash : str
     """
 
     frequency: NDArray
@@ -52,10 +66,6 @@ class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
     preload: float
     status: str
     reason: str
-    deviation: NDArray
-    cost: Cost
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -132,7 +142,7 @@ class WheelCurve(Plottable, Tabular, Storable, kind="bdamper-wheel-curve"):
 
 @brief
 @dataclass(frozen=True)
-class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
+class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     """The highest amplitude of any blade of a wheel at one preload.
 
     ``plot`` draws bars over the blades (:func:`bdamper.plot.plot_wheel_peak`).
@@ -159,13 +169,9 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
         "converged"; "held" if the peak was found only with springs on the mean of dampers; "lower bound" if the sweep
         leaves out a part of its band, which the reason names; or "not found".
     residual : float
-    deviation : (n_blades, n_modes) float
     unknowns : (n_blades, n_coefficients, n_sector) float
-    cost : Cost
     springs : float
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
-    settings : mapping
-    model_hash : str
     """
 
     preload: float
@@ -182,12 +188,8 @@ class WheelPeak(Plottable, Storable, kind="bdamper-wheel-peak"):
     status: str
     reason: str
     residual: float
-    deviation: NDArray
     unknowns: NDArray
-    cost: Cost
     springs: float = 0.0
-    settings: dict[str, Any] = field(default_factory=dict, repr=False)
-    model_hash: str = ""
 
     @property
     def converged(self) -> bool:

@@ -43,7 +43,7 @@ class Audit:
     tolerance : float
         A peak is missed if the curve is higher by more than this share.
     status : tuple of str
-        "done", why one direction did not come through, or why there is no curve.
+        "done" if curves came through in both directions, or why not, or why the search has no peak.
     """
 
     kind: str
@@ -57,19 +57,23 @@ class Audit:
 
     @property
     def missed(self) -> NDArray:
-        """(n,) bool: where a curve is higher than the search has found."""
-        return np.asarray(np.isfinite(self.curve) & ~(self.curve <= (1.0 + self.tolerance) * self.search))
+        """(n,) bool: where a curve, be it a part of one, is higher than the search has found."""
+        return np.asarray(self.curve > (1.0 + self.tolerance) * self.search)
 
     @property
     def undecided(self) -> NDArray:
-        """(n,) bool: where no curve came through in either direction."""
-        return ~np.isfinite(self.curve)
+        """(n,) bool: where no peak is missed, and curves did not come through in both directions."""
+        return ~self.missed & (np.array(self.status) != "done")
 
     @property
     def share(self) -> Interval:
-        """Share of wheels of which a peak was missed anywhere, with its binomial interval of 95 %."""
-        decided = np.unique(self.wheel[~self.undecided])
-        return share(len(np.unique(self.wheel[self.missed])), len(decided))
+        """Share of wheels of which a peak was missed anywhere, with its binomial interval of 95 %.
+
+        Of the wheels that are decided: a peak is missed, or both curves came through wherever they were asked for.
+        """
+        missed = np.unique(self.wheel[self.missed])
+        open_still = np.setdiff1d(self.wheel[self.undecided], missed)
+        return share(len(missed), len(np.setdiff1d(self.wheel, open_still)))
 
     @property
     def largest(self) -> float:
@@ -251,16 +255,15 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """
         i, _ = self.cell(standard_deviation, None)
         height = self.amplitude[:, i]
-        known = height[np.isfinite(height).all(axis=1)]
+        whole = np.isfinite(height).all(axis=1)
+        known = height[whole]
         if not len(known):
             raise BdamperError("best preload: expected wheels with a peak at every preload, found none")
-        ends = [percentile(column, q) for column in known.T]
+        ends = [percentile(column, q) for column in np.where(whole[:, None], height, np.nan).T]
         k = int(np.argmin([one.value for one in ends]))
         generator = np.random.default_rng(0)
-        again = [
-            int(np.argmin(np.quantile(known[generator.integers(len(known), size=len(known))], q / 100.0, axis=0)))
-            for _ in range(RESAMPLES)
-        ]
+        drawn = (known[generator.integers(len(known), size=len(known))] for _ in range(RESAMPLES))
+        again = [int(np.argmin(np.quantile(some, q / 100.0, axis=0, method="median_unbiased"))) for some in drawn]
         low, high = np.quantile(self.preload[again], [0.025, 0.975], method="nearest")
         edge = self.preload[k] in (self.preload.min(), self.preload.max())
         t = int(np.argmin(self.tuned_amplitude))
@@ -273,14 +276,15 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """The search beside whole curves: of the wheels drawn before any result, or of the highest of each cell."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
         chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
-        asked = np.array([s != "not asked" and not s.startswith("not run") for s in self.curve_status], bool)
+        status = [s if s.startswith("failed") else c for s, c in zip(self.status, self.curve_status)]
+        asked = np.array([s != "not asked" and not s.startswith("not run") for s in status], bool)
         flat = np.flatnonzero(chosen.ravel() & asked)
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
         return Audit(
             kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
             self.curve_amplitude.ravel()[flat], validate.number("tolerance", tolerance, above=0.0),
-            tuple(self.curve_status[n] for n in flat),
+            tuple(status[n] for n in flat),
         )  # fmt: skip
 
     def plot_tail(self, *arguments: Any, **options: Any) -> Any:

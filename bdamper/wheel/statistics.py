@@ -43,7 +43,7 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
     Parameters
     ----------
     values : (n,) float
-        Those that are not known (NaN) are left out.
+        NaN where it is not known: those may lie anywhere, and the interval holds wherever they do.
     q : float
         Between 0 and 100.
     confidence : float
@@ -52,20 +52,21 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
     Returns
     -------
     Interval
-        The value is the median-unbiased estimate, within the sample; NaN without values.
+        The value is the median-unbiased estimate of those that are known, within the sample; NaN without values.
     """
     q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
     confidence = validate.number("confidence", confidence, above=0.0, below=1.0)
     known = np.sort(values[np.isfinite(values)])
-    n = len(known)
-    if not n:
+    n = len(values)
+    if not len(known):
         return Interval(np.nan, np.nan, np.nan)
-    low = int(binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1
+    # at the lower end all that are not known count as below the others, at the upper end as above
+    low = int(binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1 - (n - len(known))
     high = int(binom.ppf(0.5 * (1.0 + confidence), n, q))
     return Interval(
         float(known[low]) if low >= 0 else -np.inf,
         float(np.quantile(known, q, method="median_unbiased")),
-        float(known[high]) if high < n else np.inf,
+        float(known[high]) if high < len(known) else np.inf,
     )
 
 
@@ -94,7 +95,7 @@ class WeibullTail:
     Parameters
     ----------
     shape, bound, scale : float
-        k, b and s by maximum likelihood.
+        k, b and s by maximum likelihood; k above 1, since below the likelihood has no maximum.
     threshold : float
         Lowest value that the fit has seen.
     n, n_tail : int
@@ -167,17 +168,19 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
     unit = top - low
 
     def parameters(p: NDArray) -> tuple[float, float, float]:
-        """Shape, bound and scale; those logarithms are limited of which there is nothing more to tell."""
-        return float(np.exp(p[0])), top + unit * float(np.exp(p[1])), unit * float(np.exp(p[2]))
+        """Shape, bound, and the scale that is most likely with them, in closed form."""
+        k, b = 1.0 + float(np.exp(p[0])), top + unit * float(np.exp(p[1]))
+        farthest = b - low  # of the tail; powers relative to it
+        power = np.sum(((b - x) / farthest) ** k) + below
+        return k, b, farthest * float((power / len(x)) ** (1.0 / k))
 
     def misfit(p: NDArray) -> float:
-        if np.abs(p).max() > 12.0:
+        if np.abs(p).max() > 12.0:  # there is nothing more to tell
             return np.inf
         k, b, s = parameters(p)
-        seen = weibull_max.logpdf(x, k, b, s).sum()
-        return -float(seen + (below * weibull_max.logcdf(low, k, b, s) if below else 0.0))
+        return -float(weibull_max.logpdf(x, k, b, s).sum() + below * weibull_max.logcdf(low, k, b, s))
 
-    starts = [np.array([np.log(k), np.log(0.3 * k), np.log(0.6 * k)]) for k in (2.0, 4.0, 8.0)]
+    starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
     found = [
         minimize(misfit, p, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}) for p in starts
     ]

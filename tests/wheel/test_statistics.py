@@ -17,6 +17,22 @@ def test_intervals_of_percentiles_cover():
     assert abs(np.median([one.value for one in found]) - true) < 0.03 * true
 
 
+def test_intervals_hold_wherever_unknown_values_lie():
+    """A twentieth of the values is not known, always the highest or always the lowest: what a failing search may do."""
+    rng = np.random.default_rng(1)
+    for kept in (slice(0, 190), slice(10, 200)):
+        covered = []
+        for row in np.sort(rng.exponential(size=(500, 200)), axis=1):
+            unknown = np.full(200, np.nan)
+            unknown[kept] = row[kept]
+            low, _, high = percentile(rng.permutation(unknown), 80.0)
+            covered.append(low <= -np.log(0.2) <= high)
+        assert np.mean(covered) > 0.95
+    known = np.arange(100.0)
+    assert percentile(known, 50.0)[::2] == (39.0, 60.0)
+    assert percentile(np.append(known[:80], np.full(20, np.nan)), 50.0)[::2] == (19.0, 60.0)
+
+
 def test_what_a_sample_does_not_bound_is_open():
     found = percentile(np.arange(50.0), 99.0)
     assert found.high == np.inf and "not bounded by the sample" in str(found)
@@ -30,12 +46,36 @@ def test_intervals_of_shares():
     assert np.allclose(share(3, 50), [0.01255, 0.06, 0.16548], atol=1e-5)
 
 
+def test_a_tail_at_the_quantiles_of_a_weibull_distribution_is_that_distribution():
+    """At the least shape, 1, bound and scale have a closed form: the highest value, and its distance to the mean."""
+    values = weibull_max.ppf((np.arange(3000) + 0.5) / 3000, 3.0, 2.5, 0.8)
+    for tail in (1.0, 0.5):
+        found = weibull_tail(values, tail)
+        assert np.allclose([found.shape, found.bound, found.scale], [3.0, 2.5, 0.8], rtol=0.02) and found.distance < 1e-3
+    sharp = weibull_max.ppf((np.arange(3000) + 0.5) / 3000, 1.0, 2.5, 0.8)
+    found = weibull_tail(sharp, 1.0)
+    assert 1.0 < found.shape < 1.01 and np.isclose(found.bound, sharp.max(), rtol=1e-3)
+    assert np.isclose(found.scale, found.bound - sharp.mean(), rtol=5e-3)
+
+
 def test_the_tail_of_a_weibull_distribution_is_found():
     values = weibull_max.rvs(3.0, 2.5, 0.8, size=4000, random_state=3)
     found = weibull_tail(values)
     assert np.isclose(found.percentile(99.0), weibull_max.ppf(0.99, 3.0, 2.5, 0.8), rtol=0.01)
     assert np.isclose(found.percentile(99.99), weibull_max.ppf(0.9999, 3.0, 2.5, 0.8), rtol=0.03)
     assert found.distance < 0.02 and found.n_tail == 2000
+    # at the likeliest scale s^k is a mean of (b - x)^k, in which all below the tail count as at its end
+    tail, k, b = np.sort(values)[2000:], found.shape, found.bound
+    power = (((b - tail) ** k).sum() + 2000 * (b - found.threshold) ** k) / 2000
+    assert np.isclose(found.scale**k, power, rtol=1e-10)
+    # and shape and bound leave the likelihood flat
+    def likelihood(k, b, s):
+        return weibull_max.logpdf(tail, k, b, s).sum() + 2000 * weibull_max.logcdf(found.threshold, k, b, s)
+
+    top = likelihood(k, b, found.scale)
+    for change in np.eye(3) * 1e-3:
+        pair = [likelihood(*(np.array([k, b, found.scale]) * (1.0 + sign * change))) for sign in (-1.0, 1.0)]
+        assert max(pair) < top and abs(pair[1] - pair[0]) < 0.02 * abs(sum(pair) - 2.0 * top)
     # what lies below the tail does not bend it
     bent = np.where(values < np.median(values), values - 5.0, values)
     assert np.isclose(weibull_tail(bent).bound, found.bound)
