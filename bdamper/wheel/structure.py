@@ -185,8 +185,8 @@ def tuned_problem(study: Problem) -> Problem:
 
     The attachments carry the flexibility of the contacts.  A study whose contact stiffness is a method therefore has the
     stiffness of what the local basis leaves out, by unit tractions; one with values keeps them.  It is that of nominal
-    blades: divided by ``(1 + eps)**2`` as it should be, what is left out moves the stuck frequencies of wheels of five to eight
-    blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
+    blades: divided by ``(1 + eps)**2`` as it should be, what is left out moves the stuck frequencies of wheels of five to
+    eight blades with deviations of 5 % by at most 0.05 % (family 1: 0.01 %).
     """
     served = {"single_basis": False, "friction_axes": "contact", "separation": True, "variable_normal_load": True}
     for name, value in served.items():
