@@ -20,7 +20,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.follower import OUT_OF_BUDGET
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
-from bdamper.continuation.rattle import NO_STEADY, rattles
+from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances, reach
@@ -193,7 +193,7 @@ def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> t
         closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
         broken = ", where a path broke off (left_out)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, {closed}"
-    if why := _rattles(search):
+    if why := _rattles(search, open_at_rest(problem, preload)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
     if status not in ("incomplete", "no start"):
         return status, reason, left_out
@@ -207,12 +207,13 @@ def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> t
     return status, f"{reason}; study.settle marches in time where no solution was found", left_out
 
 
-def _rattles(search: Coverage) -> str:
+def _rattles(search: Coverage, at_rest: float) -> str:
     """Why no steady periodic response is expected, if the pieces show the sign."""
     ordered = in_order(search.pieces)
     y = np.array([p.y for p, _ in ordered]).reshape(-1, search.system.n_unknowns + 1)
     height = np.abs(search.system.response(y[:, :-1])[:, 1])
-    return rattles(y[:, -1], height, [p.shares[2] for p, _ in ordered], [way.branch for _, way in ordered])
+    share = [p.shares[2] for p, _ in ordered]
+    return rattles(y[:, -1], height, share, [way.branch for _, way in ordered], at_rest)
 
 
 def _without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:

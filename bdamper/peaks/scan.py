@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.coverage import SHARE, Coverage, Piece
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions, PathPoint
-from bdamper.continuation.rattle import rattles
+from bdamper.continuation.rattle import open_at_rest, rattles
 from bdamper.continuation.track import track
 from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
 from bdamper.harmonic_balance.system import HarmonicSystem
@@ -198,7 +198,7 @@ def scan(
     if above is not None and curve.point_kind[i] in CORNERS:
         above = above._replace(corner=_corner(curve, points, preload, i))
     ending = COMPLETE if curve.complete else f"{curve.status} ({curve.reason})"
-    why = rattles(curve.frequency, curve.amplitude, curve.shares[:, 2], curve.branch)
+    why = rattles(curve.frequency, curve.amplitude, curve.shares[:, 2], curve.branch, open_at_rest(problem, preload))
     return Scan(peaks, ending, points, above, _limited(curve, continuation), why)
 
 
@@ -282,7 +282,7 @@ def scan_from(
         ending = f"incomplete ({'; '.join(f'{piece.path.status}: {piece.path.reason}' for piece in pieces)})"
     y = np.array([p.y for p in points]).reshape(-1, len(start))
     found = _above(peaks, y[:, -1] / (2.0 * np.pi), height, [p.kind for p in points])
-    why = rattles(y[:, -1], height, [p.shares[2] for p in points])
+    why = rattles(y[:, -1], height, [p.shares[2] for p in points], None, open_at_rest(problem, preload))
     return Scan(peaks, ending, y, found and found[1], rattles=why)
 
 

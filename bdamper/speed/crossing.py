@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.rattle import NO_STEADY
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.peaks.follower import PeakFollower
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
@@ -108,6 +109,8 @@ class Search:
             if not found.whole:
                 above = f"; {found.above}" if found.above is not None else ""
                 self.warnings.append(f"scan at {omega:.6g} rad/s {found.ending}{above}")
+            if found.rattles:
+                self.warnings.append(f"{NO_STEADY} is expected at {omega:.6g} rad/s: {found.rattles}")
             self.scanned[omega] = replace(found.peaks[0], parameter=omega) if found.peaks else None
         return self.scanned[omega]
 

@@ -18,6 +18,8 @@ def test_many_folds_with_contacts_open_at_the_highest_point():
     assert why == f"{FOLDS} folds, and the contacts open for 80 % of the cycle at the highest response"
     assert not rattles(omega, -height, share), "open at the lowest point alone"
     assert not rattles(omega, height, OPEN * share / share.max()), "open for half of the cycle"
+    assert not rattles(omega, height, share, at_rest=0.61), "half of what is closed at rest"
+    assert rattles(omega, height, share, at_rest=0.59)
     assert not rattles(zigzag(FOLDS - 1), height[:-3], share[3:]), "a fold less"
     assert not rattles([], [], [])
 
