@@ -1,12 +1,11 @@
 r"""From rotor speed to fatigue margin: dampers of three masses over the speed range of a bladed disk.
 
-Campbell diagram with damped crossings, and the margin against fatigue over speed for each mass of the damper, as a design
-review would use them.  Preload, frequencies, contact and mean stress are those of the speed of each crossing; the margin is
-that of Goodman on the amplitude, at the points of the blade away from its contact faces, for a material like a steel.
+Campbell diagram with damped crossings, the margin against fatigue over speed for each mass of the damper, and margin and
+tip amplitude over the mass at one speed, as a design review would use them.  Preload, frequencies, contact and mean
+stress are those of the speed; the margin is that of Goodman on the amplitude, at the points of the blade away from its
+contact faces, for a material like a steel.  The damper of the largest margin is lighter than that of the least amplitude.
 
     python examples/speed_to_margin.py --harmonics 3
-
-The sector is meshed and reduced first, some seconds for each nodal diameter.
 """
 
 from __future__ import annotations
@@ -19,31 +18,55 @@ import matplotlib.pyplot as plt
 import bdamper as bd
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.material import Material
-from bdamper.fe.reference import bladed_disk
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_campbell, plot_crossings, save_figure
-from bdamper.speed.crossings import Crossings
+from bdamper.speed.crossings import RPM, Crossings
 
-ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.5, 1.0, 2.0), (200.0, 720.0)
+ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""
-BLADES = 65
+ONE_SPEED, LOADS = 440.0, (0.25, 1.5)
+"""Speed (rad/s) at which margins are shown over the mass, and factors on the preload there of the nominal mass."""
 STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
 
 
 def study(harmonics: int = 3) -> bd.Study:
-    """The reference disk over speed with stress at the root and the platform of its blade, 20 N at the tip."""
-    waves = {order * l % BLADES for order in ORDERS for l in range(1, harmonics + 1)}
-    diameters = tuple(sorted(min(d, BLADES - d) for d in waves))
-    model = bladed_disk(9, "coarse", n_modes=20, nodal_diameters=diameters, rotation=SPEEDS[1], stress=True)
-    return bd.Study(model, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=harmonics)
+    """The shipped disk, which has data over speed and stress at its blade, with 60 N at the tip."""
+    model = bd.reference_model("bladed_disk", 9)
+    return bd.Study(model, bd.Excitation("tip", amplitude=60.0), 5, friction_coefficient=0.3, harmonics=harmonics)
 
 
-def review(asked: bd.Study, found: Crossings) -> plt.Figure:
-    """Campbell diagram with damped crossings beside margin over speed."""
+def over_mass(asked: bd.Study) -> OptimalCurve:
+    """Highest peaks and their margins over the preload at one speed; the inertia stays that of the nominal damper."""
+    at = asked.at_speed(ONE_SPEED)
+    loads = tuple(factor * at.preload for factor in LOADS)
+    return at.optimal_curve(loads, 20, check=False, quantity="margin", material=STEEL)
+
+
+def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
+    """Margin and tip amplitude over the mass of the damper, ``grams`` for each newton of preload."""
+    (margins,) = curve.margins
+    ax.plot(grams * margins.values, margins.margin, "k-", label="margin")
+    ax.plot(grams * margins.best_value, margins.best_margin, "k*", markersize=11, label="largest margin")
+    tip = ax.twinx()
+    tip.plot(grams * curve.preload, 1e3 * curve.amplitude, color="0.55", linestyle="--", label="tip amplitude")
+    best = curve.optimum
+    tip.plot(grams * best.preload, 1e3 * best.amplitude, "o", color="0.55", markeredgecolor="k", label="least amplitude")
+    ax.set(xlabel="Damper mass (g)", ylabel="Margin against fatigue", ylim=(0.0, None))
+    ax.set_title(f"engine order {curve.settings['engine_order']}, {ONE_SPEED * RPM:.0f} rpm", fontsize=8)
+    tip.set(ylabel="Tip amplitude (mm), dashed", ylim=(0.0, None))
+    tip.grid(False)
+    both = [handle for axes in (ax, tip) for handle in axes.get_legend_handles_labels()[0]]
+    ax.legend(both, [line.get_label() for line in both], fontsize=7.0)
+
+
+def review(asked: bd.Study, found: Crossings, curve: OptimalCurve) -> plt.Figure:
+    """Campbell diagram with damped crossings, margin over speed, and margin beside tip amplitude over the mass."""
     campbell = asked.campbell(SPEEDS, ORDERS, modes=1, damped=found)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="constrained")
+    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13.0, 4.0), layout="constrained")
     plot_campbell(campbell, left)
     left.set_ylim(200.0, 520.0)
-    plot_crossings(found, right, quantity="margin")
+    plot_crossings(found, middle, quantity="margin")
+    plot_over_mass(curve, 1e3 * asked.model.bodies["damper"].mass / asked.at_speed(ONE_SPEED).preload, right)
     return figure
 
 
@@ -56,7 +79,9 @@ def main() -> None:
     found = asked.crossings(SPEEDS, ORDERS, damper_mass=MASSES, margin=LeastMargin(STEEL), progress=True)
     print(found)
     found.save(given.folder / "speed_to_margin.h5")
-    save_figure(review(asked, found), given.folder / "speed_to_margin.png")
+    curve = over_mass(asked)
+    print(curve.margins[0])
+    save_figure(review(asked, found, curve), given.folder / "speed_to_margin.png")
 
 
 if __name__ == "__main__":
