@@ -54,7 +54,7 @@ from tests.models import wedge_model
 
 CASES = int(os.environ.get("BDAMPER_FUZZ", "500"))
 NEVER_ENDS = {495} if h5py.version.hdf5_version_tuple >= (2, 0) else set()
-"""Cases on which HDF5 2.0.0 never comes back from the attributes of a damaged file; no alarm reaches a loop in the library."""
+"""Cases on which HDF5 2.0.0 never returns from reading the attributes of a damaged file; no alarm ends its loop."""
 LIMIT = 20.0
 """Seconds after which a case counts as a hang."""
 
