@@ -83,7 +83,8 @@ def correct(
     longest : float
         A step of the vibration longer than this ends the iteration, not converged.
     content : float
-        A step shorter than this, relative to the vibration, ends it as converged if the residual is below 1.
+        A whole step shorter than this, relative to the vibration, ends it as converged.  The residual says little on the
+        way: contacts are stiff.
     """
     end_if_asked()
     at = system.linearised(X, omega, ease)
@@ -97,19 +98,18 @@ def correct(
         wanted = 1e-3 if line_search else max(0.01 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration else LOOSE
         dX, d_omega, count = solved(at, inverse, plane, min(LOOSE, wanted))
         worn = line_search or count > WORN
+        before, factor = size, 1.0
+        if longest < np.inf and np.sqrt((dX[:, 1:] ** 2).sum()) > longest:
+            return Corrected(False, X, omega, iteration, size, at, inverse)
         if line_search:
-            X, omega, at, size = _searched(system, X, omega, inverse, dX, d_omega, ease)
-        else:
-            before = size
-            if longest < np.inf and np.sqrt((dX[:, 1:] ** 2).sum()) > longest:
-                return Corrected(False, X, omega, iteration, size, at, inverse)
-            X, omega = X + dX, omega + d_omega
-            at = system.linearised(X, omega, ease)
-            size = system.size(at.residual)
-            if size < 1.0 and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
-                return Corrected(True, X, omega, iteration + 1, size, at, inverse)
-            if size > 1e3 * before and iteration > 1:
-                return Corrected(False, X, omega, iteration + 1, size, at, inverse)
+            factor = _shortened(system, X, omega, inverse, dX, d_omega, ease)
+        X, omega = X + factor * dX, omega + factor * d_omega
+        at = system.linearised(X, omega, ease)
+        size = system.size(at.residual)
+        if factor == 1.0 and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
+            return Corrected(True, X, omega, iteration + 1, size, at, inverse)
+        if not line_search and size > 1e3 * before and iteration > 1:
+            return Corrected(False, X, omega, iteration + 1, size, at, inverse)
     raise AssertionError
 
 
@@ -140,10 +140,10 @@ def walked(system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, m
     return Corrected(size <= tolerance, X, omega, iteration, size, at, None)
 
 
-def _searched(
+def _shortened(
     system: WheelSystem, X: NDArray, omega: float, inverse: Inverse, dX: NDArray, d_omega: float, ease: Ease
-) -> tuple[NDArray, float, Linearised, float]:
-    """The full step, or the best of shorter ones where the step that would follow with the same inverse is no shorter."""
+) -> float:
+    """1, or the best of shorter factors of a step where the step that would follow with the same inverse is no shorter."""
     norm = float(np.linalg.norm(dX))
     best, factor = np.inf, 1.0
     for trial in 0.5 ** np.arange(8):
@@ -152,9 +152,7 @@ def _searched(
             best, factor = now, float(trial)
         if now < (1.0 - 0.25 * trial) * norm:
             break
-    X, omega = X + factor * dX, omega + factor * d_omega
-    at = system.linearised(X, omega, ease)
-    return X, omega, at, system.size(at.residual)
+    return factor
 
 
 def solved(

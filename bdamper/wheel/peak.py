@@ -5,7 +5,7 @@ the frequencies at which any wave of the tuned wheel, with the contacts as stiff
 the deviations of the blades; its points, a share of the width of the tuned peak apart, satisfy the equations loosely, and
 the mean of dampers is held by springs (:mod:`bdamper.wheel.solution`).  From the highest of its maxima, of different blades
 or at different frequencies, Newton's method climbs to the peaks of single blades, which are smooth where the envelope is
-not.  The highest of them is then looked for with dampers free, or held by the weakest springs that lead to it.
+not.  The highest of them is then followed to weaker springs, and to free dampers if it gets there.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ FAR = 1.5
 
 
 HELD = Ease(springs=SPRINGS)
-WEAKER = (0.0, 1e-2, 1e-1)
-"""Springs on the mean of dampers with which the highest peak is looked for again, the first that leads to one counts."""
+WEAKER = (1e-1, 1e-2, 0.0)
+"""Springs on the mean of dampers with which the highest peak is looked for one after the other."""
 
 
 @dataclass(frozen=True)
@@ -257,13 +257,14 @@ def _reason(best: Corrected | None, springs: float, gap: tuple[float, float] | N
 
 def _freed(wheel: Any, system: WheelSystem, held: Corrected, blade: int, width: float) -> tuple[Corrected, float]:
     """The same peak with the weakest springs on the mean of dampers with which it is found, and those springs."""
+    best, left = held, HELD.springs
     for springs in WEAKER:
         ease = Ease(springs=springs)
-        start = Solver(system, ease).at(held.omega, held.X, 1e-6)
-        found = None if start is None else climb(wheel, system, start.X, start.omega, blade, width, ease)[0]
-        if found is not None:
-            return found, springs
-    return held, HELD.springs
+        found = climb(wheel, system, best.X, best.omega, blade, width, ease)[0]
+        if found is None:
+            break
+        best, left = found, springs
+    return best, left
 
 
 def climb(

@@ -31,8 +31,8 @@ DAMPING = 0.03, 0.3
 """Damping from which to set off."""
 LEAST = 2e-4
 """Below this the next step is to none."""
-EASY = 1e-2
-"""Residual of solutions on the way."""
+EASY = 0.2
+"""Newton step, relative to the vibration, with which solutions on the way are content."""
 
 
 class Solver:
@@ -69,19 +69,19 @@ class Solver:
             for start in (self.damped, X, still):
                 if start is None:
                     continue
-                found = near(system, start, omega, replace(ease, damping=damping), EASY)
+                found = near(system, start, omega, replace(ease, damping=damping), tolerance, EASY)
                 if found.converged:
                     self.damped = found.X if damping == DAMPING[0] else self.damped
-                    return self._undamped(found, damping, tolerance)
+                    return self._undamped(found, damping, tolerance, content)
         return None
 
-    def _undamped(self, found: Corrected, damping: float, tolerance: float) -> Corrected | None:
+    def _undamped(self, found: Corrected, damping: float, tolerance: float, content: float) -> Corrected | None:
         """The solution to which that with damping leads as the damping is taken back."""
         ratio = 0.3
         while damping > 0.0:
             lower = damping * ratio if damping * ratio > LEAST else 0.0
             eased = replace(self.ease, damping=lower)
-            new = near(self.system, found.X, found.omega, eased, EASY if lower else tolerance)
+            new = near(self.system, found.X, found.omega, eased, tolerance, EASY if lower else content)
             if new.converged:
                 found, damping, ratio = new, lower, max(ratio**1.5, 0.05)
             else:
@@ -91,6 +91,6 @@ class Solver:
         return found
 
 
-def near(system: WheelSystem, X: NDArray, omega: float, ease: Ease, tolerance: float) -> Corrected:
+def near(system: WheelSystem, X: NDArray, omega: float, ease: Ease, tolerance: float, content: float) -> Corrected:
     """Newton's method with steps shortened."""
-    return correct(system, X, omega, ease=ease, tolerance=tolerance, most=20, line_search=True)
+    return correct(system, X, omega, ease=ease, tolerance=tolerance, most=20, line_search=True, content=content)
