@@ -24,7 +24,7 @@ from bdamper.wheel.sample_result import MistunedSample
 from bdamper.wheel.statistics import empirical
 
 PERCENTILES = (50.0, 95.0, 99.0)
-_FACTOR = "Amplification factor of the worst blade"
+_FACTOR = "Amplification, worst blade"
 
 
 @draws(Mistuning)
@@ -48,7 +48,7 @@ def plot_mistuning(mistuning: Mistuning, ax: Axes | None = None, *, title: str =
             place = np.arange(mistuning.n_blades) + (k - 0.5 * (n - 1)) * 0.8 / n
             ax.bar(place, column, width=0.8 / n, color=colour, edgecolor="k", linewidth=0.3, label=f"mode {k + 1}")
         ax.axhline(0.0, color="k", linewidth=0.6)
-        ax.set(xlabel="Blade", ylabel="Frequency deviation, clamped (%)")
+        ax.set(xlabel="Blade", ylabel="Frequency deviation (%)")
     return ax
 
 
@@ -121,7 +121,8 @@ def plot_wheel_map(curve: WheelCurve, ax: Axes | None = None, *, title: str = ""
         step = 0.5 * (frequency[1] - frequency[0])
         across = np.append(frequency - step, frequency[-1] + step)
         image = ax.pcolormesh(across, edges, factor * amplitude.T, cmap="viridis", vmin=0.0, rasterized=True)
-        ax.plot(curve.frequency[i], blade, "o", markersize=8.0, markerfacecolor="none", color="w", markeredgewidth=1.5)
+        circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
+        ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
         figure: Any = ax.figure
         figure.colorbar(image, ax=ax, label=f"Amplitude ({unit})")
         ax.set(xlabel="Frequency (Hz)", ylabel="Blade")
@@ -188,7 +189,9 @@ def plot_wheel(
     shape = shape / shape.max()
     points = np.concatenate([mesh.points @ turn(a).T for a in angles])
     quads = np.concatenate([mesh.quads + k * len(mesh.points) for k in range(model.n_blades)])
-    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, blade {peak.blade} highest"
+    factor, unit = length(peak.amplitudes)
+    top = f"blade {peak.blade} highest, {factor * peak.amplitude:.3g} {unit}"
+    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, {top}"
     surface = points, quads, np.concatenate([height * shape for height in peak.amplitudes])
     return plot_surfaces([surface], None, path, backend=backend, title=title)
 
