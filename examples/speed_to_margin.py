@@ -24,7 +24,7 @@ from bdamper.speed.crossings import RPM, Crossings
 
 ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""
-ONE_SPEED, LOADS = 440.0, (0.25, 1.5)
+ONE_SPEED, LOADS = 440.0, (0.28, 0.7)
 """Speed (rad/s) at which margins are shown over the mass, and factors on the preload there of the nominal mass."""
 STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
 
@@ -56,7 +56,7 @@ def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
     tip.set(ylabel="Tip amplitude (mm), dashed", ylim=(0.0, None))
     tip.grid(False)
     both = [handle for axes in (ax, tip) for handle in axes.get_legend_handles_labels()[0]]
-    ax.legend(both, [line.get_label() for line in both], fontsize=7.0)
+    ax.legend(both, [line.get_label() for line in both], fontsize=7.0, loc="lower right")
 
 
 def review(asked: bd.Study, found: Crossings, curve: OptimalCurve) -> plt.Figure:

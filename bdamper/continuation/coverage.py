@@ -79,7 +79,7 @@ class LeftOut(NamedTuple):
         return f"{where}: {self.why}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Piece:
     """One path.
 

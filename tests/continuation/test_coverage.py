@@ -1,0 +1,18 @@
+"""Pieces of a response curve."""
+
+import numpy as np
+
+from bdamper.continuation.coverage import Coverage, Piece
+from bdamper.continuation.path import Path, PathPoint
+
+
+def test_a_piece_that_is_not_the_first_is_dropped_where_the_last_one_arrives():
+    def piece(start, end, branch):
+        ends = (np.array([0.1, 0.2, w]) for w in (start, end))
+        points = tuple(PathPoint(y, y, np.ones(3), np.ones(3), 0.0, 1, 0, "regular") for y in ends)
+        return Piece(Path(points, "complete", "", 1, 0), True, branch, False)
+
+    search = object.__new__(Coverage)
+    search.pieces = [piece(1.0, 2.0, 0), piece(4.0, 5.0, 1), piece(3.0, 4.0, 2)]
+    search.drop_repeated()
+    assert [p.branch for p in search.pieces] == [0, 1] and search.pieces[1].path.points[0].y[-1] == 3.0
