@@ -143,10 +143,11 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
     -------
     matplotlib axes
     """
-    if not peak.converged:
+    if not peak.found:
         raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
     factor, unit = length(peak.amplitudes)
     title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
+    title += "" if peak.converged else ", dampers held"
     with drawing(ax, title=title, legend=7.0) as ax:
         shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
         ax.bar(np.arange(len(peak.amplitudes)), factor * peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
@@ -178,7 +179,7 @@ def plot_wheel(
     -------
     pyvista.Plotter or matplotlib axes
     """
-    if not peak.converged or len(peak.amplitudes) != model.n_blades:
+    if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
         raise BdamperError(f"picture of a wheel: expected a converged peak of {model.n_blades} blades, found {found}")
     body, d = shown_shapes(model, None, None, "picture of a wheel")

@@ -107,7 +107,7 @@ def correct(
         X, omega = X + factor * dX, omega + factor * d_omega
         at = system.linearised(X, omega, ease)
         size = system.size(at.residual)
-        if factor == 1.0 and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
+        if factor == 1.0 and np.isfinite(size) and np.linalg.norm(dX[:, 1:]) < content * np.linalg.norm(X[:, 1:]):
             return Corrected(True, X, omega, iteration + 1, size, at, inverse)
         if not line_search and size > 1e3 * before and iteration > 1:
             return Corrected(False, X, omega, iteration + 1, size, at, inverse)

@@ -79,8 +79,8 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
 
     def facts(self) -> tuple[Fact, ...]:
         """Where the highest blade is lowest."""
-        found = sum(status in ("converged", "held") for status in self.status)
-        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads converged")
+        found, held = (sum(status in names for status in self.status) for names in (("converged", "held"), ("held",)))
+        head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} with dampers held")
         if not found:
             return (head,)
         i = self.best

@@ -128,10 +128,10 @@ def peak(
     Returns
     -------
     WheelPeak
-        ``status`` is "converged" if the highest of all climbs is, and the sweep has solutions in the whole band.  It is
-        "lower bound" if the sweep has none at two and more frequencies in a row, which ``reason`` names; "held" if the
-        highest peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
-        found", the amplitude NaN, if no climb converges.
+        ``status`` is "converged" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
+        single ones.  It is "lower bound" if the sweep has none at two and more in a row, which ``reason`` names; "held" if
+        the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
+        found", the amplitude NaN, if no climb converges.  Which peak is the highest is decided with dampers held.
     """
     watch = time.perf_counter(), time.process_time()
     options = options or WheelPeakOptions()
@@ -152,7 +152,7 @@ def peak(
     queue = _candidates(wheel, swept, options.climbs)
     while queue:
         X, omega, k = queue.pop(0)
-        found, _ = climb(wheel, system, X, omega, k, TWO_PI * width, HELD)
+        found = climb(wheel, system, X, omega, k, TWO_PI * width, HELD)
         if found is None:
             continue
         heights = np.abs(wheel.response(found.X)[:, 1])
@@ -179,7 +179,7 @@ def peak(
         sweep_frequency=np.array([w for _, w in swept]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(X)[:, 1]) for X, _ in swept]).reshape(-1, wheel.n_blades),
         status=_status(best, springs, gap),
-        reason=_reason(best, springs, gap, f"highest of {len(climbs)} climbs from {len(swept)} of {n} points"),
+        reason=_reason(springs, gap, f"{len(climbs)} peaks climbed from {len(swept)} of {n} points"),
         residual=np.nan if best is None else best.residual,
         springs=springs,
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
@@ -246,8 +246,8 @@ def _candidates(wheel: Any, swept: list[tuple[NDArray, float]], n: int) -> list[
     return out
 
 
-def _reason(best: Corrected | None, springs: float, gap: tuple[float, float] | None, found: str) -> str:
-    parts = ["no solution found on the sweep, or no climb converged" if best is None else found]
+def _reason(springs: float, gap: tuple[float, float] | None, found: str) -> str:
+    parts = [found]
     if springs:
         parts.append(f"the mean of dampers held by springs of {springs:.2g} of their stuck stiffness")
     if gap is not None:
@@ -259,17 +259,32 @@ def _freed(wheel: Any, system: WheelSystem, held: Corrected, blade: int, width: 
     """The same peak with the weakest springs on the mean of dampers with which it is found, and those springs."""
     best, left = held, HELD.springs
     for springs in WEAKER:
-        ease = Ease(springs=springs)
-        found = climb(wheel, system, best.X, best.omega, blade, width, ease)[0]
+        found = _of_highest(wheel, system, best, blade, width, Ease(springs=springs))
         if found is None:
             break
-        best, left = found, springs
+        best, left, blade = found, springs, _highest(wheel, found)
     return best, left
+
+
+def _of_highest(
+    wheel: Any, system: WheelSystem, start: Corrected, blade: int, width: float, ease: Ease
+) -> Corrected | None:
+    """A peak near a solution whose blade is the highest there, or None: where another one is, it is climbed next."""
+    for _ in range(wheel.n_blades):
+        found = climb(wheel, system, start.X, start.omega, blade, width, ease)
+        if found is None or _highest(wheel, found) == blade:
+            return found
+        start, blade = found, _highest(wheel, found)
+    return None
+
+
+def _highest(wheel: Any, at: Corrected) -> int:
+    return int(np.argmax(np.abs(wheel.response(at.X)[:, 1])))
 
 
 def climb(
     wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, ease: Ease = PLAIN, most: int = 60
-) -> tuple[Corrected | None, float]:
+) -> Corrected | None:
     """Maximum of one blade's amplitude along the curve near a point: secant on its slope; None if it was not found.
 
     Parameters
@@ -286,16 +301,16 @@ def climb(
     row[: wheel.structure.n] = wheel.response_row
     place = correct(system, X, omega, ease=ease, tolerance=1e-6, most=25, line_search=True)
     if not place.converged:
-        return None, np.nan
+        return None
 
     def amplitude(at: Corrected) -> float:
         return float(abs(at.X[blade, 1] @ row - 1j * (at.X[blade, 2] @ row)))
 
-    best, h, before, cap, normal = place, 0.0, np.nan, 0.5, None
+    wanted, best, h, before, cap, normal = np.inf, place, 0.0, np.nan, 0.5, None
     for _ in range(most):
         tangent = _tangent(place, normal)
         if tangent is None:
-            break
+            return None
         unit = size_of(place.X)
         length = np.sqrt(size_of(tangent[0]) ** 2 / unit**2 + (tangent[1] / width) ** 2)
         tangent = tangent[0] / length, tangent[1] / length
@@ -305,7 +320,8 @@ def climb(
             cap = 0.5 * abs(h)
         curvature = (slope - before) / h if h and slope != before else -8.0
         h = float(np.clip(-slope / curvature if curvature < 0.0 else 0.4 * np.sign(slope), -cap, cap))
-        if abs(h) < PLACE:
+        wanted = abs(h)
+        if wanted < PLACE:
             break
         normal, new = _plane(tangent, unit, width), None
         while abs(h) > 0.1 * PLACE:
@@ -323,8 +339,8 @@ def climb(
         before, place = slope, new
         best = place if amplitude(place) > amplitude(best) else best
     done = correct(system, best.X, best.omega, ease=ease, tolerance=TOLERANCE, most=25, line_search=True)
-    at_top = abs(h) < 10.0 * PLACE or cap < 10.0 * PLACE
-    return (done, amplitude(done)) if done.converged and at_top else (None, np.nan)
+    at_top = wanted < 10.0 * PLACE or cap < 10.0 * PLACE
+    return done if done.converged and at_top else None
 
 
 def _plane(tangent: tuple[NDArray, float], unit: float, unit_omega: float) -> tuple[NDArray, float]:

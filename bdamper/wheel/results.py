@@ -222,10 +222,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest blade, and how much higher it is than those of the tuned wheel."""
-        if not self.converged:
+        if not self.found:
             return Fact("preload", self.preload, "N"), Fact("peak of a wheel", f"{self.status}: {self.reason}")
         return (
             Fact("preload", self.preload, "N"),
+            Fact("peak of a wheel", f"{self.status}: {self.reason}"),
             Fact("highest amplitude", self.amplitude, "m"),
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
@@ -233,10 +234,10 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         )
 
     def __str__(self) -> str:
-        if not self.converged:
+        if not self.found:
             return f"peak of a wheel, preload {self.preload:g} N: {self.status} ({self.reason})"
         return (
             f"peak of a wheel, preload {self.preload:g} N: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, blade "
             f"{self.blade}\n  amplification factor {self.amplification:.4g} (tuned {self.tuned_amplitude:.6g} m at "
-            f"{self.tuned_frequency:.6g} Hz), {len(self.climbs)} peaks climbed, residual {self.residual:.1e}\n  {self.cost}"
+            f"{self.tuned_frequency:.6g} Hz), residual {self.residual:.1e}\n  {self.status}: {self.reason}\n  {self.cost}"
         )

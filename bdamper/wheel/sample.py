@@ -237,7 +237,7 @@ class _Asked:
 def _header(job: _Job, asked: _Asked) -> dict[str, Any]:
     """What identifies a sample in its results file."""
     return {
-        "format": "bdamper-wheel-sample", "version": 1, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
+        "format": "bdamper-wheel-sample", "version": 2, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
         **_drawn(job), "standard_deviation": asked.deviations.tolist(), "preload": asked.preloads.tolist(),
         "frequency": job.frequency, "options": repr(job.options),
     }  # fmt: skip

@@ -65,6 +65,7 @@ class Solver:
             return found
         still = np.zeros_like(X)
         still[:, 0, system.structure.n :] = system.home
+        still[system.still] = 0.0
         for damping in DAMPING:
             for start in (self.damped, X, still):
                 if start is None:

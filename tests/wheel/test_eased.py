@@ -1,0 +1,80 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bdamper.wheel import Mistuning, Wheel
+from bdamper.wheel import peak as module
+from bdamper.wheel.newton import correct
+from bdamper.wheel.solution import Solver
+from bdamper.wheel.system import PLAIN, Ease
+from tests.wheel.test_symmetry import PATTERN, N, study
+
+
+def at_rest(system, mean):
+    X = np.zeros(system.shape)
+    X[:, 0] = mean
+    X[system.still] = 0.0
+    return X
+
+
+def test_derivatives_of_eased_equations():
+    system, mean = Wheel(study(harmonics=2), PATTERN).system(300.0)
+    rng, ease, omega = np.random.default_rng(3), Ease(0.2, 0.3), 2.0 * np.pi * 180.0
+    X = at_rest(system, mean) + np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
+    direction = np.where(system.still, 0.0, 1e-11 * rng.normal(size=system.shape))
+    at = system.linearised(X, omega, ease)
+    np.testing.assert_array_equal(at.residual, system.residual(X, omega, ease))
+    difference = 0.5 * (system.residual(X + direction, omega, ease) - system.residual(X - direction, omega, ease))
+    exact = at.product(direction)
+    for part in (slice(0, 1), slice(1, None)):
+        assert np.abs(difference - exact)[:, part].max() < 1e-6 * np.abs(exact[:, part]).max()
+    difference = (system.residual(X, omega + 1e-3, ease) - system.residual(X, omega - 1e-3, ease)) / 2e-3
+    assert np.abs(difference - at.by_omega).max() < 1e-7 * np.abs(at.by_omega).max()
+
+
+def test_solutions_where_newton_from_rest_finds_none():
+    system, mean = Wheel(study(), PATTERN).system(300.0)
+    X, omega = at_rest(system, mean), 2.0 * np.pi * 300.0
+    assert not correct(system, X, omega, tolerance=1e-9, most=40, line_search=True).converged
+    found = Solver(system).at(omega, X, 1e-9)
+    assert found is not None and system.size(system.residual(found.X, omega, PLAIN)) <= 1e-9
+
+
+def test_a_held_peak_solves_the_equations_with_its_springs():
+    wheel = Wheel(study(), PATTERN)
+    top = wheel.peak(300.0, options=module.WheelPeakOptions(least=12, most=12, climbs=2))
+    assert top.status == "held" and top.found and not top.converged and top.springs > 0.0
+    system, _ = wheel.system(300.0)
+    omega = 2.0 * np.pi * top.frequency
+    assert system.size(system.residual(top.unknowns, omega, Ease(springs=top.springs))) <= module.TOLERANCE
+    assert system.size(system.residual(top.unknowns, omega)) > 1e-6
+
+
+def test_a_held_peak_has_facts_and_a_picture():
+    top = Wheel(study(), PATTERN).peak(300.0, options=module.WheelPeakOptions(least=12, most=12, climbs=2))
+    assert "highest amplitude" in [fact.name for fact in top.facts()]
+    top.plot()
+
+
+@pytest.mark.parametrize("name", ["correct", "_tangent"])
+def test_a_climb_that_never_steps_is_no_peak(monkeypatch, name):
+    own = module.correct
+
+    def lost(*arguments, **options):
+        found = own(*arguments, **options)
+        return replace(found, converged=False) if len(arguments) > 3 else found
+
+    monkeypatch.setattr(module, name, lost if name == "correct" else lambda *arguments: None)
+    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(2000.0)
+    assert top.status == "not found"
+
+
+@pytest.mark.parametrize(("seed", "preload"), [(9, 300.0), (6, 1000.0)])
+def test_the_peak_is_that_of_its_highest_blade(seed, preload):
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=seed))
+    top = wheel.peak(preload)
+    system, _ = wheel.system(preload)
+    width, ease = 2.0 * np.pi * module.band(wheel, preload)[2], Ease(springs=top.springs)
+    again = module.climb(wheel, system, top.unknowns, 2.0 * np.pi * top.frequency, top.blade, width, ease)
+    assert np.abs(wheel.response(again.X)[:, 1]).max() == pytest.approx(top.amplitude, rel=1e-5)
