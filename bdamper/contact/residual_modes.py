@@ -242,6 +242,7 @@ class ResidualSet:
     share: float
     static: NDArray | None = None
     _bases: dict[int, ResidualBasis] = field(default_factory=dict, repr=False, compare=False)
+    _parts: dict[int, tuple[NDArray, NDArray, NDArray]] = field(default_factory=dict, repr=False, compare=False)
 
     @classmethod
     def make(
@@ -272,7 +273,12 @@ class ResidualSet:
         return replace(bare, flexibility=share * bare.flexibility, share=share)
 
     def _matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
-        """Residual flexibility of all components, patterns, and the flexibility of these."""
+        """Residual flexibility of all components, patterns, and the flexibility of these; no choice of the diagonal."""
+        if harmonic not in self._parts:
+            self._parts[harmonic] = self._make_matrices(harmonic)
+        return self._parts[harmonic]
+
+    def _make_matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
         R = self.coupling.residual_flexibility(harmonic)
         if harmonic == 0:
             R = R.real

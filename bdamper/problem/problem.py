@@ -411,7 +411,7 @@ class Problem(Settings):
             watch = Stopwatch()
             system = self.static_system
             state = None
-            if len(factors) == 1:
+            if len(factors) == 1 and preload > 0.0:
                 # always from one and the same load, so that results do not depend on what was asked before
                 unit = self._states.get((1.0, 1.0)) or static_state(system, 1.0)
                 self._states[(1.0, 1.0)] = unit

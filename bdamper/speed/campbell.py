@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.problem.at_speed import Conditions, preload_at
+from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossings import RPM, Crossings, SpeedLine, speed_values
 from bdamper.speed.family import SpeedFamily, free_and_stuck
@@ -200,12 +200,16 @@ def campbell(
     found = sorted({d for d, basis in bases if basis.speed is not None} or {d for d, _ in bases})
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
-    for k, d in enumerate(each(diameters, progress, "Campbell diagram", "nodal diameter")):
-        one = problem.with_(engine_order=d or problem.model.n_blades, harmonics=1)
-        family = SpeedFamily(one, Conditions(given.friction, given.temperature))
-        for i, omega in enumerate(values.tolist()):
-            preload = preload_at(problem, omega) if problem.carries_load else 0.0
-            free[k, i], stuck[k, i] = free_and_stuck(family.problem(omega), preload, modes)
+    n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
+    by_diameter = [SpeedFamily(problem.with_(engine_order=d or n, harmonics=1), resting) for d in diameters]
+    own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
+    mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
+    for i, omega in enumerate(each(values.tolist(), progress, "Campbell diagram", "speed")):
+        problems = [under(family.base, omega, resting) for family in by_diameter]
+        preload = preload_at(problem, omega) if problem.carries_load else 0.0
+        state = problems[mean].equilibrium(preload)
+        for k, one in enumerate(problems):
+            free[k, i], stuck[k, i] = free_and_stuck(one, state, modes)
     rows = []
     for order in orders:
         d = problem.model.folded_nodal_diameter(order)[0]
@@ -221,7 +225,7 @@ def campbell(
         nodal_diameter=np.array(diameters, int),
         free=free,
         stuck=stuck,
-        n_blades=problem.model.n_blades,
+        n_blades=n,
         engine_order=np.array(orders, int),
         order=table[:, 0].astype(int),
         order_mode=table[:, 1].astype(int),

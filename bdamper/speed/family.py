@@ -14,6 +14,7 @@ from typing import Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.contact.preload import PreloadState
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
@@ -119,12 +120,13 @@ class SpeedFamily(Generic[P]):
 
     def linear(self, omega: float, mode: int) -> tuple[float, float]:
         """Free and stuck resonance (Hz) of a mode of the constrained bodies at a speed."""
-        free, stuck = free_and_stuck(self.problem(omega), self.preload(omega), mode)
+        problem = self.problem(omega)
+        free, stuck = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
         return float(free[mode - 1]), float(stuck[mode - 1])
 
 
-def free_and_stuck(problem: Problem, preload: float, modes: int) -> tuple[NDArray, NDArray]:
-    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all points stuck that a preload closes.
+def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:
+    """(modes,) resonances (Hz) of the constrained bodies without contact, and with all that are closed at rest stuck.
 
     A mode has the lowest stuck resonance above its own that no mode below it has.
 
@@ -141,7 +143,7 @@ def free_and_stuck(problem: Problem, preload: float, modes: int) -> tuple[NDArra
     if modes > len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {modes}")
     free = np.sqrt(elastic[:modes])
-    poles = list(system.linear_modes(problem.stuck_springs(problem.equilibrium(preload)))[0])
+    poles = list(system.linear_modes(problem.stuck_springs(state))[0])
     stuck = []
     for w in free:
         poles = [p for p in poles if p >= w * (1.0 - 1e-9)]

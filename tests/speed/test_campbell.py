@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.contact.preload import static_state
 from bdamper.model.spin import SpeedBasis
+from bdamper.problem import problem
 from bdamper.speed.campbell import line_crossings
+from bdamper.speed.family import free_and_stuck
 from tests.plain import plain_study
 from tests.turning import turning_disk
 
@@ -55,6 +58,19 @@ def test_orders_meet_the_modes_of_their_nodal_diameter_alone(tmp_path):
     with pytest.raises(bd.SettingError, match="mode: expected 1 to"):
         study.campbell((200.0, 500.0), [5], modes=41)
     assert found.notes == (), "the damper does not count"
+
+
+def test_the_static_state_of_a_speed_serves_all_nodal_diameters(monkeypatch):
+    """It is the mean, which has none; stuck frequencies are those of the studies of each order."""
+    solved = []
+    monkeypatch.setattr(problem, "static_state", lambda *a, **b: solved.append(a[1]) or static_state(*a, **b))
+    study = plain_study(turning_disk((0, 5, 10)), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    found = study.campbell((200.0, 500.0, 600.0), modes=2)
+    assert [load for load in solved if load > 0.0] == [1.0] * 3
+    for d in (5, 10):
+        at = study.with_(engine_order=d).at_speed(500.0)
+        own = free_and_stuck(at, at.equilibrium(at.preload), 2)[1]
+        np.testing.assert_allclose(found.stuck[found.row(d), 1], own, rtol=1e-12)
 
 
 def test_nodal_diameters_of_one_speed_are_left_out():
