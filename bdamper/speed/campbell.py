@@ -201,6 +201,9 @@ def campbell(
     diameters = found or [problem.model.folded_nodal_diameter(int(problem.engine_order))[0]]
     free, stuck = np.full((2, len(diameters), len(values), modes), np.nan)
     n, resting = problem.model.n_blades, Conditions(given.friction, given.temperature)
+    met = {order: problem.model.folded_nodal_diameter(order)[0] for order in orders}
+    for order in [o for o, d in met.items() if d not in diameters]:
+        raise SettingError(f"engine_orders: expected orders that meet nodal diameters {diameters}, found {order}")
     by_diameter = [SpeedFamily(problem.with_(engine_order=d or n, harmonics=1), resting) for d in diameters]
     own = problem.model.folded_nodal_diameter(int(problem.engine_order))[0]
     mean = diameters.index(own) if own in diameters else 0  # the static state has no nodal diameter: one serves all
@@ -210,16 +213,7 @@ def campbell(
         state = problems[mean].equilibrium(preload)
         for k, one in enumerate(problems):
             free[k, i], stuck[k, i] = free_and_stuck(one, state, modes)
-    rows = []
-    for order in orders:
-        d = problem.model.folded_nodal_diameter(order)[0]
-        if d not in diameters:
-            raise SettingError(f"engine_orders: expected orders that meet nodal diameters {diameters}, found {order}")
-        k = diameters.index(d)
-        for m in range(modes):
-            at = [line_crossings(values, lines[k, :, m], order).tolist() or [np.nan] for lines in (free, stuck)]
-            rows += [(order, m + 1, *met) for met in zip_longest(*at, fillvalue=np.nan)]
-    table = np.array(rows, float).reshape(-1, 4)
+    table = _table(values, {order: diameters.index(d) for order, d in met.items()}, (free, stuck))
     return Campbell(
         speed=values,
         nodal_diameter=np.array(diameters, int),
@@ -236,3 +230,16 @@ def campbell(
         settings=problem.record(None),
         model_hash=problem.model.hash,
     )
+
+
+def _table(speeds: NDArray, orders: dict[int, int], frequencies: tuple[NDArray, NDArray]) -> NDArray:
+    """(j, 4) order, mode, and the speeds at which its free and its stuck resonance meet the line of the order.
+
+    Orders come with the row of their nodal diameter in the frequencies.
+    """
+    rows = []
+    for order, k in orders.items():
+        for m in range(frequencies[0].shape[2]):
+            at = [line_crossings(speeds, lines[k, :, m], order).tolist() or [np.nan] for lines in frequencies]
+            rows += [(order, m + 1, *met) for met in zip_longest(*at, fillvalue=np.nan)]
+    return np.array(rows, float).reshape(-1, 4)
