@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy  # scipy.stats is loaded where it is used: half a second
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from bdamper.design.sweep import OptimalTask, interruption, sweep
 from bdamper.peaks.optimal import preload_values
@@ -59,9 +59,9 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
     if method == "sobol":
         if n & (n - 1):
             raise SettingError(f"n: expected a power of two for a Sobol sequence, found {n}")
-        unit = qmc.Sobol(d, scramble=True, seed=seed).random(n)
+        unit = scipy.stats.qmc.Sobol(d, scramble=True, seed=seed).random(n)
     elif method == "latin":
-        unit = qmc.LatinHypercube(d, seed=seed).random(n)
+        unit = scipy.stats.qmc.LatinHypercube(d, seed=seed).random(n)
     else:
         unit = np.random.default_rng(seed).random((n, d))
     # keep away from the ends, where a ppf may be infinite

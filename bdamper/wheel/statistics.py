@@ -12,9 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # scipy.stats is loaded where it is used: half a second
 from numpy.typing import NDArray
-from scipy.optimize import minimize
-from scipy.stats import beta, binom, weibull_max
 
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -61,8 +60,8 @@ def percentile(values: NDArray, q: float, confidence: float = 0.95) -> Interval:
     if not len(known):
         return Interval(np.nan, np.nan, np.nan)
     # at the lower end all that are not known count as below the others, at the upper end as above
-    low = int(binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1 - (n - len(known))
-    high = int(binom.ppf(0.5 * (1.0 + confidence), n, q))
+    low = int(scipy.stats.binom.ppf(0.5 * (1.0 - confidence), n, q)) - 1 - (n - len(known))
+    high = int(scipy.stats.binom.ppf(0.5 * (1.0 + confidence), n, q))
     return Interval(
         float(known[low]) if low >= 0 else -np.inf,
         float(np.quantile(known, q, method="median_unbiased")),
@@ -76,8 +75,8 @@ def share(count: int, n: int, confidence: float = 0.95) -> Interval:
     if n == 0:
         return Interval(0.0, np.nan, 1.0)
     side = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(side, count, n - count + 1)) if count > 0 else 0.0
-    high = float(beta.ppf(1.0 - side, count + 1, n - count)) if count < n else 1.0
+    low = float(scipy.stats.beta.ppf(side, count, n - count + 1)) if count > 0 else 0.0
+    high = float(scipy.stats.beta.ppf(1.0 - side, count + 1, n - count)) if count < n else 1.0
     return Interval(low, count / n, high)
 
 
@@ -114,7 +113,7 @@ class WeibullTail:
 
     def cdf(self, x: NDArray | float) -> NDArray:
         """Probability of a value of at most ``x``."""
-        return np.asarray(weibull_max.cdf(x, self.shape, self.bound, self.scale))
+        return np.asarray(scipy.stats.weibull_max.cdf(x, self.shape, self.bound, self.scale))
 
     def percentile(self, q: float) -> float:
         """A percentile of the fit, within the tail or beyond the sample.
@@ -127,7 +126,7 @@ class WeibullTail:
         q = validate.number("percentile", q, above=0.0, below=100.0) / 100.0
         if q < 1.0 - self.n_tail / self.n:
             raise SettingError(f"percentile: expected one of the tail, above {100.0 * (1.0 - self.n_tail / self.n):g}")
-        return float(weibull_max.ppf(q, self.shape, self.bound, self.scale))
+        return float(scipy.stats.weibull_max.ppf(q, self.shape, self.bound, self.scale))
 
     def __str__(self) -> str:
         return (
@@ -165,7 +164,7 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         expected = f"at least {FEWEST_IN_TAIL} different values in the tail"
         raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
     below, low, top = n - len(x), x[0], x[-1]
-    unit = top - low
+    unit, tail = top - low, scipy.stats.weibull_max
 
     def parameters(p: NDArray) -> tuple[float, float, float]:
         """Shape, bound, and the scale that is most likely with them, in closed form."""
@@ -178,12 +177,11 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         if np.abs(p).max() > 12.0:  # there is nothing more to tell
             return np.inf
         k, b, s = parameters(p)
-        return -float(weibull_max.logpdf(x, k, b, s).sum() + below * weibull_max.logcdf(low, k, b, s))
+        return -float(tail.logpdf(x, k, b, s).sum() + below * tail.logcdf(low, k, b, s))
 
     starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
-    found = [
-        minimize(misfit, p, method="Nelder-Mead", options={"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}) for p in starts
-    ]
+    fine = {"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}
+    found = [scipy.optimize.minimize(misfit, p, method="Nelder-Mead", options=fine) for p in starts]
     k, b, s = parameters(min(found, key=lambda one: one.fun).x)
-    distance = np.abs(weibull_max.cdf(x, k, b, s) - probability[below:]).max()
+    distance = np.abs(tail.cdf(x, k, b, s) - probability[below:]).max()
     return WeibullTail(k, b, s, float(low), n, len(x), float(distance))

@@ -29,7 +29,7 @@ from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
 from bdamper.util.warn import PlausibilityWarning
 from examples.calculix.decks import damper_sets
-from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
+from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 
 ND = 5
 SETTINGS = {
@@ -44,7 +44,7 @@ SETTINGS = {
 
 @pytest.fixture(scope="module")
 def fe():
-    return SectorFE()
+    return SectorFE(density=SPARSE)
 
 
 @pytest.fixture(scope="module")
@@ -311,7 +311,7 @@ def unsymmetric(body):
 
 
 def indefinite(body):
-    n = 3 * 700
+    n = 3 * 300
     k = body.stiffness - sp.csr_matrix(([20 * body.stiffness[n, n]], ([n], [n])), shape=body.stiffness.shape)
     return replace(body, stiffness=k.tocsr())
 
@@ -367,14 +367,14 @@ BAD_BLADES = [
     (same_number, "nodes: expected each node number once, found 106 2 times"),
     (without("LOW"), r"sector_faces: expected a set out of \['BORE'.*found 'LOW'"),
     (without("RIGHT_UNDERSIDE"), "contact 'left': expected a set out of .*, found 'RIGHT_UNDERSIDE'"),
-    (shorter("HIGH"), r"sector_faces: expected two sets of nodes of which a rotation by 2 pi/65.* 53 and 52 nodes"),
+    (shorter("HIGH"), r"sector_faces: expected two sets of nodes of which a rotation by 2 pi/65.* 23 and 22 nodes"),
     (table(set_row(5, [9_000, 1])), "table of nodes and components: expected numbers of existing nodes, found 9000"),
     (table(set_row(5, [101, 4])), "displacements only .*, found component 4 of node 101"),
     (table(set_row(5, [101, 1])), "each pair once, found node 101, component 1 repeated"),
-    (lambda b: replace(b, mass=b.mass[:-3, :-3]), r"mass matrix: expected shape \(4383, 4383\), found \(4380, 4380\)"),
+    (lambda b: replace(b, mass=b.mass[:-3, :-3]), r"mass matrix: expected shape \(1641, 1641\), found \(1638, 1638\)"),
     (lambda b: replace(b, mass=-b.mass), "mass matrix: expected a diagonal without negative numbers"),
     (lambda b: replace(b, stiffness=b.stiffness * np.nan), "stiffness matrix: expected finite numbers, found nan in row 1"),
-    (lambda b: replace(b, stiffness=b.stiffness[:-3, :-3]), "expected 4383 rows for 1461 nodes, or a table"),
+    (lambda b: replace(b, stiffness=b.stiffness[:-3, :-3]), "expected 1641 rows for 547 nodes, or a table"),
     (lambda b: replace(b, nodes=np.full_like(b.nodes, np.inf)), "nodes: expected finite positions"),
     (lambda b: replace(b, nodes=b.nodes[:-1]), "nodes: expected numbers .n,. and positions"),
     (lambda b: replace(b, mass=None), "expected a stiffness and a mass|modes of nodal diameter 0"),
@@ -430,7 +430,7 @@ def test_rows_stand_in_the_order_of_the_table(bodies, which, elements):
 
 def test_positions_of_other_nodes_are_noticed(bodies):
     moved = replace(bodies[0], nodes=np.roll(bodies[0].nodes, 3, axis=0))
-    with pytest.raises(ModelError, match=r"forces on 9.* % of the nodes .*positions that do not belong to the nodes"):
+    with pytest.raises(ModelError, match=r"forces on [91].* % of the nodes .*positions that do not belong to the nodes"):
         check_row_order(PreparedBody("blade", moved, placement((0, 0, 1), (0, 1, 0), (0, 0, 0), "m-kg-s")))
 
 
@@ -622,7 +622,7 @@ def scaled(body, length, mass):
     ("length", "mass", "message"),
     [
         (1e-3, 1e3, "extent of 0.001 to 30 m, found 319.4 m .*millimetres suspected"),
-        (1.0, 1e3, r"density of 200 to 30000 kg/m3, found 7.8\d* kg/m3"),
+        (1.0, 1e3, r"density of 200 to 30000 kg/m3, found 7.[78]\d* kg/m3"),
     ],
 )
 def test_units_of_the_file_are_suspected(bodies, tip, length, mass, message):

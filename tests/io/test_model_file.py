@@ -768,7 +768,7 @@ def mutate_attribute(item: h5py.Group | h5py.Dataset, path: str, rng: random.Ran
     return f"replace {path}@{name}"
 
 
-@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 2 else []) for i in range(10)])
+@pytest.mark.parametrize("part", [pytest.param(i, marks=[pytest.mark.slow] if i > 0 else []) for i in range(10)])
 def test_structural_damage(saved, tmp_path, part):
     """500 cases in ten parts."""
     path = tmp_path / "damaged.h5"
@@ -815,7 +815,7 @@ def test_damaged_numbers(tmp_path):
         file.visititems(visit)
     raw = path.read_bytes()
     refused = 0
-    for seed in range(100):
+    for seed in range(50):
         rng = random.Random(seed)
         changed = bytearray(raw)
         for _ in range(rng.choice([1, 1, 4, 16])):
@@ -823,7 +823,7 @@ def test_damaged_numbers(tmp_path):
             changed[start + rng.randrange(size)] = rng.randrange(256)
         path.write_bytes(changed)
         refused += not loads_or_says_why(path)
-    assert 20 < refused < 100
+    assert 10 < refused < 50
 
 
 CHILD = """
@@ -855,7 +855,7 @@ def test_damaged_bytes_anywhere(saved, tmp_path):
     """
     root = Path(__file__).parents[2]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(root), os.environ.get("PYTHONPATH", "")])}
-    command = [sys.executable, "-c", CHILD, str(saved), str(tmp_path / "damaged.h5"), "0", "150"]
+    command = [sys.executable, "-c", CHILD, str(saved), str(tmp_path / "damaged.h5"), "0", "100"]
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=15)
     except subprocess.TimeoutExpired:
@@ -863,7 +863,7 @@ def test_damaged_bytes_anywhere(saved, tmp_path):
     if done.returncode < 0:
         pytest.skip(f"the HDF5 library was ended by signal {signal.Signals(-done.returncode).name}")
     assert done.returncode == 0, done.stderr
-    assert done.stdout.split()[-1] == "149"
+    assert done.stdout.split()[-1] == "99"
 
 
 def test_a_ground_body_needs_no_ports(copy):
