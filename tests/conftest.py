@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
-from functools import cache
+from functools import cache, wraps
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +29,7 @@ def _read_only(value):
 def _read_once(read):
     shipped = cache(read)
 
+    @wraps(read)
     def reference_model(name="bladed_disk", contact_points=None):
         model = shipped(name, contact_points)
         _read_only(model)

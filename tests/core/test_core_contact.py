@@ -28,28 +28,28 @@ HARMONICS = (1, 2, 3, 5, 7)
 def test_force_is_that_of_the_oracle(n_harm):
     rng = np.random.default_rng(n_harm)
     slipped = opened = 0
-    for _ in range(40 if n_harm < 5 else 15):
+    for _ in range(20 if n_harm < 5 else 10):
         point, x = random_point(rng), random_motion(rng, n_harm)
         result = evaluate(x, point)
         expected = oracle.contact(x, *point.arguments)
         np.testing.assert_allclose(result.force, expected, rtol=0, atol=1e-10 * (1 + np.abs(expected).max()))
         slipped += result.shares[1] > 0
         opened += result.shares[4] > 0
-    assert slipped > 5
-    assert opened > 5
+    assert slipped > 3
+    assert opened > 3
 
 
 @pytest.mark.parametrize("n_harm", [1, 2, 4])
 def test_the_batch_oracle_is_the_slow_one(n_harm):
     """All points of many states at once, among them points without friction and vanishing harmonics."""
     rng = np.random.default_rng(n_harm)
-    points = [random_point(rng) for _ in range(24)]
-    mu = np.array([p.mu for p in points]) * (np.arange(24) % 8 > 0)
+    points = [random_point(rng) for _ in range(8)]
+    mu = np.array([p.mu for p in points]) * (np.arange(8) > 0)
     kt, w = np.array([p.kt for p in points]), np.array([p.w for p in points])
     kn, n0 = np.array([p.kn for p in points]), np.array([p.n0 for p in points])
     x = np.array([[random_motion(rng, n_harm) for _ in points] for _ in range(3)])
     x[0, :, :, 3:] *= 1e-13
-    x[1, :10, 2, 1:] = 0.0
+    x[1, :4, 2, 1:] = 0.0
     found = oracle.contacts(x, kt, kn, mu, n0, w)
     for s, i in np.ndindex(x.shape[:2]):
         expected = oracle.contact(x[s, i], kt[i], kn[i], mu[i], n0[i], w[i])
@@ -95,7 +95,7 @@ def test_a_slip_that_only_pauses(delta, sign):
 def test_events_that_coincide(n_harm):
     """Coefficients in halves: roots on samples of the bracketing grid, at each other's place, and touching."""
     rng = np.random.default_rng(600 + n_harm)
-    for _ in range(250):
+    for _ in range(120):
         x = np.round(2 * rng.normal(size=(3, 2 * n_harm + 1))) / 2
         kt, w = rng.integers(1, 7, 2) / 2, rng.integers(-2, 3, 2) / 2
         point = Point(kt, rng.integers(1, 7) / 2, rng.integers(1, 5) / 4, rng.integers(-3, 7) / 2, w)
@@ -107,7 +107,7 @@ def test_events_that_coincide(n_harm):
 numbers = st.floats(-4.0, 4.0).map(lambda v: round(v, 3))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(
     x=st.integers(1, 3).flatmap(lambda h: arrays(float, (3, 2 * h + 1), elements=numbers)),
     kt=arrays(float, 2, elements=st.floats(0.0, 5.0)),

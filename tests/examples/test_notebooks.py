@@ -9,7 +9,6 @@ nbclient = pytest.importorskip("nbclient")
 pytest.importorskip("ipykernel")
 
 NOTEBOOKS = sorted((Path(__file__).parents[2] / "notebooks").glob("*.ipynb"))
-QUICK = {"few_masses"}
 
 
 def test_every_notebook_is_in_the_tutorial():
@@ -28,9 +27,8 @@ def test_notebook_is_stored_without_outputs(path):
     assert sum("assert " in cell.source for cell in code) >= 2, "what it states is asserted"
 
 
-@pytest.mark.parametrize(
-    "path", [pytest.param(p, marks=[] if p.stem in QUICK else [pytest.mark.slow]) for p in NOTEBOOKS], ids=lambda p: p.stem
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_notebook_runs(path, tmp_path):
     notebook = nbformat.read(path, 4)
     notebook.cells.append(nbformat.v4.new_code_cell("import time; print(time.process_time())"))

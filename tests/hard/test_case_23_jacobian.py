@@ -25,7 +25,7 @@ from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 
 BATCH = 50
-QUICK = 150
+QUICK = 50
 """Cases of the quick tests."""
 N_TIME = 64
 LAWS = {

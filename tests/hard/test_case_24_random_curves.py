@@ -21,7 +21,7 @@ from bdamper.util.cost import CostMeter
 from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, random_study
 
 BATCH = 25
-QUICK = 50
+QUICK = 25
 """Cases that run with the quick tests; the others are slow."""
 STATUSES = {"complete", "incomplete", "no start"}
 

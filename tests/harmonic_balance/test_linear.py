@@ -21,23 +21,23 @@ def marked(curve):
 
 @pytest.mark.parametrize("kind", ["free", "stuck"])
 def test_every_resonance_is_a_maximum(study, kind):
-    """Those that a uniform grid of 0.1 Hz sees, and no others."""
-    curve = getattr(study, kind)((200.0, 3000.0))
+    """Those that a uniform grid of 0.2 Hz sees, and no others."""
+    curve = getattr(study, kind)((200.0, 2100.0))
     at = marked(curve)
     assert len(at) > 2
     system = study.system(curve.preload)
     springs = None if kind == "free" else study.stuck_springs(study.static(curve.preload))
-    grid = np.arange(200.0, 3000.0, 0.1)
+    grid = np.arange(200.0, 2100.0, 0.2)
     a = np.array([abs(system.linear_response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
     tops = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1
     assert len(at) == len(tops)
-    np.testing.assert_allclose(curve.frequency[at], grid[tops], atol=0.1)
+    np.testing.assert_allclose(curve.frequency[at], grid[tops], atol=0.2)
     for i in at:  # stationary, and lower on both sides
         w, h = 2 * np.pi * curve.frequency[i], 1e-5 * 2 * np.pi * curve.frequency[i]
         low, high = (abs(system.linear_response(w + d, springs) @ system.response_rows[1]) for d in (-h, h))
         assert max(low, high) < curve.amplitude[i]
         assert abs(high - low) < 1e-2 * (2.0 * curve.amplitude[i] - high - low)
-    assert linear_peak(study, (200.0, 3000.0), curve.preload, stuck=kind == "stuck").frequency == pytest.approx(
+    assert linear_peak(study, (200.0, 2100.0), curve.preload, stuck=kind == "stuck").frequency == pytest.approx(
         curve.peak.frequency, rel=1e-7
     )
 

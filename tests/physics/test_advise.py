@@ -25,6 +25,7 @@ def test_at_high_preload_one_harmonic_is_enough(disk):
     assert advice.work < 0.2 and check.lean.evaluations < 1.5 * check.whole.evaluations
 
 
+@pytest.mark.slow
 def test_at_low_preload_a_study_without_rotation_and_further_harmonics_is_told_so(disk):
     """The paper's Fig. 14: without rotation the amplitude is underestimated and the frequency shift overestimated."""
     cheap = disk.with_effects(Effects(harmonics=1, rotation=()))

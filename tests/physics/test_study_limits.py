@@ -105,7 +105,7 @@ class TestIndependentCheck:
     """Every point of a curve put into the residual of the oracle."""
 
     @staticmethod
-    def check(study, preload, band, count=8):
+    def check(study, preload, band, count=5):
         curve = study.track(preload, band)
         assert curve.complete, curve.reason
         system = study.system(preload)
