@@ -161,8 +161,9 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         Of all blades there, the mean first.
     shares : (n_blades, 3) float
         Stick, slip and open of every damper.
-    climbs : (n, 3) float
-        Blade, frequency (Hz) and amplitude (m) of every peak that was climbed.
+    climbs : (n, 5) float
+        Of every peak that was climbed: blade, frequency (Hz) and amplitude (m) with the mean of dampers held as in the
+        sweep; the weakest springs with which it was found, and its amplitude (m) then.
     sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
         The coarse sweep, whose points satisfy the equations only loosely.
     status, reason : str
@@ -172,6 +173,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
+    error : float
+        Estimate of how far the amplitude is from that with free dampers, relative, from what weaker springs have changed;
+        0 where dampers are free.
+    interval : (low, high), Hz
+        Band of the sweep.
     """
 
     preload: float
@@ -190,6 +196,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     residual: float
     unknowns: NDArray
     springs: float = 0.0
+    error: float = 0.0
+    interval: tuple[float, float] = (np.nan, np.nan)
 
     @property
     def converged(self) -> bool:
@@ -200,6 +208,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     def found(self) -> bool:
         """With dampers free or held."""
         return self.status in ("converged", "held")
+
+    @property
+    def held_amplitude(self) -> float:
+        """Of the highest peak with the mean of dampers held as in the sweep (m), with which peaks are looked for."""
+        return float(self.climbs[:, 2].max()) if len(self.climbs) else np.nan
 
     @property
     def amplification(self) -> float:
