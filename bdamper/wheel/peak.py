@@ -40,6 +40,9 @@ FAR = 1.5
 HELD = Ease(springs=SPRINGS)
 WEAKER = (1e-1, 1e-2, 1e-3, 0.0)
 """Springs on the mean of dampers with which peaks are looked for one after the other."""
+ERROR = (0.0, 0.06), (2e-3, 0.13), (2e-2, 0.2)
+"""Largest change of an amplitude between springs above the first number and free dampers (module's docstring); what weaker
+springs have changed already says little of what comes, but no less is promised."""
 HALF = 10.0**-0.5
 """Of the springs, where the next ones lead to no peak at once."""
 
@@ -79,15 +82,9 @@ class _Climbed:
 
     @property
     def error(self) -> float:
-        """Estimate of how far its amplitude is from that with free dampers, relative.
-
-        From 0.001 on the range of its amplitudes bounds the error of all peaks of the module's docstring (twice over), with
-        0.01 three times the range that of 33 of 34; stronger springs say little, and the largest error seen counts.
-        """
+        """Bound of how far its amplitude is from that with free dampers, relative, as far as is known (``ERROR``)."""
         springs = self.springs[-1]
-        if springs <= WEAKER[2]:
-            return self.range if springs else 0.0
-        return 3.0 * self.range if springs < 2.0 * WEAKER[1] else max(0.2, 3.0 * self.range)
+        return max(self.range, *(error for least, error in ERROR if springs > least)) if springs else 0.0
 
 
 @dataclass(frozen=True)
@@ -184,7 +181,7 @@ def peak(
         ``status`` is "converged" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
         single ones.  It is "lower bound" if the sweep has none at two and more in a row, which ``reason`` names; "held" if
         the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
-        found", the amplitude NaN, if no climb converges.  Which peak is the highest is decided with dampers held.
+        found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
     """
     watch = time.perf_counter(), time.process_time()
     options = options or WheelPeakOptions()
@@ -199,9 +196,10 @@ def peak(
     points = TWO_PI * np.linspace(low, high, n)
     swept = _sweep(system, mean, points, options.loose)
     gap = _gap(points, swept)
-    peaks = _climbed(wheel, system, _candidates(wheel, swept, options.climbs), TWO_PI * width)
+    climbs = _Climbs(wheel, system, TWO_PI * width, (float(points[0]), float(points[-1])))
+    peaks = climbs.held(_candidates(wheel, swept, options.climbs))
     held = np.array([(c.blade, c.at.omega / TWO_PI, c.height) for c in peaks]).reshape(-1, 3)
-    peaks = _freed(wheel, system, peaks, TWO_PI * width)
+    peaks = climbs.freed(peaks)
     top = max(peaks, key=lambda peak: peak.height, default=None)
     best, springs = (None, 0.0) if top is None else (top.at, top.springs[-1])
     solved = [found for found in swept if found is not None]
@@ -219,7 +217,7 @@ def peak(
         sweep_frequency=np.array([found.omega for found in solved]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(found.X)[:, 1]) for found in solved]).reshape(-1, wheel.n_blades),
         status="not found" if top is None else "lower bound" if gap else "held" if springs else "converged",
-        reason=_reason(top, (low, high), gap, f"{len(peaks)} peaks climbed from {len(solved)} of {n} points"),
+        reason=_reason(top, gap, f"{len(peaks)} peaks climbed from {len(solved)} of {n} points"),
         residual=np.nan if best is None else best.residual,
         springs=springs,
         error=np.nan if top is None else top.error,
@@ -278,82 +276,93 @@ def _candidates(wheel: Any, swept: list[Corrected | None], n: int) -> list[tuple
     return out
 
 
-def _reason(top: _Climbed | None, limits: tuple[float, float], gap: tuple[float, float] | None, found: str) -> str:
+def _reason(top: _Climbed | None, gap: tuple[float, float] | None, found: str) -> str:
     parts = [found]
     if top is not None and top.springs[-1]:
         parts.append(
             f"the mean of dampers held by springs of {top.springs[-1]:.2g} of their stuck stiffness, which change the "
             f"amplitude by some {100.0 * top.error:.2g} %"
         )
-    if top is not None and not limits[0] <= top.at.omega / TWO_PI <= limits[1]:
-        parts.append(f"the peak lies outside of the band from {limits[0]:.6g} to {limits[1]:.6g} Hz")
     if gap is not None:
         parts.append(f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz")
     return "; ".join(parts)
 
 
-def _climbed(
-    wheel: Any, system: WheelSystem, candidates: list[tuple[Corrected, int]], width: float
-) -> list[_Climbed]:
-    """Different peaks with dampers held."""
-    out: list[_Climbed] = []
-    for start, k in candidates:
-        found = _of_highest(wheel, system, start, k, width, HELD)
-        if found is not None:
-            blade, height = _highest(wheel, found)
-            if not any(blade == c.blade and abs(found.omega - c.at.omega) < 1e-3 * width for c in out):
-                out.append(_Climbed(found, blade, (HELD.springs,), (height,)))
-    return out
+@dataclass(frozen=True, eq=False)
+class _Climbs:
+    """Climbs of one search.
 
-
-def _freed(wheel: Any, system: WheelSystem, peaks: list[_Climbed], width: float) -> list[_Climbed]:
-    """Peaks followed to weaker springs as far as needed: until none that may still rise above the highest is left.
-
-    A peak may rise by as much as freeing has changed any other of the wheel.
+    Parameters
+    ----------
+    wheel : Wheel
+    system : WheelSystem
+    width : float, rad/s
+        Of the tuned peak.
+    band : (low, high), rad/s
+        Peaks beyond it do not count.
     """
-    out = list(peaks)
-    while out:
-        rise = 1.0 + max(peak.range for peak in out)
-        top = max(peak.height for peak in out)
-        left = [i for i, peak in enumerate(out) if not peak.final and peak.height * rise >= top]
-        if not left:
-            break
-        i = max(left, key=lambda i: out[i].height)
-        out[i] = _weakened(wheel, system, out[i], width)
-    return out
 
+    wheel: Any
+    system: WheelSystem
+    width: float
+    band: tuple[float, float]
 
-def _weakened(wheel: Any, system: WheelSystem, peak: _Climbed, width: float) -> _Climbed:
-    """The same peak with the next springs, or with those on the way to them."""
-    before = peak.springs[-1]
-    target = next(springs for springs in WEAKER if springs < 0.99 * before)
-    place = replace(peak.at, inverse=None)
-    tangent = _tangent(place, None, width)
-    plane = None if tangent is None else _plane(tangent, size_of(place.X), width)
-    for springs in (target, HALF * before):
-        if springs == target or springs > max(target, 0.2 * WEAKER[2]):
-            found = _of_highest(wheel, system, place, peak.blade, width, Ease(springs=springs), plane)
+    def held(self, candidates: list[tuple[Corrected, int]]) -> list[_Climbed]:
+        """Different peaks with dampers held."""
+        out: list[_Climbed] = []
+        for start, k in candidates:
+            found = self._of_highest(start, k, HELD)
             if found is not None:
-                blade, height = _highest(wheel, found)
-                return _Climbed(found, blade, (*peak.springs, springs), (*peak.heights, height))
-    return replace(peak, last=True)
+                blade, height = self._highest(found)
+                if not any(blade == c.blade and abs(found.omega - c.at.omega) < 1e-3 * self.width for c in out):
+                    out.append(_Climbed(found, blade, (HELD.springs,), (height,)))
+        return out
 
+    def freed(self, peaks: list[_Climbed]) -> list[_Climbed]:
+        """Peaks followed to weaker springs as far as needed: until none that may still rise above the highest is left.
 
-def _of_highest(
-    wheel: Any, system: WheelSystem, start: Corrected, blade: int, width: float, ease: Ease, plane: Any = None
-) -> Corrected | None:
-    """A peak near a solution whose blade is the highest there, or None: where another one is, it is climbed next."""
-    for _ in range(wheel.n_blades):
-        found = climb(wheel, system, start.X, start.omega, blade, width, ease, plane=plane)
-        if found is None or _highest(wheel, found)[0] == blade:
-            return found
-        start, blade, plane = found, _highest(wheel, found)[0], None
-    return None
+        A peak may rise by as much as freeing has changed any other of the wheel.
+        """
+        out = list(peaks)
+        while out:
+            rise = 1.0 + max(peak.range for peak in out)
+            top = max(peak.height for peak in out)
+            left = [i for i, peak in enumerate(out) if not peak.final and peak.height * rise >= top]
+            if not left:
+                break
+            i = max(left, key=lambda i: out[i].height)
+            out[i] = self._weakened(out[i])
+        return out
 
+    def _weakened(self, peak: _Climbed) -> _Climbed:
+        """The same peak with the next springs, or with those on the way to them."""
+        before = peak.springs[-1]
+        target = next(springs for springs in WEAKER if springs < 0.99 * before)
+        place = replace(peak.at, inverse=None)
+        tangent = _tangent(place, None, self.width)
+        plane = None if tangent is None else _plane(tangent, size_of(place.X), self.width)
+        for springs in (target, HALF * before):
+            if springs == target or springs > max(target, 0.2 * WEAKER[2]):
+                found = self._of_highest(place, peak.blade, Ease(springs=springs), plane)
+                if found is not None:
+                    blade, height = self._highest(found)
+                    return _Climbed(found, blade, (*peak.springs, springs), (*peak.heights, height))
+        return replace(peak, last=True)
 
-def _highest(wheel: Any, at: Corrected) -> tuple[int, float]:
-    heights = np.abs(wheel.response(at.X)[:, 1])
-    return int(np.argmax(heights)), float(heights.max())
+    def _of_highest(self, start: Corrected, blade: int, ease: Ease, plane: Any = None) -> Corrected | None:
+        """A peak near a solution whose blade is the highest there, or None: where another one is, it is climbed next."""
+        for _ in range(self.wheel.n_blades):
+            found = climb(self.wheel, self.system, start.X, start.omega, blade, self.width, ease, plane=plane)
+            if found is None or not self.band[0] <= found.omega <= self.band[1]:
+                return None
+            if self._highest(found)[0] == blade:
+                return found
+            start, blade, plane = found, self._highest(found)[0], None
+        return None
+
+    def _highest(self, at: Corrected) -> tuple[int, float]:
+        heights = np.abs(self.wheel.response(at.X)[:, 1])
+        return int(np.argmax(heights)), float(heights.max())
 
 
 def climb(
@@ -398,7 +407,7 @@ def climb(
         wanted = abs(h)
         h = float(np.clip(h, -reach, reach))
         tried = abs(h)
-        if wanted < PLACE:
+        if wanted < (0.1 * PLACE if np.isnan(before) else PLACE):  # the first curvature is a guess
             break
         normal, new = _plane(tangent, unit, width), None
         while abs(h) > 0.1 * PLACE:

@@ -7,7 +7,8 @@ more harmonics.  A sample can be continued with more wheels in the same results 
 **Audit.**  The highest peak is that of a coarse sweep and a few climbs (:mod:`bdamper.wheel.peak`), which can miss it.  So
 a share of the wheels, drawn by their numbers before any result is known, is tracked over whole curves, from
 both ends; and after the sample so is the same share of the highest wheels in each cell, since the tail is what is quoted.
-The interval of these curves is that of the sweep and a tenth more at each end.
+The interval of these curves is that of the sweep and a tenth more at each end, and the mean of dampers is held as in the
+sweep: what is audited is whether the search meets the highest peak, with the springs with which it searches.
 """
 
 from __future__ import annotations
@@ -36,10 +37,12 @@ from bdamper.util.versions import HERE
 from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
 from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.sample_result import MistunedSample, highest_wheels
+from bdamper.wheel.solution import SPRINGS
 from bdamper.wheel.wheel import Wheel
 
 _AUDIT = 3
 """Last number of the seed with which audited wheels are drawn."""
+OF_PEAKS = "amplitude", "frequency", "blade", "residual", "springs", "error", "held_amplitude"
 _VARIED = ("mass", "friction_coefficient", "contact_stiffness", "gap", "missing")
 
 
@@ -73,7 +76,7 @@ class _Job:
             with LongWork() as work:
                 wheel = self.drawn(settings["wheel"], settings["standard_deviation"])
                 if "interval" in settings:
-                    values, cost = _whole_curve(wheel, settings["preload"], settings["interval"], settings["springs"])
+                    values, cost = _whole_curve(wheel, settings["preload"], settings["interval"])
                 else:
                     values, cost = _highest(wheel, settings["preload"], self.frequency, self.options)
             if work.interrupted:
@@ -87,17 +90,17 @@ def _highest(wheel: Wheel, preload: float, frequency: Any, options: WheelPeakOpt
     peak = wheel.peak(preload, frequency, options=options)
     if not peak.found:
         raise BdamperError(f"{peak.status}: {peak.reason}")
-    interval = [float(peak.sweep_frequency[0]), float(peak.sweep_frequency[-1])]
     return {
         "amplitude": peak.amplitude, "frequency": peak.frequency, "blade": peak.blade, "residual": peak.residual,
-        "springs": peak.springs, "climbs": len(peak.climbs), "points": len(peak.sweep_frequency), "interval": interval,
+        "springs": peak.springs, "error": peak.error, "held_amplitude": peak.held_amplitude, "climbs": len(peak.climbs),
+        "points": len(peak.sweep_frequency), "interval": list(peak.interval),
     }, peak.cost  # fmt: skip
 
 
-def _whole_curve(wheel: Wheel, preload: float, interval: Sequence[float], springs: float) -> tuple[dict[str, Any], Cost]:
+def _whole_curve(wheel: Wheel, preload: float, interval: Sequence[float]) -> tuple[dict[str, Any], Cost]:
     beyond = 0.1 * (interval[1] - interval[0])
     limits = interval[0] - beyond, interval[1] + beyond
-    curves = [wheel.track(preload, limits, from_high=from_high, springs=springs) for from_high in (False, True)]
+    curves = [wheel.track(preload, limits, from_high=from_high, springs=SPRINGS) for from_high in (False, True)]
     left = [f"{c.status}: {c.reason}" for c in curves if not c.complete]
     costs = [curve.cost for curve in curves]
     cost = Cost(seconds=costs[0].seconds + costs[1].seconds, processor=costs[0].processor + costs[1].processor)
@@ -237,7 +240,7 @@ class _Asked:
 def _header(job: _Job, asked: _Asked) -> dict[str, Any]:
     """What identifies a sample in its results file."""
     return {
-        "format": "bdamper-wheel-sample", "version": 2, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
+        "format": "bdamper-wheel-sample", "version": 3, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
         **_drawn(job), "standard_deviation": asked.deviations.tolist(), "preload": asked.preloads.tolist(),
         "frequency": job.frequency, "options": repr(job.options),
     }  # fmt: skip
@@ -264,7 +267,7 @@ def _records(
     height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(asked.shape)
     whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]
     at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
-    audited = [points[i] | {name: peaks[i]["values"][name] for name in ("interval", "springs")} for i in at]
+    audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
     for i, record in zip(
         at, run_stored(job, audited, [f"curve {names[i]}" for i in at], executor, store, progress, "audit", "curve")
     ):
@@ -283,7 +286,7 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
         wheels=np.array(asked.wheels),
         standard_deviation=asked.deviations,
         preload=asked.preloads,
-        **{name: array(peaks, name) for name in ("amplitude", "frequency", "blade", "residual", "springs")},
+        **{name: array(peaks, name) for name in OF_PEAKS},
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),

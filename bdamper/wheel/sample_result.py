@@ -39,7 +39,7 @@ class Audit:
     wheel : (n,) int
     standard_deviation, preload : (n,) float
     search, curve : (n,) float, m
-        Highest amplitude of any blade by either; NaN where it is not known.
+        Highest amplitude of any blade by either, the mean of dampers held as in the sweep; NaN where it is not known.
     tolerance : float
         A peak is missed if the curve is higher by more than this share.
     status : tuple of str
@@ -155,8 +155,9 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     preload : (n_preloads,) float, N
     amplitude, frequency, blade : float, m and Hz
         Of the highest blade, and its number.
-    residual, springs : float
-        ``springs`` on the mean of dampers (:class:`~bdamper.wheel.results.WheelPeak`).
+    residual, springs, error, held_amplitude : float
+        ``springs`` on the mean of dampers, ``error`` of the amplitude that they leave, amplitude (m) with the mean held as
+        in the sweep (:class:`~bdamper.wheel.results.WheelPeak`).
     tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
         Of the tuned wheel at the same preload.
     status : tuple of str
@@ -166,7 +167,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     audit_share : float
         Probability with which they were, and share of the highest wheels that are audited.
     curve_amplitude : float, m
-        Highest amplitude on whole curves, of the wheels that were audited.
+        Highest amplitude on whole curves, of the wheels that were audited, with the mean of dampers held as in the sweep.
     curve_status : tuple of str
     processor, curve_processor : float, s
         Spent on the peaks and on the whole curves.
@@ -186,6 +187,8 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     blade: NDArray
     residual: NDArray
     springs: NDArray
+    error: NDArray
+    held_amplitude: NDArray
     tuned_amplitude: NDArray
     tuned_frequency: NDArray
     status: tuple[str, ...]
@@ -282,7 +285,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
         return Audit(
-            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
+            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.held_amplitude.ravel()[flat],
             self.curve_amplitude.ravel()[flat], validate.number("tolerance", tolerance, above=0.0),
             tuple(status[n] for n in flat),
         )  # fmt: skip
@@ -304,8 +307,11 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     def columns(self) -> dict[str, Column]:
         """A row for each wheel at each standard deviation and preload."""
         grid = np.meshgrid(self.wheels, self.standard_deviation, self.preload, indexing="ij")
-        units = {"amplitude": "m", "frequency": "Hz", "curve_amplitude": "m", "processor": "s"}
-        names = ("amplification", "amplitude", "frequency", "blade", "residual", "springs", "curve_amplitude", "processor")
+        units = {"amplitude": "m", "frequency": "Hz", "held_amplitude": "m", "curve_amplitude": "m", "processor": "s"}
+        names = (
+            "amplification", "amplitude", "frequency", "blade", "residual", "springs", "error", "held_amplitude",
+            "curve_amplitude", "processor",
+        )  # fmt: skip
         own = {name: Column(g.ravel(), unit) for name, g, unit in zip(self._grid(), grid, ("", "", "N"))}
         values = {name: Column(getattr(self, name).ravel(), units.get(name, "")) for name in names}
         return own | values | {"run": Column(np.array(self.status))}

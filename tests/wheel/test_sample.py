@@ -15,6 +15,7 @@ import bdamper as bd
 from bdamper.util.cost import Cost
 from bdamper.wheel import Mistuning, Wheel, WheelPeakOptions, audit_wheels, mistuned_sample
 from bdamper.wheel.peak import PLACE
+from bdamper.wheel.solution import SPRINGS
 from tests.wheel.lumped import lumped_study
 
 MISSED = 3
@@ -38,15 +39,15 @@ def quick(monkeypatch):
         time.sleep(0.002)
         missed = 0.95 if wheel.mistuning.seed == (0, MISSED) else 1.0
         return SimpleNamespace(
-            found=True, springs=0.0, sweep_frequency=np.array([180.0, 220.0]),
-            amplitude=missed * height(wheel, preload),
+            found=True, springs=0.01, error=0.1, interval=(180.0, 220.0), sweep_frequency=np.array([184.0, 216.0]),
+            amplitude=missed * height(wheel, preload), held_amplitude=1.05 * missed * height(wheel, preload),
             frequency=200.0, blade=int(np.argmax(wheel.mistuning.deviation)), residual=1e-12, climbs=[0],
             cost=Cost(processor=1.0),
         )  # fmt: skip
 
     def track(wheel, preload, limits, from_high, springs):
-        assert limits == (176.0, 224.0)
-        top = np.array([[0.1], [1.0]]) * height(wheel, preload)
+        assert limits == (176.0, 224.0) and springs == SPRINGS
+        top = 1.05 * np.array([[0.1], [1.0]]) * height(wheel, preload)
         return Curve(
             complete=not (from_high and wheel.mistuning.seed == (0, 5)), status="stalled", reason="at 200 Hz",
             amplitude=top, envelope=top.max(axis=1), highest=(1, 0), frequency=np.array([180.0, 200.0]), folds=[],
