@@ -205,13 +205,14 @@ def plot_run_up(result: RunUp, ax: Axes | None = None, *, title: str = "") -> Ax
     Returns
     -------
     matplotlib axes
-        The highest point is a filled circle, the peak at fixed speed an open square.
+        The highest maximum is a filled circle, peaks at fixed speed (the crossing, and what is passed) are open squares.
     """
     unit, name = length(result.amplitude)
     with drawing(ax, title=title or f"engine order {result.engine_order}", legend=7.0) as ax:
         ax.plot(result.rpm, unit * result.amplitude, color="k", linewidth=1.0, label="run-up")
         ax.plot(result.peak_speed * RPM, unit * result.peak_amplitude, "o", color="k", markersize=5.0, label="highest")
-        ax.plot(result.crossing_speed * RPM, unit * result.crossing_amplitude, "s", color="0.4", markerfacecolor="none",
-                markersize=7.0, label="peak at fixed speed", linestyle="none")  # fmt: skip
+        fixed = np.array([result.crossing_speed, result.passed_speed]), [result.crossing_amplitude, result.passed_amplitude]
+        ax.plot(fixed[0] * RPM, unit * np.array(fixed[1]), "s", color="0.4", markerfacecolor="none", markersize=7.0,
+                label="peak at fixed speed", linestyle="none")  # fmt: skip
         ax.set(xlabel=SPEED, ylabel=f"Amplitude ({name})")
     return ax

@@ -12,8 +12,14 @@ displacement of the static state, static load and excitation,
 
 Each of these arrays ``a`` is interpolated over the squared speed by one polynomial through a few Chebyshev points, at which
 the problem is made; the derivative is exactly that of the polynomials.  How far interpolated equations are from those made
-at a speed in between is measured and told.  Amplitude along a run-up rises with speed as preload and modes change, so that
-its highest point is not quite the peak at fixed speed: by how much is estimated from the response curve at that speed.
+at a speed in between is measured and told.
+
+A run-up passes every maximum that responses at fixed speed have, each where it meets the line, and a little above it, since
+amplitude changes along the line with preload and modes (:func:`bdamper.speed.crossing.excess`).  The highest of them need
+not be the crossing of the highest peak: where faces open, responses have a second maximum at the end of a plateau, which
+meets the line at a higher speed, under more load.  The peak at fixed speed with which the highest point of a run-up is
+compared is therefore found from that point: along the response at its speed to the nearest maximum, and by a secant to the
+line.
 """
 
 from __future__ import annotations
@@ -30,7 +36,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.harmonic_balance.system import DIVERGED, NOT_CONVERGED, NOT_FINITE, OK, Correction, HarmonicSystem, norm2
-from bdamper.peaks.newton import Peak, amplitude_at, refine_maxima
+from bdamper.peaks.newton import Peak, refine_maxima
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import TWO_PI, Search, derivatives, excess, half_bandwidth
@@ -49,8 +55,8 @@ from bdamper.util.tables import Column, Tabular
 NODES = 6
 """Speeds at which the problem is made for one run-up.  Over 10 % to both sides of a crossing of the shipped disk the
 residual of solutions in between is then below 1e-6."""
-BETWEEN = 20
-"""Places for each point of a response curve at which it is read, linear in between."""
+AROUND = 0.1
+"""Range of speeds to both sides of a crossing by default, relative; second maxima of the shipped disk lie up to 9 % up."""
 WITHIN = (50.0, 2000.0)
 """Speeds (rad/s) between which a crossing is looked for if none are given."""
 CLOSE = 1e-3
@@ -265,10 +271,11 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
     crossing_speed, crossing_amplitude : float, rad/s and m
         The peak at fixed speed on the line.
     peak_speed, peak_amplitude : float, rad/s and m
-        The highest point along the line.
+        The highest maximum along the line.
+    passed_speed, passed_amplitude : float, rad/s and m
+        The peak at fixed speed that is passed there, where this maximum of responses meets the line; mostly the crossing.
     excess : float
-        Estimate of the relative difference of the two amplitudes: that of a round peak (:mod:`bdamper.speed.crossing`), or
-        more where the response curve at the speed of the crossing has a plateau beside it.
+        Estimate of the relative difference of these two amplitudes (:mod:`bdamper.speed.crossing`).
     interpolation : float
         Residual that interpolation over speed leaves at the crossing and at the highest point, relative to the excitation:
         both are solutions of the equations at their speeds.
@@ -289,6 +296,8 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
     crossing_amplitude: float
     peak_speed: float
     peak_amplitude: float
+    passed_speed: float
+    passed_amplitude: float
     excess: float
     interpolation: float
     status: str
@@ -306,14 +315,19 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
 
     @property
     def difference(self) -> float:
-        """Amplitude of the highest point over that of the crossing, less one."""
+        """Amplitude of the highest maximum over that of the crossing, less one."""
         return self.peak_amplitude / self.crossing_amplitude - 1.0
 
     @property
     def agrees(self) -> bool:
-        """Whether the two amplitudes differ by the estimate, to 0.1 % or to as much as it is itself."""
-        estimate = float(np.nan_to_num(self.excess))
-        return abs(self.difference - estimate) <= max(1e-3, estimate)
+        """Whether the highest maximum is the peak at fixed speed that it passes, to 0.1 % or to the estimate if that is
+        more."""
+        return abs(self.peak_amplitude / self.passed_amplitude - 1.0) <= max(1e-3, float(np.nan_to_num(self.excess)))
+
+    @property
+    def cut(self) -> bool:
+        """Whether the response is higher at an end of the range than at any maximum in it."""
+        return bool(max(self.amplitude[[0, -1]]) > self.peak_amplitude)
 
     def facts(self) -> tuple[Fact, ...]:
         """The highest point, and the crossing beside it."""
@@ -335,13 +349,21 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
 
     def __str__(self) -> str:
         agrees = "agrees with" if self.agrees else "differs by more than estimated from"
-        return (
-            f"run-up along engine order {self.engine_order}: {self.status}, {len(self)} points\n"
-            f"  highest {self.peak_amplitude:.6g} m at {self.peak_speed:.6g} rad/s ({self.peak_speed * RPM:.0f} rpm)\n"
-            f"  {agrees} the peak at fixed speed, {self.crossing_amplitude:.6g} m at {self.crossing_speed:.6g} rad/s: "
-            f"difference {100.0 * self.difference:.3g} %, estimated {100.0 * self.excess:.3g} %\n"
-            f"  residual of the interpolation over speed {self.interpolation:.1e}; {self.cost}"
-        )
+        above = self.peak_amplitude / self.passed_amplitude - 1.0
+        lines = [
+            f"run-up along engine order {self.engine_order}: {self.status}, {len(self)} points",
+            f"  highest {self.peak_amplitude:.6g} m at {self.peak_speed:.6g} rad/s ({self.peak_speed * RPM:.0f} rpm)",
+            f"  {agrees} the peak at fixed speed, {self.passed_amplitude:.6g} m at {self.passed_speed:.6g} rad/s: "
+            f"difference {100.0 * above:.3g} %, estimated {100.0 * self.excess:.3g} %",
+        ]
+        if abs(self.passed_speed / self.crossing_speed - 1.0) > 1e-6:
+            lines.append(
+                f"  another maximum than that of the crossing, {self.crossing_amplitude:.6g} m at "
+                f"{self.crossing_speed:.6g} rad/s, and {100.0 * self.difference:.3g} % above it"
+            )
+        if self.cut:
+            lines.append("  the response is higher still at an end of the range: give a wider one")
+        return "\n".join([*lines, f"  residual of the interpolation over speed {self.interpolation:.1e}; {self.cost}"])
 
 
 @one_thread
@@ -361,7 +383,7 @@ def run_up(
     problem : Problem
         Of that engine order; its model has bases over speed.
     speeds : (low, high), rad/s, optional
-        Range of the run-up, which holds the crossing; 6 % to both sides of it by default.
+        Range of the run-up, which holds the crossing; 10 % to both sides of it by default.
     mode : int
     within : (low, high), rad/s, optional
         Where the crossing is looked for if no range is given, and what the range does not leave; 50 to 2000 rad/s by
@@ -384,11 +406,12 @@ def run_up(
     asked = speed_values(speeds or within or np.clip(reach, *WITHIN).tolist(), 5)
     meter = CostMeter(time.perf_counter())
     family = SpeedFamily(problem, given)
-    peak = _crossing(family, asked, validate.whole("mode", mode, least=1), meter)
+    search = Search(family, tuple(asked.tolist()), validate.whole("mode", mode, least=1), meter)
+    peak = _crossing(search)
     speed = peak.parameter
     low, high = float(asked[0]), float(asked[-1])
     if not speeds:
-        low, high = max(low, 0.94 * speed), min(high, 1.06 * speed)
+        low, high = max(low, (1.0 - AROUND) * speed), min(high, (1.0 + AROUND) * speed)
     system = RunUpSystem(family, (low, high))
     error = float(np.abs(system.residual(peak.y) * system.row_scale).max())
     if not error <= CLOSE:
@@ -397,15 +420,17 @@ def run_up(
             f"interpolation between {low:.6g} and {high:.6g} rad/s; give a shorter one"
         )
     options = options or FOLLOWING
-    paths, points = _both_ways(system, peak, (low, high), system.order, options)
-    top = _highest(system, [*(p.y for p in refine_maxima(system, points)), *(p.y for p in points)])
+    paths, points = _both_ways(system, peak.y, (system.order * low, system.order * high), options)
+    maxima = [p.y for p in refine_maxima(system, points)] or [p.y for p in points]
+    top = max(maxima, key=system.amplitude)
     there = family.system(float(top[-1]) / system.order)
     error = max(error, float(np.abs(there.residual(top) * there.row_scale).max()))
-    move = derivatives(family, peak)
-    slopes = move.get("slope", np.nan), move.get("frequency_slope", np.nan)
-    fixed = family.system(speed)
-    beside, curve = _both_ways(fixed, peak, (low, high), system.order, options)
+    beside, curve = _both_ways(there, top, (system.order * low, system.order * high), options)
     meter.count(sum(p.iterations for p in (*paths, *beside)), sum(p.failed_steps for p in (*paths, *beside)))
+    nearest = refine_maxima(there, curve, parameter=float(top[-1]) / system.order)
+    passed, _ = search.secant(min(nearest, key=lambda p: abs(p.y[-1] - top[-1]))) if nearest else (None, 0.0)
+    passed = passed or peak
+    move = derivatives(family, passed)
     return RunUp(
         engine_order=system.order,
         speed=np.array([p.y[-1] for p in points]) / system.order,
@@ -417,7 +442,9 @@ def run_up(
         crossing_amplitude=peak.amplitude,
         peak_speed=float(top[-1]) / system.order,
         peak_amplitude=system.amplitude(top),
-        excess=max(float(excess(*slopes, half_bandwidth(peak))), _along_line(fixed, curve, peak, (low, high), *slopes)),
+        passed_speed=passed.parameter,
+        passed_amplitude=passed.amplitude,
+        excess=float(excess(move.get("slope", np.nan), move.get("frequency_slope", np.nan), half_bandwidth(passed))),
         interpolation=error,
         status=_ending(paths),
         cost=meter.read(time.perf_counter()),
@@ -426,52 +453,24 @@ def run_up(
     )
 
 
-def _crossing(family: SpeedFamily[Any], speeds: NDArray, mode: int, meter: CostMeter) -> Peak:
+def _crossing(search: Search) -> Peak:
     """The peak of a mode on the line of the engine order, an error where there is none."""
-    peak, ends = Search(family, tuple(speeds.tolist()), mode, meter).run()
+    peak, (low, high) = search.run()
     if peak is None:
-        jumps = f"; the highest peak jumps over the line between {ends[0]:.6g} and {ends[1]:.6g} rad/s"
+        jumps = f"; the highest peak jumps over the line between {low:.6g} and {high:.6g} rad/s" if np.isfinite(low) else ""
         raise BdamperError(
-            f"run-up: expected a crossing of mode {mode} with engine order {family.whole.engine_order} between "
-            f"{speeds[0]:.6g} and {speeds[-1]:.6g} rad/s, found none" + (jumps if np.isfinite(ends[0]) else "")
+            f"run-up: expected a crossing of mode {search.mode} with engine order {search.order} between "
+            f"{search.speeds[0]:.6g} and {search.speeds[-1]:.6g} rad/s, found none{jumps}"
         )
     return peak
 
 
 def _both_ways(
-    system: HarmonicSystem, peak: Peak, speeds: tuple[float, float], order: int, options: ContinuationOptions
+    system: HarmonicSystem, y: NDArray, limits: tuple[float, float], options: ContinuationOptions
 ) -> tuple[list[Path], list[PathPoint]]:
-    """The paths from a peak to lower and to higher frequencies of an order, and their points in order."""
-    limits = (order * speeds[0], order * speeds[1])
-    paths = [follow(system, peak.y, limits, up=up, options=options) for up in (False, True)]
+    """The paths from a point to lower and to higher frequencies (rad/s), and their points in order."""
+    paths = [follow(system, y, limits, up=up, options=options) for up in (False, True)]
     return paths, [*paths[0].points[::-1], *paths[1].points[1:]]
-
-
-def _along_line(
-    system: HarmonicSystem,
-    curve: list[PathPoint],
-    peak: Peak,
-    speeds: tuple[float, float],
-    slope: float,
-    frequency_slope: float,
-) -> float:
-    """Estimate of the excess of a run-up from the whole response curve at the speed of the crossing.
-
-    A curve that keeps its shape and moves with the peak has at a speed ``Omega`` on the line the point of frequency ratio
-    ``rho = (Omega/Omega*)^(1 - p)`` to the peak, ``rho^(s/(1 - p))`` times as high.
-    """
-    ratio = np.array([p.y[-1] for p in curve]) / peak.y[-1]
-    height = np.array([amplitude_at(system, p.y) for p in curve]) / peak.amplitude
-    along = np.linspace(0.0, len(curve) - 1.0, BETWEEN * len(curve))  # points of the curve are far apart on a plateau
-    ratio, height = (np.interp(along, np.arange(len(curve)), values) for values in (ratio, height))
-    low, high = (np.array(speeds) / peak.parameter) ** (1.0 - frequency_slope)
-    risen = height * ratio ** (slope / (1.0 - frequency_slope))
-    return float(risen[(ratio >= low) & (ratio <= high)].max(initial=1.0) - 1.0)
-
-
-def _highest(system: RunUpSystem, points: list[NDArray]) -> NDArray:
-    """The first of the highest of some points."""
-    return max(points, key=system.amplitude)
 
 
 def _ending(paths: list[Path]) -> str:
