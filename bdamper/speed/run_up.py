@@ -425,11 +425,9 @@ def run_up(
     top = max(maxima, key=system.amplitude)
     there = family.system(float(top[-1]) / system.order)
     error = max(error, float(np.abs(there.residual(top) * there.row_scale).max()))
-    beside, curve = _both_ways(there, top, (system.order * low, system.order * high), options)
-    meter.count(sum(p.iterations for p in (*paths, *beside)), sum(p.failed_steps for p in (*paths, *beside)))
-    nearest = refine_maxima(there, curve, parameter=float(top[-1]) / system.order)
-    passed, _ = search.secant(min(nearest, key=lambda p: abs(p.y[-1] - top[-1]))) if nearest else (None, 0.0)
+    passed, beside = _passed(search, there, top, (low, high), options)
     passed = passed or peak
+    meter.count(sum(p.iterations for p in (*paths, *beside)), sum(p.failed_steps for p in (*paths, *beside)))
     move = derivatives(family, passed)
     return RunUp(
         engine_order=system.order,
@@ -463,6 +461,15 @@ def _crossing(search: Search) -> Peak:
             f"{search.speeds[0]:.6g} and {search.speeds[-1]:.6g} rad/s, found none{jumps}"
         )
     return peak
+
+
+def _passed(
+    search: Search, there: HarmonicSystem, top: NDArray, speeds: tuple[float, float], options: ContinuationOptions
+) -> tuple[Peak | None, list[Path]]:
+    """The peak at fixed speed that a run-up passes at its highest maximum, and the paths at that speed to its nearest one."""
+    paths, curve = _both_ways(there, top, (search.order * speeds[0], search.order * speeds[1]), options)
+    maxima = refine_maxima(there, curve, parameter=float(top[-1]) / search.order)
+    return search.secant(min(maxima, key=lambda p: abs(p.y[-1] - top[-1])))[0] if maxima else None, paths
 
 
 def _both_ways(
