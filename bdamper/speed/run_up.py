@@ -466,7 +466,7 @@ def _crossing(search: Search) -> Peak:
 def _passed(
     search: Search, there: HarmonicSystem, top: NDArray, speeds: tuple[float, float], options: ContinuationOptions
 ) -> tuple[Peak | None, list[Path]]:
-    """The peak at fixed speed that a run-up passes at its highest maximum, and the paths at that speed to its nearest one."""
+    """The peak at fixed speed that a run-up passes at its highest point, and the paths at its speed to the nearest one."""
     paths, curve = _both_ways(there, top, (search.order * speeds[0], search.order * speeds[1]), options)
     maxima = refine_maxima(there, curve, parameter=float(top[-1]) / search.order)
     return search.secant(min(maxima, key=lambda p: abs(p.y[-1] - top[-1])))[0] if maxima else None, paths
