@@ -421,12 +421,10 @@ def run_up(
         )
     options = options or FOLLOWING
     paths, points = _both_ways(system, peak.y, (system.order * low, system.order * high), options)
-    maxima = [p.y for p in refine_maxima(system, points)] or [p.y for p in points]
-    top = max(maxima, key=system.amplitude)
+    top = max([p.y for p in refine_maxima(system, points)] or [p.y for p in points], key=system.amplitude)
     there = family.system(float(top[-1]) / system.order)
     error = max(error, float(np.abs(there.residual(top) * there.row_scale).max()))
-    passed, beside = _passed(search, there, top, (low, high), options)
-    passed = passed or peak
+    passed, beside = _passed(search, peak, there, top, (low, high), options)
     meter.count(sum(p.iterations for p in (*paths, *beside)), sum(p.failed_steps for p in (*paths, *beside)))
     move = derivatives(family, passed)
     return RunUp(
@@ -464,12 +462,17 @@ def _crossing(search: Search) -> Peak:
 
 
 def _passed(
-    search: Search, there: HarmonicSystem, top: NDArray, speeds: tuple[float, float], options: ContinuationOptions
-) -> tuple[Peak | None, list[Path]]:
-    """The peak at fixed speed that a run-up passes at its highest point, and the paths at its speed to the nearest one."""
+    search: Search, crossing: Peak, there: HarmonicSystem, top: NDArray, speeds: tuple[float, float],
+    options: ContinuationOptions,
+) -> tuple[Peak, list[Path]]:  # fmt: skip
+    """The peak at fixed speed that a run-up passes at its highest point, and the paths at its speed to the nearest one.
+
+    The crossing where no other is found.
+    """
     paths, curve = _both_ways(there, top, (search.order * speeds[0], search.order * speeds[1]), options)
     maxima = refine_maxima(there, curve, parameter=float(top[-1]) / search.order)
-    return search.secant(min(maxima, key=lambda p: abs(p.y[-1] - top[-1])))[0] if maxima else None, paths
+    nearest = min(maxima, key=lambda p: abs(p.y[-1] - top[-1]), default=crossing)
+    return search.secant(nearest)[0] or crossing, paths
 
 
 def _both_ways(
