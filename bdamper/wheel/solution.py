@@ -48,6 +48,7 @@ class Solver:
     def __init__(self, system: WheelSystem, ease: Ease = PLAIN) -> None:
         self.system, self.ease = system, ease
         self.damped: NDArray | None = None
+        self.hard = False
 
     def at(self, omega: float, X: NDArray, tolerance: float, content: float = 0.0) -> Corrected | None:
         """The solution at a frequency (rad/s) to which a start leads, or None if none was found.
@@ -60,9 +61,10 @@ class Solver:
             Of :func:`~bdamper.wheel.newton.correct`.
         """
         system, ease = self.system, self.ease
-        found = correct(system, X, omega, ease=ease, tolerance=tolerance, most=4, line_search=True, content=content)
-        if found.converged:
-            return found
+        if not self.hard:
+            found = correct(system, X, omega, ease=ease, tolerance=tolerance, most=4, line_search=True, content=content)
+            if found.converged:
+                return found
         still = np.zeros_like(X)
         still[:, 0, system.structure.n :] = system.home
         still[system.still] = 0.0
@@ -84,6 +86,8 @@ class Solver:
             eased = replace(self.ease, damping=lower)
             new = near(self.system, found.X, found.omega, eased, tolerance, EASY if lower else content)
             if new.converged:
+                # where damping was needed it is at the next frequency, too, unless its last two steps are done at once
+                self.hard = lower > 0.0 or new.iterations + found.iterations > 2
                 found, damping, ratio = new, lower, max(ratio**1.5, 0.05)
             else:
                 ratio = ratio**0.4
