@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossings import RPM, Crossings, SpeedLine, speed_values
+from bdamper.speed.crossings import RPM, Crossings, OverSpeed, SpeedLine, speed_values
 from bdamper.speed.family import SpeedFamily, free_and_stuck
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -32,7 +32,7 @@ from bdamper.util.tables import Column, Tabular
 
 @brief
 @dataclass(frozen=True)
-class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
+class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell"):
     """Frequencies over rotor speed.
 
     ``plot`` draws the Campbell diagram (:func:`bdamper.plot.plot_campbell`), ``plot_safe`` the interference diagram at one
@@ -73,11 +73,6 @@ class Campbell(Plottable, Tabular, Storable, kind="bdamper-campbell"):
     notes: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
-
-    @property
-    def rpm(self) -> NDArray:
-        """(n,) float: speeds in revolutions per minute."""
-        return self.speed * RPM
 
     def met_by(self, engine_order: int) -> int:
         """Nodal diameter that an engine order excites."""

@@ -109,6 +109,11 @@ class Search:
             if not found.whole:
                 above = f"; {found.above}" if found.above is not None else ""
                 self.warnings.append(f"scan at {omega:.6g} rad/s {found.ending}{above}")
+            if found.whole and not found.peaks:
+                self.warnings.append(
+                    f"the response at {omega:.6g} rad/s has no maximum between {limits[0]:.5g} and {limits[1]:.5g} Hz: "
+                    f"does the excitation move mode {self.mode}, and does the response location?"
+                )
             if found.rattles:
                 self.warnings.append(f"{NO_STEADY} is expected at {omega:.6g} rad/s: {found.rattles}")
             self.scanned[omega] = replace(found.peaks[0], parameter=omega) if found.peaks else None

@@ -34,6 +34,20 @@ RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
 
 
+class OverSpeed:
+    """What results over rotor speed have in common."""
+
+    speed: NDArray
+
+    def __len__(self) -> int:
+        return len(self.speed)
+
+    @property
+    def rpm(self) -> NDArray:
+        """(n,) float: speeds in revolutions per minute."""
+        return self.speed * RPM
+
+
 @brief
 @dataclass(frozen=True)
 class SpeedLine:
@@ -59,7 +73,7 @@ class SpeedLine:
 
 @brief
 @dataclass(frozen=True)
-class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings"):
+class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings"):
     """Where the highest resonance of a mode lies on the lines of engine orders.
 
     ``plot`` draws amplitude over speed for each mass of the damper (:func:`bdamper.plot.plot_crossings`).  The peak is that
@@ -135,14 +149,6 @@ class Crossings(Plottable, Comparable, Tabular, Storable, kind="bdamper-crossing
     notes: tuple[str, ...] = ()
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
-
-    def __len__(self) -> int:
-        return len(self.speed)
-
-    @property
-    def rpm(self) -> NDArray:
-        """(n,) float: speeds in revolutions per minute."""
-        return self.speed * RPM
 
     @property
     def found(self) -> NDArray:

@@ -40,7 +40,7 @@ from bdamper.peaks.newton import Peak, refine_maxima
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import TWO_PI, Search, derivatives, excess, half_bandwidth
-from bdamper.speed.crossings import RPM, speed_values
+from bdamper.speed.crossings import RPM, OverSpeed, speed_values
 from bdamper.speed.family import SpeedFamily
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -252,7 +252,7 @@ def _solve(B: NDArray, right: NDArray) -> tuple[NDArray, int]:
 
 @brief
 @dataclass(frozen=True)
-class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
+class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
     """Response along the line of an engine order.
 
     ``plot`` draws amplitude over speed (:func:`bdamper.plot.plot_run_up`).
@@ -304,14 +304,6 @@ class RunUp(Plottable, Comparable, Tabular, Storable, kind="bdamper-run-up"):
     cost: Cost
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
-
-    def __len__(self) -> int:
-        return len(self.speed)
-
-    @property
-    def rpm(self) -> NDArray:
-        """(n,) float: speeds in revolutions per minute."""
-        return self.speed * RPM
 
     @property
     def difference(self) -> float:

@@ -84,9 +84,9 @@ def full_response(fe, model, study, peak):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("stored", "allowed"), [(10, 4e-3), (20, 2e-3)])
+@pytest.mark.parametrize(("stored", "allowed"), [(10, 4e-3), (16, 1.5e-3), (20, 1e-3)])
 def test_stuck_stress_is_that_of_the_whole_finite_element_model(fe, model, rows, stored, allowed):
-    """A study with ten modes: at most 0.31 % off if the model has no more, 0.05 % if it has twenty."""
+    """A study with ten modes: at most 0.31 % off if the model has no more, 0.11 % if it has sixteen, 0.06 with twenty."""
     own = with_modes(model, stored) if stored < 20 else model
     study = study_of(own, friction_law="bonded", constraints=False)
     peak = study.peak(PRELOAD)

@@ -1,5 +1,6 @@
 """Crossings over rotor speed, the run-up along a line, and both against each other."""
 
+import re
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.peaks.scan import Scan
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.variation import vary
+from bdamper.speed import crossing
 from bdamper.speed.crossing import Search
 from bdamper.speed.family import SpeedFamily
 from bdamper.speed.run_up import PARTS, TERMS, RunUpSystem
@@ -179,6 +182,15 @@ def test_nodal_diameters_without_data_over_speed_are_told():
 def test_tables_are_asked_where_they_reach(study):
     with pytest.raises(bd.BdamperError, match="expected a crossing of mode 1 with engine order 5 between 300 and 400"):
         study.run_up(friction={300.0: 0.3, 400.0: 0.3})
+
+
+def test_a_mode_without_a_peak_is_told(study, monkeypatch):
+    """Where an excitation hardly moves a mode, the response beside that of others has no maximum."""
+    bare = Scan((), "complete", np.zeros((0, 1)))
+    monkeypatch.setattr(crossing, "scan", lambda *a, **b: bare)
+    found = study.crossings((400.0, 500.0), [5])
+    assert found.kind == ("not found",) and not found.complete
+    assert re.search("no maximum between .* Hz: does the excitation move mode 1", found.warnings[0]), str(found)
 
 
 def test_no_crossing_in_the_range(study):
