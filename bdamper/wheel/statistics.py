@@ -164,7 +164,7 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         expected = f"at least {FEWEST_IN_TAIL} different values in the tail"
         raise SettingError(f"tail: expected {expected}, found {len(np.unique(x))} of {n}")
     below, low, top = n - len(x), x[0], x[-1]
-    unit, tail = top - low, scipy.stats.weibull_max
+    unit, law = top - low, scipy.stats.weibull_max
 
     def parameters(p: NDArray) -> tuple[float, float, float]:
         """Shape, bound, and the scale that is most likely with them, in closed form."""
@@ -177,11 +177,11 @@ def weibull_tail(values: NDArray, tail: float = 0.5) -> WeibullTail:
         if np.abs(p).max() > 12.0:  # there is nothing more to tell
             return np.inf
         k, b, s = parameters(p)
-        return -float(tail.logpdf(x, k, b, s).sum() + below * tail.logcdf(low, k, b, s))
+        return -float(law.logpdf(x, k, b, s).sum() + below * law.logcdf(low, k, b, s))
 
     starts = [np.array([np.log(k), np.log(0.3 * k)]) for k in (1.0, 3.0, 7.0)]
     fine = {"maxiter": 4000, "xatol": 1e-6, "fatol": 1e-8}
     found = [scipy.optimize.minimize(misfit, p, method="Nelder-Mead", options=fine) for p in starts]
     k, b, s = parameters(min(found, key=lambda one: one.fun).x)
-    distance = np.abs(tail.cdf(x, k, b, s) - probability[below:]).max()
+    distance = np.abs(law.cdf(x, k, b, s) - probability[below:]).max()
     return WeibullTail(k, b, s, float(low), n, len(x), float(distance))
