@@ -82,3 +82,35 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     width, ease = 2.0 * np.pi * module.band(wheel, preload)[2], Ease(springs=top.springs)
     again = module.climb(wheel, system, top.unknowns, 2.0 * np.pi * top.frequency, top.blade, width, ease)
     assert np.abs(wheel.response(again.X)[:, 1]).max() == pytest.approx(top.amplitude, rel=1e-5)
+
+
+def test_the_peak_that_may_be_the_highest_is_freed_next(monkeypatch):
+    heights, asked = {0: (7.0, 8.0), 1: (10.0, 6.0), 2: (8.0, 9.5), 3: (3.0, 20.0)}, []
+
+    def weakened(_, peak):
+        asked.append(peak.blade)
+        return module._Climbed(None, peak.blade, (1.0, 0.0), heights[peak.blade])
+
+    monkeypatch.setattr(module._Climbs, "_weakened", weakened)
+    held = [module._Climbed(None, blade, (1.0,), height[:1]) for blade, height in heights.items()]
+    freed = module._Climbs(None, None, 0.0, (0.0, 0.0)).freed(held)
+    assert asked == [1, 2, 0]  # freeing has changed another by two thirds; that does not lift the last one to the top
+    assert [peak.height for peak in freed] == [8.0, 6.0, 9.5, 3.0]
+
+
+def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
+    seen, own = [], module._Climbs.freed
+
+    def freed(self, peaks):
+        seen.extend(own(self, peaks))
+        return seen
+
+    monkeypatch.setattr(module._Climbs, "freed", freed)
+    options = module.WheelPeakOptions(least=12, most=12, climbs=2)
+    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(500.0, options=options)
+    highest = max(seen, key=lambda peak: peak.height)
+    assert top.converged and top.error == 0.0 and top.held_amplitude == max(peak.heights[0] for peak in seen)
+    assert highest.heights[1] > 1.1 * top.amplitude  # springs of a tenth
+    for n in range(2, len(highest.heights)):
+        part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
+        assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.5
