@@ -113,4 +113,4 @@ def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
     assert highest.heights[1] > 1.1 * top.amplitude  # springs of a tenth
     for n in range(2, len(highest.heights)):
         part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
-        assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.5
+        assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.6
