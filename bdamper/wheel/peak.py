@@ -43,6 +43,9 @@ WEAKER = (1e-1, 1e-2, 1e-3, 0.0)
 ERROR = (0.0, 0.06), (2e-3, 0.13), (2e-2, 0.2)
 """Largest change of an amplitude between springs above the first number and free dampers (module's docstring); what weaker
 springs have changed already says little of what comes, but no less is promised."""
+NEARLY = 0.9
+"""With 13 blades of the shipped disk, 500 N, two blades are 0.3 % apart at a point of the sweep, and the second has
+the highest peak, 2.5 % above that of the first."""
 HALF = 10.0**-0.5
 """Of the springs, where the next ones lead to no peak at once."""
 
@@ -104,7 +107,7 @@ class WheelPeakOptions:
     """
 
     spacing: float = 1.0
-    climbs: int = 3
+    climbs: int = 4
     loose: float = 0.05
     least: int = 30
     most: int = 300
@@ -258,18 +261,23 @@ def _gap(omega: NDArray, swept: list[Corrected | None]) -> tuple[float, float] |
 
 
 def _candidates(wheel: Any, swept: list[Corrected | None], n: int) -> list[tuple[Corrected, int]]:
-    """Highest local maxima of single blades on the sweep, one for each frequency or blade; ends of gaps count, too."""
+    """Highest local maxima of single blades on the sweep, of different blades or frequencies; ends of gaps count, too.
+
+    Another blade at the same frequency counts only if it is nearly as high (``NEARLY``).
+    """
     none = np.full(wheel.n_blades, -np.inf)
     height = np.array([none if found is None else np.abs(wheel.response(found.X)[:, 1]) for found in swept])
     padded = np.pad(height, ((1, 1), (0, 0)), constant_values=-np.inf)
     maxima = np.argwhere((height >= padded[:-2]) & (height >= padded[2:]) & np.isfinite(height))
     out: list[tuple[Corrected, int]] = []
-    taken: list[int] = []
+    taken: list[tuple[int, int]] = []
     for i, k in maxima[np.argsort(-height[tuple(maxima.T)])]:
         found = swept[i]
-        if found is None or any(abs(i - j) <= 1 for j in taken):
+        if found is None or any(
+            abs(i - j) <= 1 and (k == other or height[i, k] < NEARLY * height[j, other]) for j, other in taken
+        ):
             continue
-        taken.append(i)
+        taken.append((i, k))
         out.append((found, int(k)))
         if len(out) == n:
             break
