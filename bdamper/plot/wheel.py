@@ -230,6 +230,8 @@ def plot_sample(
                     ax.fill_between(x, low[:, j], high[:, j], where=known, color=colour, alpha=0.15, linewidth=0.0)
         for k, q in enumerate(bands):
             ax.plot([], [], color="0.3", linestyle=styles[k - len(bands)], label=f"{q:g} % of wheels")
+        if sample.held:
+            ax.plot([], [], " ", label=f"dampers held: {100.0 * sample.held:.0f} % of peaks")
         ax.set(xlabel="Standard deviation of blade frequencies (%)", ylabel=_FACTOR)
     return ax
 
@@ -334,13 +336,19 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
     Returns
     -------
     matplotlib axes
-        Preloads without a peak are crosses at the lower edge.
+        Preloads without a peak are crosses at the lower edge; peaks with dampers held are open circles with their error.
     """
     order = np.argsort(curve.preload)
     x, best = curve.preload[order], curve.best
     lost = ~np.isfinite(curve.amplitude[order])
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")
+        held = (curve.springs > 0.0) & np.isfinite(curve.amplitude)
+        if held.any():
+            height = curve.amplitude[held]
+            style: dict[str, Any] = {"markersize": 5.0, "markerfacecolor": "w", "color": "0.1", "elinewidth": 0.6}
+            error = np.minimum(curve.error[held], 0.9) * height
+            ax.errorbar(curve.preload[held], height, error, fmt="o", **style, label="dampers held, with error")
         ax.plot(x, curve.tuned_amplitude[order], color="0.4", linestyle=DASHED, label="tuned")
         ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
         tuned = int(np.nanargmin(curve.tuned_amplitude))

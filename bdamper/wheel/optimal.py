@@ -39,6 +39,9 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
     status, reason : tuple of str
         Of each preload.
     residual : (n,) float
+    springs, error : (n,) float
+        On the mean of dampers, 0 where they are free, and the error of the amplitude that they leave
+        (:class:`~bdamper.wheel.results.WheelPeak`).
     """
 
     preload: NDArray
@@ -49,6 +52,8 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
     status: tuple[str, ...]
     reason: tuple[str, ...]
     residual: NDArray
+    springs: NDArray
+    error: NDArray
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -75,6 +80,8 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
             "tuned_amplitude": Column(self.tuned_amplitude, "m"),
             "status": Column(np.array(self.status)),
             "residual": Column(self.residual),
+            "springs": Column(self.springs),
+            "error": Column(self.error),
         }
 
     def facts(self) -> tuple[Fact, ...]:
@@ -122,6 +129,8 @@ def optimal_curve(wheel: Any, preloads: Sequence[float], *, options: WheelPeakOp
         status=tuple(p.status for p in found),
         reason=tuple(p.reason for p in found),
         residual=np.array([p.residual for p in found]),
+        springs=np.array([p.springs for p in found]),
+        error=np.array([p.error for p in found]),
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         cost=Cost(
             seconds=time.perf_counter() - watch[0],

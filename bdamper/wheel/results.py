@@ -56,6 +56,8 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     preload : float, N
     status, reason : str
         "complete" if the curve leads from one end of the interval to the other.
+    springs : float
+        On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     """
 
     frequency: NDArray
@@ -66,6 +68,7 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     preload: float
     status: str
     reason: str
+    springs: float = 0.0
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -119,7 +122,8 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
 
     def facts(self) -> tuple[Fact, ...]:
         """What the curve is of and where it is highest."""
-        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points")
+        held = f", dampers held by {self.springs:g} of their stuck stiffness" if self.springs else ""
+        head = Fact("preload", self.preload, "N"), Fact("curve of a wheel", f"{self.status}, {len(self)} points{held}")
         if not len(self):
             return (*head, Fact("reason", self.reason))
         i, blade = self.highest
@@ -241,6 +245,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
             Fact("preload", self.preload, "N"),
             Fact("peak of a wheel", f"{self.status}: {self.reason}"),
             Fact("highest amplitude", self.amplitude, "m"),
+            *([Fact("error by dampers held", 100.0 * self.error, "%")] if self.springs else []),
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
             Fact("amplification factor", self.amplification),

@@ -215,6 +215,12 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """(n_wheels, n_deviations, n_preloads) amplitude over that of the tuned wheel at the same preload."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
+    @property
+    def held(self) -> float:
+        """Share of the peaks that were found only with springs on the mean of dampers."""
+        known = self.springs[np.isfinite(self.springs)]
+        return float(np.mean(known > 0.0)) if len(known) else 0.0
+
     def percentile(self, q: float, quantity: str = "amplification", confidence: float = 0.95) -> NDArray:
         """(3, n_deviations, n_preloads): lower end, estimate, upper end of a percentile over the wheels.
 

@@ -166,6 +166,7 @@ def track(
         residual=np.array([r[3] for r in records]),
         point_kind=tuple(r[4] for r in records),
         preload=float(preload),
+        springs=springs,
         status=status,
         reason=reason,
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),

@@ -180,10 +180,11 @@ def _sector_blocks(at: Linearised) -> tuple[NDArray, NDArray]:
         if l == 0:
             first[:, c, y, c, y] += at.springs
         elif c % 2:
-            first[:, c, :n, c + 1, :n] += w * damping
-            first[:, c + 1, :n, c, :n] -= w * damping
-            first[:, c, y, c + 1, y] += w * s.damper_damping
-            first[:, c + 1, y, c, y] -= w * s.damper_damping
+            own, damper = w * (damping + at.lost * mass), w * (s.damper_damping + at.lost * s.damper_mass)
+            first[:, c, :n, c + 1, :n] += own
+            first[:, c + 1, :n, c, :n] -= own
+            first[:, c, y, c + 1, y] += damper
+            first[:, c + 1, y, c, y] -= damper
     if system.still.any():
         flat = first.reshape(N, nc * ns, nc * ns)
         sector, place = np.nonzero(system.still.reshape(N, -1))
