@@ -55,10 +55,14 @@ def test_a_held_peak_solves_the_equations_with_its_springs():
     assert system.size(system.residual(top.unknowns, omega)) > 1e-6
 
 
-def test_a_held_peak_has_facts_and_a_picture():
-    top = Wheel(study(), PATTERN).peak(300.0, options=module.WheelPeakOptions(least=12, most=12, climbs=2))
-    assert "highest amplitude" in [fact.name for fact in top.facts()]
+def test_held_peaks_have_facts_and_pictures():
+    wheel, options = Wheel(study(), PATTERN), module.WheelPeakOptions(least=12, most=12, climbs=2)
+    top = wheel.peak(300.0, options=options)
+    assert {"highest amplitude", "error by dampers held"} <= {fact.name for fact in top.facts()}
     top.plot()
+    curve = wheel.optimal_curve([300.0, 2000.0], options=options)
+    assert curve.status == ("held", "converged") and list(curve.error > 0.0) == [True, False]
+    assert "dampers held, with error" in [text.get_text() for text in curve.plot().get_legend().get_texts()]
 
 
 @pytest.mark.parametrize("name", ["correct", "_tangent"])

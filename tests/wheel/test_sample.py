@@ -152,6 +152,8 @@ def test_files_and_tables(study, quick, tmp_path):
     assert same(one, again) and str(one) == str(again)
     one.to_csv(tmp_path / "sample.csv")
     assert len((tmp_path / "sample.csv").read_text().splitlines()) == 8 * 6 + 5
+    labels = [text.get_text() for text in one.plot().get_legend().get_texts()]
+    assert one.held == 1.0 and "dampers held: 100 % of peaks" in labels
 
 
 def test_killed_at_random_moments_and_resumed(study, quick, tmp_path):
