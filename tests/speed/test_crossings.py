@@ -74,11 +74,14 @@ def test_where_faces_open_a_run_up_passes_a_second_maximum(mass, above):
     """It meets the line at a higher speed, under more load, and is higher than the crossing of the highest peak."""
     shipped = bd.reference_model("bladed_disk", 9)
     study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3, harmonics=1)
-    run = vary(study, {"damper_mass": mass}).run_up(within=(400.0, 600.0))
+    study = vary(study, {"damper_mass": mass})
+    found = study.crossings((400.0, 600.0), [5])
+    run = study.run_up(within=(400.0, 600.0))
     assert run.agrees and run.interpolation < 1e-5, str(run)
     assert run.difference == pytest.approx(above, abs=1e-3), "of another maximum"
     assert run.passed_speed > 1.005 * run.crossing_speed and "another maximum than that of the crossing" in str(run)
     assert not replace(run, passed_amplitude=run.crossing_amplitude).agrees
+    assert f"another maximum of the response is higher on the line, {run.passed_amplitude:.6g} m" in found.warnings[0]
 
 
 def test_a_range_that_ends_on_a_plateau_is_told(study):
