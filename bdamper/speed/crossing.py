@@ -50,8 +50,8 @@ USUAL_SLOPE = 0.25
 APART = 2e-3
 """Least distance, relative to the speed, of peaks from which others are predicted."""
 NEARLY = 0.8
-"""Height, relative to the peak at a crossing, from which other maxima there are followed to the line, too: on the shipped disk
-(nine scenes, 20 and 60 N) four of 0.94 to 0.99 are 1.2 to 12 % higher there.  It takes a tenth of the time, at most a third."""
+"""Height, relative to the peak at a crossing, from which other maxima there are followed to the line, too: on the shipped
+disk (nine scenes, 20 and 60 N) four of 0.94 to 0.99 are 1.2 to 12 % higher there.  A tenth of the time, at most a third."""
 BESIDE = 0.05
 """Relative, by which a crossing may lie beyond those of the free and the stuck resonance."""
 TWO_PI = 2.0 * np.pi
