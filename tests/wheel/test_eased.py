@@ -88,8 +88,15 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     assert np.abs(wheel.response(again.X)[:, 1]).max() == pytest.approx(top.amplitude, rel=1e-5)
 
 
-def test_the_peak_that_may_be_the_highest_is_freed_next(monkeypatch):
-    heights, asked = {0: (7.0, 8.0), 1: (10.0, 6.0), 2: (8.0, 9.5), 3: (3.0, 20.0)}, []
+@pytest.mark.parametrize(
+    ("heights", "order"),
+    [  # freeing has changed another by two thirds, which does not lift the last one to the top; or has changed none yet
+        ({0: (7.0, 8.0), 1: (10.0, 6.0), 2: (8.0, 9.5), 3: (3.0, 20.0)}, [1, 2, 0]),
+        ({0: (9.5, 10.5), 1: (10.0, 10.0), 2: (9.3, 20.0)}, [1, 0]),
+    ],
+)
+def test_the_peak_that_may_be_the_highest_is_freed_next(monkeypatch, heights, order):
+    asked = []
 
     def weakened(_, peak):
         asked.append(peak.blade)
@@ -98,8 +105,8 @@ def test_the_peak_that_may_be_the_highest_is_freed_next(monkeypatch):
     monkeypatch.setattr(module._Climbs, "_weakened", weakened)
     held = [module._Climbed(None, blade, (1.0,), height[:1]) for blade, height in heights.items()]
     freed = module._Climbs(None, None, 0.0, (0.0, 0.0)).freed(held)
-    assert asked == [1, 2, 0]  # freeing has changed another by two thirds; that does not lift the last one to the top
-    assert [peak.height for peak in freed] == [8.0, 6.0, 9.5, 3.0]
+    assert asked == order
+    assert [peak.height for peak in freed] == [height[blade in order] for blade, height in heights.items()]
 
 
 def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
