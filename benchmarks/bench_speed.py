@@ -14,7 +14,7 @@ from bdamper.model.model import Model
 
 ORDERS = tuple(range(3, 11))
 MASSES = (0.7, 1.0, 1.4)
-SPEEDS = (170.0, 1000.0)
+SPEEDS = (170.0, 1020.0)
 SHARE = 400.0
 """Preload of the damper of nominal mass over the excitation."""
 
