@@ -277,8 +277,8 @@ class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-r
     passed_speed, passed_amplitude : float, rad/s and m
         The peak at fixed speed that is passed there, where this maximum of responses meets the line; mostly the crossing.
     excess : float
-        Estimate of the relative difference of these two amplitudes: that of a round peak (:mod:`bdamper.speed.crossing`), or
-        where it is more, that of the response curve at the speed of the peak, which may have a shoulder.
+        Estimate of the relative difference of these two amplitudes: that of a round peak (:mod:`bdamper.speed.crossing`),
+        or where it is more, that of the response curve at the speed of the peak, which may have a shoulder.
     interpolation : float
         Residual that interpolation over speed leaves at the crossing and at the highest point, relative to the excitation:
         both are solutions of the equations at their speeds.
@@ -315,8 +315,8 @@ class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-r
 
     @property
     def agrees(self) -> bool:
-        """Whether the highest maximum is the peak at fixed speed that it passes: not lower, to 0.1 %, and not higher than by
-        that or by the estimate."""
+        """Whether the highest maximum is the peak at fixed speed that it passes: not lower, to 0.1 %, and not higher than
+        by that or by the estimate."""
         above = self.peak_amplitude / self.passed_amplitude - 1.0
         return -1e-3 <= above <= max(1e-3, float(np.nan_to_num(self.excess)))
 
