@@ -8,7 +8,8 @@
 typedef struct {
     int n_sector, n_harm;
     int n_blade, n_damper;       /* coordinates of a sector */
-    int n_kept;                  /* the last of a blade, which the disk couples to neighbours */
+    int n_kept;                  /* the last of a blade, which the disk couples to neighbours here */
+    int n_root;                  /* the last of a blade, which the disk couples at all */
     int n_point[2];              /* points of a sector on its own blade, and on the next one */
     const double *rows[2];       /* (n_point, 3, n_blade + n_damper) motion (u1, u2, v); copied */
     const unsigned char *active; /* (n_coef) coefficients that are unknowns; copied */
@@ -26,12 +27,13 @@ typedef struct {
 } bd_wheel_matrix;
 
 typedef struct {
-    int n_sector, n_coef, n_blade, n_damper, n_kept, n_point[2];
-    int size, n_own, n_ring,
-        n_side; /* coordinates of a sector; unknowns eliminated in it, left of it, of those of a damper */
+    int n_sector, n_coef, n_blade, n_damper, n_kept, n_root, n_point[2];
+    int size, n_own, n_less, n_ring,
+        n_side; /* coordinates of a sector; unknowns eliminated in it, of those of the root, left of it, of a damper */
     double *rows[2];
     unsigned char *active, *pinned;
     double *inverse, *back, *couple;                         /* (n_sector) of (own, own), (own, seen), (seen, own) */
+    double *less, *into, *from;                              /* of (less, less), (seen, less), (less, seen) */
     double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
     double *left, *right, *Z, *columns, *seen, *work;        /* work */
     int *pivot;
@@ -46,5 +48,8 @@ bd_status bd_wheel_factor(bd_wheel *wheel, const bd_wheel_matrix *matrix);
 
 /* x of the right-hand side r, both (n_sector, n_coef, n_blade + n_damper), after bd_wheel_factor. */
 void bd_wheel_solve(bd_wheel *wheel, const double *r, double *x);
+
+/* The same for a right-hand side on root shapes alone, of which only those of x are wanted: (n_sector, n_coef, n_root). */
+void bd_wheel_root(bd_wheel *wheel, const double *r, double *x);
 
 #endif

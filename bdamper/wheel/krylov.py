@@ -1,4 +1,4 @@
-"""Iterative solution of linear equations with a good approximate inverse: GMRES, preconditioned from the left."""
+"""Iterative solution of linear equations whose matrix is near the identity: GMRES."""
 
 from __future__ import annotations
 
@@ -10,19 +10,16 @@ from numpy.typing import NDArray
 Operator = Callable[[NDArray], NDArray]
 
 
-def gmres(
-    product: Operator, inverse: Operator, b: NDArray, tolerance: float, most: int = 60
-) -> tuple[NDArray, int, float]:
-    """Solve ``A x = b`` with ``B A`` near the identity.
+def gmres(product: Operator, b: NDArray, tolerance: float, most: int = 60) -> tuple[NDArray, int, float]:
+    """Solve ``A x = b``.
 
     Parameters
     ----------
-    product, inverse : callable
-        ``A x`` and ``B r``, linear.
+    product : callable
+        ``A x``, linear.
     b : (n,) float
     tolerance : float
-        On the norm of ``B (b - A x)``, nearly the error of the solution, relative to that of ``B b``.  The residual itself
-        says little: contacts are stiff, and blades at resonance soft.
+        On the norm of ``b - A x``, relative to that of ``b``.
     most : int
         Iterations.
 
@@ -33,7 +30,6 @@ def gmres(
     residual : float
         Relative; above ``tolerance`` where the iterations were used up.
     """
-    b = inverse(b)
     norm = float(np.sqrt(b @ b))
     if norm == 0.0:
         return np.zeros_like(b), 0, 0.0
@@ -42,7 +38,7 @@ def gmres(
     cosine, sine, g = np.zeros(most), np.zeros(most), np.zeros(most + 1)
     V[0], g[0], k = b / norm, norm, 0
     while k < most:
-        w = inverse(product(V[k]))
+        w = product(V[k])
         for _ in range(2):  # orthogonal to rounding
             h = V[: k + 1] @ w
             w -= h @ V[: k + 1]

@@ -28,11 +28,11 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.wheel.newton import Corrected, correct, solved
+from bdamper.wheel.newton import Corrected, correct, size_of, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.solution import SPRINGS, Solver
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
-from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of, size_of
+from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of
 
 PLACE = 3e-4
 """Place of a peak along the curve, relative to the vibration: its amplitude is off by some 1e-7 then."""

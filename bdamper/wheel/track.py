@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
-from bdamper.wheel.newton import Corrected, correct, solved, walked
+from bdamper.wheel.newton import Corrected, correct, size_of, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.solution import Solver
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
@@ -51,7 +51,7 @@ class Path:
 
     def set_off(self, first: Corrected, up: bool) -> None:
         """First point, and one before it along the tangent."""
-        inverse = first.inverse or first.at.inverse()
+        inverse = first.at.inverse()
         aside, _, _ = solved(first.at, inverse, None, 1e-4, (-first.at.by_omega, 0.0))
         back = (-1e-3 if up else 1e-3) * (self.limits[1] - self.limits[0])
         self.points = [(first.X + back * aside, first.omega + back), (first.X, first.omega)]
@@ -92,11 +92,6 @@ class Path:
         self.points.append((X, omega))
         if len(self.points) > 4:
             del self.points[0], self.length[0]
-
-
-def size_of(X: NDArray) -> float:
-    """Norm of the vibration."""
-    return float(np.sqrt((X[:, 1:] ** 2).sum()))
 
 
 def _along(a: tuple[NDArray, float], b: tuple[NDArray, float], unit: float, unit_omega: float) -> float:

@@ -9,7 +9,7 @@ from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation
 from bdamper.wheel.krylov import gmres
-from bdamper.wheel.newton import correct
+from bdamper.wheel.newton import correct, solved
 from bdamper.wheel.system import PLAIN, Ease
 from bdamper.wheel.wheel import Wheel
 from tests.wheel.lumped import lumped_study
@@ -47,7 +47,7 @@ def test_gmres_reaches_its_tolerance():
     rng = np.random.default_rng(1)
     A = np.eye(40) + 0.1 * rng.normal(size=(40, 40))
     b = rng.normal(size=40)
-    x, count, residual = gmres(lambda v: A @ v, lambda v: v, b, 1e-10)
+    x, count, residual = gmres(lambda v: A @ v, b, 1e-10)
     assert count < 40 and residual <= 1e-10
     assert np.linalg.norm(A @ x - b) <= 1.1e-10 * np.linalg.norm(b)
 
@@ -100,6 +100,35 @@ def test_the_core_eliminates_as_plain_numpy_does(n_blades, harmonics, options):
         at = system.linearised(X, 2.0 * np.pi * 180.0, ease, held=1e-3)
         core, plain = at.inverse()(r), Inverse.of(at)(r)
         assert np.abs(core - plain).max() < 1e-9 * np.abs(plain).max()
+
+
+@pytest.mark.parametrize("damped", [False, True])
+def test_linear_equations_are_solved_but_for_damping_between_sectors(damped, monkeypatch):
+    """Exactly without damping; else all that is left out is the damping that is no root shape's."""
+    monkeypatch.setattr("bdamper.wheel.system.KEPT", 1)  # of two root shapes
+    study = lumped_study(7, 1, harmonics=(1, 3), n_c=2, r=2, n_att=2)
+    study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), damping_ratio=None if damped else 0.0)
+    w = Wheel(study, mistuning=0.03 * np.random.default_rng(2).normal(size=7))
+    system, mean = w.system(PRELOAD)
+    rng = np.random.default_rng(3)
+    X = np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
+    X[:, 0] = mean
+    at = system.linearised(X, 2.0 * np.pi * 180.0, Ease(0.1, 0.2))
+    inverse, s = at.inverse(), w.structure
+    root = slice(s.n - s.local.n_interface, s.n)
+    r = np.zeros(system.shape)
+    r[..., root] = rng.normal(size=r[..., root].shape)
+    whole = inverse(r)
+    np.testing.assert_allclose(inverse.on_root(r[..., root]), whole[..., root], rtol=0, atol=1e-12 * np.abs(whole).max())
+    x = np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
+    found, _, count = solved(at, inverse, None, 1e-13, (at.product(x), 0.0))
+    error = np.linalg.norm(found - x) / np.linalg.norm(x)
+    assert (1e-8 < error < 1e-2 if damped else error < 1e-9) and count > 2, (error, count)
+    normal, d = rng.normal(size=system.shape), 0.3
+    right = at.product(x) + d * at.by_omega, float((normal * x).sum()) + 0.7 * d
+    found, ahead, _ = solved(at, inverse, (normal, 0.7), 1e-13, right)
+    error = np.linalg.norm(found - x) / np.linalg.norm(x) + abs(ahead - d)
+    assert 1e-8 < error < 1e-2 if damped else error < 1e-7, error
 
 
 @pytest.mark.parametrize("harmonics", [1, 3])
