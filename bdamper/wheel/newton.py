@@ -17,8 +17,8 @@ from bdamper.wheel.system import PLAIN, Ease, Inverse, Linearised, WheelSystem
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
 SLOW = 0.2
-"""Ratio of a step to the one before above which the Jacobian of an earlier point serves no more.  With 0.5 two of three climbs
-of a wheel of 65 blades at 500 N fail."""
+"""Ratio of a step to the one before above which the Jacobian of an earlier point serves no more.  With 0.5 two of three
+climbs of a wheel of 65 blades at 500 N fail."""
 
 
 @dataclass(frozen=True, eq=False)

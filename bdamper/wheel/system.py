@@ -11,8 +11,8 @@ in which the disk and the damping C of the tuned wheel act by a Fourier transfor
 sector by sector.  Contact forces F and their tangents are those of the study, point by point.
 
 **Linear equations.**  The Jacobian is P + R.  P has the couplings of the disk cut to next neighbours and those of the
-damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of dampers
-and root shapes (csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.  With y
+damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
+dampers and root shapes (csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.  With y
 the root shapes' part of x,
 
 .. math:: (1 + P^{-1} R) \, y = P^{-1} b, \qquad x = P^{-1} (b - R \, y),
