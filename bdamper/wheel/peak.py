@@ -31,7 +31,7 @@ from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, correct, size_of, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.solution import SPRINGS, Solver
-from bdamper.wheel.system import PLAIN, Ease, WheelSystem
+from bdamper.wheel.system import PLAIN, Ease, Inverse, WheelSystem
 from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of
 
 PLACE = 3e-4
@@ -352,8 +352,8 @@ class _Climbs:
         """The same peak with the next springs, or with those on the way to them."""
         before = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * before)
-        place = replace(peak.at, inverse=None)
-        tangent = _tangent(place, None, self.width)
+        place = peak.at
+        tangent = _tangent(place, place.at.inverse(), None, self.width)
         plane = None if tangent is None else _plane(tangent, size_of(place.X), self.width)
         for springs in (target, HALF * before):
             if springs == target or springs > max(target, 0.2 * WEAKER[2]):
@@ -409,7 +409,8 @@ def climb(
 
     wanted, best, h, before, cap, reach, normal = np.inf, place, 0.0, np.nan, 0.5, 0.5, None
     for _ in range(most):
-        tangent, unit = _tangent(place, normal, width), size_of(place.X)
+        inverse = place.at.inverse()
+        tangent, unit = _tangent(place, inverse, normal, width), size_of(place.X)
         if tangent is None:
             return None
         a, da = (Y[blade, 1] @ row - 1j * (Y[blade, 2] @ row) for Y in (place.X, tangent[0]))
@@ -429,7 +430,7 @@ def climb(
             guess[:, 0] = place.X[:, 0]
             new = correct(
                 system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=6,
-                inverse=place.inverse, longest=size_of(place.X),
+                inverse=inverse, longest=size_of(place.X),
             )  # fmt: skip
             if new.converged:
                 break
@@ -451,9 +452,10 @@ def _plane(tangent: tuple[NDArray, float], unit: float, unit_omega: float) -> tu
     return normal, tangent[1] / unit_omega**2
 
 
-def _tangent(place: Corrected, normal: tuple[NDArray, float] | None, width: float) -> tuple[NDArray, float] | None:
+def _tangent(
+    place: Corrected, inverse: Inverse, normal: tuple[NDArray, float] | None, width: float
+) -> tuple[NDArray, float] | None:
     """Direction of the curve, of length one in scaled unknowns, along the normal of the last plane or up in frequency."""
-    inverse = place.inverse or place.at.inverse()
     plane = (np.zeros_like(place.X), 1.0) if normal is None else normal
     dX, d_omega, _ = solved(place.at, inverse, plane, 1e-6, (np.zeros_like(place.X), 1.0))
     length = float(np.sqrt(size_of(dX) ** 2 / size_of(place.X) ** 2 + (d_omega / width) ** 2))
