@@ -12,8 +12,8 @@ sector by sector.  Contact forces F and their tangents are those of the study, p
 
 **Linear equations.**  The Jacobian is P + R.  P has the couplings of the disk cut to next neighbours and those of the
 damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
-dampers and root shapes (csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.  With y
-the root shapes' part of x,
+dampers and root shapes (csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.
+With y the root shapes' part of x,
 
 .. math:: (1 + P^{-1} R) \, y = P^{-1} b, \qquad x = P^{-1} (b - R \, y),
 
