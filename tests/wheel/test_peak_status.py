@@ -1,5 +1,7 @@
 """A peak counts only if the sweep has solutions in the whole band."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     assert whole.converged and whole.reason == "1 peaks climbed from 12 of 12 points", whole.reason
     assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
 
+    assert whole.interval == band
     at = module.Solver.at
 
     def lost(self, omega, *arguments):
@@ -41,3 +44,11 @@ def test_peaks_beyond_the_band_do_not_count():
     wheel = Wheel(study(), mistuning=PATTERN)
     top = wheel.peak(2000.0, (170.0, 215.0), options=module.WheelPeakOptions(least=12, most=12, climbs=1))
     assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
+
+
+def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbours():
+    wheel = SimpleNamespace(n_blades=2, response=lambda X: X)
+    heights = [[1.0, 1.0], [9.0, 8.5], [7.0, 2.0], None, [6.0, 1.0], [3.0, 5.0], [1.0, 1.0]]
+    swept = [h and SimpleNamespace(X=np.array([[0.0, a] for a in h]), omega=float(i)) for i, h in enumerate(heights)]
+    found = [(at.omega, blade) for at, blade in module._candidates(wheel, swept, 5)]
+    assert found == [(1.0, 0), (1.0, 1), (4.0, 0)]
