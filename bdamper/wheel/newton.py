@@ -14,6 +14,8 @@ from bdamper.util.progress import end_if_asked
 from bdamper.wheel.krylov import gmres
 from bdamper.wheel.system import PLAIN, Ease, Inverse, Linearised, WheelSystem
 
+Plane = tuple[NDArray, float]
+
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
 SLOW = 0.2
@@ -51,7 +53,7 @@ def correct(
     system: WheelSystem,
     X: NDArray,
     omega: float,
-    plane: tuple[NDArray, float] | None = None,
+    plane: Plane | None = None,
     *,
     tolerance: float = 1e-9,
     least: int = 0,
@@ -69,7 +71,8 @@ def correct(
     system : WheelSystem
     X, omega : start
     plane : (normal, normal_omega), optional
-        Steps are at right angles to it; without it the frequency stays.
+        Steps are at right angles to it, whose motion (n_blades, n_coefficients, n_root) is that of the root shapes; without
+        it the frequency stays.
     tolerance : float
         On the residual, relative to excitation and static load.
     least, most : int
@@ -169,41 +172,48 @@ def _shortened(
 def solved(
     at: Linearised,
     inverse: Inverse,
-    plane: tuple[NDArray, float] | None,
+    plane: Plane | None,
     tolerance: float,
     right: tuple[NDArray, float] | None = None,
 ) -> tuple[NDArray, float, int]:
     """Newton step, or the solution for another right-hand side of unknowns and plane; with the iterations it took."""
-    system, s = at.system, at.system.structure
-    root = slice(s.n - s.local.n_interface, s.n)
+    system, root = at.system, at.system.root
     b = -at.residual if right is None else right[0]
     shape = b[..., root].shape
-    whole = inverse(b)
 
     def rest(y: NDArray) -> NDArray:
         r = np.zeros(system.shape)
         r[..., root] = inverse.left_out(y)
         return r
 
-    if plane is None:
-        y, count, _ = gmres(
-            lambda y: y + inverse.on_root(inverse.left_out(y.reshape(shape))).ravel(), whole[..., root].ravel(), tolerance
-        )
-        system.iterations += count
-        return whole - inverse(rest(y.reshape(shape))), 0.0, count
-    # the frequency is eliminated first, and weighed as the motion that it brings
-    normal, normal_omega = plane
-    aside = inverse(at.by_omega)
-    pivot = normal_omega - float((normal * aside).sum())
-    wanted = 0.0 if right is None else right[1]
+    whole, aside, pivot = inverse(b), np.zeros(system.shape), 1.0
+    normal, normal_omega = plane or (np.zeros(shape), 1.0)
+    wanted = 0.0 if right is None or plane is None else right[1]
+    if plane is not None:  # the frequency is eliminated first
+        aside = inverse(at.by_omega)
+        pivot = normal_omega - float((normal * aside[..., root]).sum())
 
-    def crossed(x: NDArray, ahead: float) -> tuple[NDArray, float]:
-        d = (ahead - float((normal * x).sum())) / pivot
-        return x - d * aside, d
+    def ahead(y: NDArray, wanted: float) -> float:
+        """Change of the frequency that leads into the plane."""
+        return (wanted - float((normal * y).sum())) / pivot
 
     def product(y: NDArray) -> NDArray:
-        return y + crossed(inverse(rest(y.reshape(shape))), 0.0)[0][..., root].ravel()
+        out = inverse.on_root(inverse.left_out(y.reshape(shape)))
+        return y + (out - ahead(out, 0.0) * aside[..., root]).ravel()
 
-    y, count, _ = gmres(product, crossed(whole, wanted)[0][..., root].ravel(), tolerance)
+    start = whole[..., root] - ahead(whole[..., root], wanted) * aside[..., root]
+    y, count, _ = gmres(product, start.ravel(), tolerance)
     system.iterations += count
-    return *crossed(whole - inverse(rest(y.reshape(shape))), wanted), count
+    x = whole - inverse(rest(y.reshape(shape)))
+    d = ahead(x[..., root], wanted)
+    return x - d * aside, d, count
+
+
+def plane_across(direction: tuple[NDArray, float], X: NDArray, unit_omega: float, system: WheelSystem) -> Plane:
+    """Plane at right angles to a direction, in the vibration of the root shapes and the frequency in units of their own.
+
+    Root shapes alone, since equations are solved for them (:mod:`bdamper.wheel.system`).
+    """
+    normal = direction[0][..., system.root] / size_of(X[..., system.root]) ** 2
+    normal[:, 0] = 0.0
+    return normal, direction[1] / unit_omega**2

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.wheel.newton import Corrected, correct, size_of, solved
+from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.solution import SPRINGS, Solver
 from bdamper.wheel.system import PLAIN, Ease, Inverse, WheelSystem
@@ -354,7 +354,7 @@ class _Climbs:
         target = next(springs for springs in WEAKER if springs < 0.99 * before)
         place = peak.at
         tangent = _tangent(place, place.at.inverse(), None, self.width)
-        plane = None if tangent is None else _plane(tangent, size_of(place.X), self.width)
+        plane = None if tangent is None else plane_across(tangent, place.X, self.width, self.system)
         for springs in (target, HALF * before):
             if springs == target or springs > max(target, 0.2 * WEAKER[2]):
                 found = self._of_highest(place, peak.blade, Ease(springs=springs), plane)
@@ -410,7 +410,7 @@ def climb(
     wanted, best, h, before, cap, reach, normal = np.inf, place, 0.0, np.nan, 0.5, 0.5, None
     for _ in range(most):
         inverse = place.at.inverse()
-        tangent, unit = _tangent(place, inverse, normal, width), size_of(place.X)
+        tangent = _tangent(place, inverse, normal, width)
         if tangent is None:
             return None
         a, da = (Y[blade, 1] @ row - 1j * (Y[blade, 2] @ row) for Y in (place.X, tangent[0]))
@@ -424,7 +424,7 @@ def climb(
         tried = abs(h)
         if wanted < (0.1 * PLACE if np.isnan(before) else PLACE):  # the first curvature is a guess
             break
-        normal, new = _plane(tangent, unit, width), None
+        normal, new = plane_across(tangent, place.X, width, system), None
         while abs(h) > 0.1 * PLACE:
             guess = place.X + h * tangent[0]
             guess[:, 0] = place.X[:, 0]
@@ -445,18 +445,11 @@ def climb(
     return done if done.converged and at_top else None
 
 
-def _plane(tangent: tuple[NDArray, float], unit: float, unit_omega: float) -> tuple[NDArray, float]:
-    """Normal of the plane at right angles to a tangent in scaled unknowns, the mean left out."""
-    normal = tangent[0] / unit**2
-    normal[:, 0] = 0.0
-    return normal, tangent[1] / unit_omega**2
-
-
 def _tangent(
     place: Corrected, inverse: Inverse, normal: tuple[NDArray, float] | None, width: float
 ) -> tuple[NDArray, float] | None:
     """Direction of the curve, of length one in scaled unknowns, along the normal of the last plane or up in frequency."""
-    plane = (np.zeros_like(place.X), 1.0) if normal is None else normal
+    plane = (np.zeros_like(place.X[..., place.at.system.root]), 1.0) if normal is None else normal
     dX, d_omega, _ = solved(place.at, inverse, plane, 1e-6, (np.zeros_like(place.X), 1.0))
     length = float(np.sqrt(size_of(dX) ** 2 / size_of(place.X) ** 2 + (d_omega / width) ** 2))
     return (dX / length, d_omega / length) if np.isfinite(length) and np.isfinite(dX).all() else None

@@ -259,6 +259,12 @@ class WheelSystem:
             s.n_blades, self.n_harmonics, s.n, s.n_damper, self.kept, root, *rows, self.active, self.pinned
         )  # fmt: skip
 
+    @property
+    def root(self) -> slice:
+        """Root shapes among the coordinates of a sector."""
+        s = self.structure
+        return slice(s.n - s.local.n_interface, s.n)
+
     @cached_property
     def kept(self) -> int:
         """Shapes of the root whose coupling to neighbours the approximate inverse keeps."""
@@ -288,11 +294,8 @@ class WheelSystem:
             out[:, r - k :, r - k :] -= before + before.conj().transpose(0, 2, 1)
             return out
 
-        root = slice(s.n - r, s.n)
-        eased = s.disk_mass - disk_m
-        return (
-            rest(s.disk_stiffness - disk_k, near_k), rest(eased, near_m), eased, (s.damping - damping)[:, root, root]
-        )  # fmt: skip
+        eased, damped = s.disk_mass - disk_m, (s.damping - damping)[:, self.root, self.root]
+        return rest(s.disk_stiffness - disk_k, near_k), rest(eased, near_m), eased, damped
 
 
 def turned(x: NDArray) -> NDArray:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
-from bdamper.wheel.newton import Corrected, correct, size_of, solved, walked
+from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.solution import Solver
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
@@ -77,9 +77,7 @@ class Path:
             ratio = step / (s[-1] - s[-2])
             X, omega, chord = now[0] + ratio * straight[0], now[1] + ratio * straight[1], straight
             X[:, 0] = now[0][:, 0]
-        normal = chord[0] / unit**2
-        normal[:, 0] = 0.0
-        return X, omega, (normal, chord[1] / unit_omega**2)
+        return X, omega, plane_across(chord, now[0], unit_omega, self.system)
 
     def distance(self, a: tuple[NDArray, float], b: tuple[NDArray, float], unit: float, unit_omega: float) -> float:
         """In scaled unknowns."""
