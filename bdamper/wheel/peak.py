@@ -211,7 +211,7 @@ def peak(
     peaks = climbs.freed(peaks)
     top = max(peaks, key=lambda peak: peak.height, default=None)
     best, springs = (None, 0.0) if top is None else (top.at, top.springs[-1])
-    solved = [found for found in swept if found is not None]
+    met = [found for found in swept if found is not None]
     empty = np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),
@@ -223,10 +223,10 @@ def peak(
         response=empty if best is None else wheel.response(best.X),
         shares=empty if best is None else wheel.damper_shares(best.at.shares),
         climbs=np.column_stack([held, np.array([(c.springs[-1], c.height) for c in peaks]).reshape(-1, 2)]),
-        sweep_frequency=np.array([found.omega for found in solved]) / TWO_PI,
-        sweep_amplitude=np.array([np.abs(wheel.response(found.X)[:, 1]) for found in solved]).reshape(-1, wheel.n_blades),
+        sweep_frequency=np.array([found.omega for found in met]) / TWO_PI,
+        sweep_amplitude=np.array([np.abs(wheel.response(found.X)[:, 1]) for found in met]).reshape(-1, wheel.n_blades),
         status="not found" if top is None else "lower bound" if gap else "held" if springs else "converged",
-        reason=_reason(top, gap, f"{len(peaks)} peaks climbed from {len(solved)} of {n} points"),
+        reason=_reason(top, gap, f"{len(peaks)} peaks climbed from {len(met)} of {n} points"),
         residual=np.nan if best is None else best.residual,
         springs=springs,
         error=np.nan if top is None else top.error,
