@@ -179,7 +179,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     error : float
         Estimate of how far the amplitude is from that with free dampers, relative, from what weaker springs have changed;
-        0 where dampers are free.
+        0 where dampers are free, and no peak that is found with held dampers alone may be higher by its own error.
     interval : (low, high), Hz
         Band of the sweep.
     """

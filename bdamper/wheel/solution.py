@@ -76,6 +76,7 @@ class Solver:
                 if found.converged:
                     self.damped = found.X if damping == DAMPING[0] else self.damped
                     return self._undamped(found, damping, tolerance, content)
+        self.hard = False
         return None
 
     def _undamped(self, found: Corrected, damping: float, tolerance: float, content: float) -> Corrected | None:
@@ -92,6 +93,7 @@ class Solver:
             else:
                 ratio = ratio**0.4
                 if ratio > 0.9:
+                    self.hard = False
                     return None
         return found
 

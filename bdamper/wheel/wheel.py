@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -57,7 +58,7 @@ class Wheel:
     dampers: DamperVariation | None = None
     forces: Any = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
-    _systems: dict[float, tuple[WheelSystem, NDArray]] = field(default_factory=dict, init=False, repr=False)
+    _systems: dict[tuple[float, int], tuple[WheelSystem, NDArray]] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -154,11 +155,12 @@ class Wheel:
     def system(self, preload: float) -> tuple[WheelSystem, NDArray]:
         """Equations at a preload (N), and the mean motion (n_blades, n_sector) of the static state."""
         preload = self.tuned().check_preload(preload)
-        if preload not in self._systems:
+        key = preload, threading.get_ident()  # each thread eliminates in memory of its own
+        if key not in self._systems:
             force = self.excitation
             scale = float(np.abs(force).max())
-            self._systems[preload] = wheel_system(self.structure, preload, self.dampers, force, scale)
-        return self._systems[preload]
+            self._systems[key] = wheel_system(self.structure, preload, self.dampers, force, scale)
+        return self._systems[key]
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:
