@@ -125,3 +125,16 @@ def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
     for n in range(2, len(highest.heights)):
         part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
         assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.6
+
+
+def test_a_peak_carries_the_error_of_a_rival_that_could_not_be_freed(monkeypatch):
+    own = module._Climbs.held
+
+    def freed(self, peaks):
+        free = replace(peaks[0], springs=(1.0, 0.0), heights=2 * peaks[0].heights)
+        return [free, replace(peaks[0], heights=(0.99 * free.height,), last=True)]
+
+    monkeypatch.setattr(module._Climbs, "held", lambda self, candidates: 2 * own(self, candidates)[:1])
+    monkeypatch.setattr(module._Climbs, "freed", freed)
+    top = Wheel(study(), PATTERN).peak(300.0, options=module.WheelPeakOptions(least=12, most=12, climbs=1))
+    assert top.status == "converged" and abs(top.error - (0.99 * 1.2 - 1.0)) < 1e-12

@@ -1,5 +1,8 @@
 """Equations of a whole wheel: derivatives, the approximate inverse, and the tuned limit."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -110,6 +113,8 @@ def test_linear_equations_are_solved_but_for_damping_between_sectors(damped, mon
     study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), damping_ratio=None if damped else 0.0)
     w = Wheel(study, mistuning=0.03 * np.random.default_rng(2).normal(size=7))
     system, mean = w.system(PRELOAD)
+    far = 0.01 * np.cos(4.0 * np.pi * np.arange(7) / 7)[:, None, None] * np.eye(2)  # a disk whose mass couples sectors, too
+    system.structure = replace(w.structure, disk_mass=w.structure.disk_mass + far)
     rng = np.random.default_rng(3)
     X = np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
     X[:, 0] = mean
@@ -178,3 +183,10 @@ def test_a_missing_damper_leaves_its_place_empty():
     load = system.force[:, 0, n:]
     assert np.abs(balance - load).max() < 1e-8 * np.abs(load).max()
     assert load[0].max() > 0.0 and load[2].max() == 0.0
+
+
+def test_threads_eliminate_in_memory_of_their_own():
+    w = wheel(3, 1)
+    with ThreadPoolExecutor(1) as pool:
+        assert pool.submit(w.system, PRELOAD).result()[0] is not w.system(PRELOAD)[0]
+    assert w.system(PRELOAD)[0] is w.system(PRELOAD)[0]
