@@ -33,19 +33,19 @@ static unsigned char *flags(core_arguments *arguments, PyObject *object, const c
 }
 
 static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_sector", "n_harm", "n_blade", "n_damper", "n_kept", "n_root",
-                            "own",      "next",   "active",  "pinned",   NULL};
+    static char *names[] = {"n_sector", "n_harm", "n_blade", "n_damper", "n_kept", "own", "next", "active", "pinned", NULL};
     PyObject *own, *next, *active, *pinned;
     bd_wheel_input in = {0};
     core_arguments arguments = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiiOOOO:Wheel", names, &in.n_sector, &in.n_harm, &in.n_blade,
-                                     &in.n_damper, &in.n_kept, &in.n_root, &own, &next, &active, &pinned))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiOOOO:Wheel", names, &in.n_sector, &in.n_harm, &in.n_blade,
+                                     &in.n_damper, &in.n_kept, &own, &next, &active, &pinned))
         return NULL;
     if (!core_check_n_harm(in.n_harm)) return NULL;
-    if (in.n_sector < 3 || in.n_blade < 1 || in.n_damper < 0 || in.n_kept < 0 || in.n_kept > in.n_root ||
-        in.n_root > in.n_blade || in.n_kept + in.n_damper < 1 || in.n_sector > 10000 || in.n_blade + in.n_damper > 10000) {
-        PyErr_SetString(PyExc_ValueError, "n_sector, n_blade, n_damper, n_kept, n_root: expected at least 3 sectors, kept "
-                                          "coordinates or dampers, and at least as many of the root as kept");
+    if (in.n_sector < 3 || in.n_blade < 1 || in.n_damper < 0 || in.n_kept < 0 || in.n_kept > in.n_blade ||
+        in.n_kept + in.n_damper < 1 || in.n_sector > 10000 || in.n_blade + in.n_damper > 10000) {
+        PyErr_SetString(PyExc_ValueError,
+                        "n_sector, n_blade, n_damper, n_kept: expected at least 3 sectors, kept coordinates or "
+                        "dampers, and no more kept than the blade has");
         return NULL;
     }
     if (!read_group(&arguments, own, "own", &in, 0) || !read_group(&arguments, next, "next", &in, 1)) return NULL;
@@ -73,13 +73,13 @@ static PyObject *Wheel_factor(WheelObject *self, PyObject *args, PyObject *kwarg
     const npy_intp N = w->n_sector, m = w->n_coef, l = (m + 1) / 2, b = w->n_blade, d = w->n_damper, k = w->n_kept;
     const npy_intp first[5] = {N, w->n_point[0], 7, m, m}, second[5] = {N, w->n_point[1], 7, m, m},
                    blades[4] = {l, N, b, b};
-    const npy_intp losses[3] = {l, b, b}, dampers[4] = {l, N, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
+    const npy_intp dampers[4] = {l, N, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
     core_arguments a = {0};
     bd_wheel_matrix matrix;
     if (!(matrix.tangent[0] = core_doubles(&a, own, "own", 5, first, BD_INPUT))) return NULL;
     if (!(matrix.tangent[1] = core_doubles(&a, next, "next", 5, second, BD_INPUT))) return NULL;
     if (!(matrix.blade = core_doubles(&a, blade, "blade", 4, blades, BD_INPUT))) return NULL;
-    if (!(matrix.damping = core_doubles(&a, damping, "damping", 3, losses, BD_INPUT))) return NULL;
+    if (!(matrix.damping = core_doubles(&a, damping, "damping", 4, blades, BD_INPUT))) return NULL;
     if (!(matrix.damper = core_doubles(&a, damper, "damper", 4, dampers, BD_INPUT))) return NULL;
     if (!(matrix.springs = core_doubles(&a, springs, "springs", 2, held, BD_INPUT))) return NULL;
     if (!(matrix.neighbour = core_doubles(&a, neighbour, "neighbour", 3, near, BD_INPUT))) return NULL;
@@ -90,29 +90,19 @@ static PyObject *Wheel_factor(WheelObject *self, PyObject *args, PyObject *kwarg
     Py_END_ALLOW_THREADS return PyLong_FromLong(status);
 }
 
-/* x = bd_wheel_solve or bd_wheel_root of r. */
-static PyObject *solve(WheelObject *self, PyObject *args, PyObject *kwargs, const char *format, int last,
-                       void (*solution)(bd_wheel *, const double *, double *)) {
+static PyObject *Wheel_solve(WheelObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"r", "x", NULL};
     PyObject *r_object, *x_object;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, format, names, &r_object, &x_object)) return NULL;
-    const npy_intp shape[3] = {self->wheel.n_sector, self->wheel.n_coef, last};
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OO:solve", names, &r_object, &x_object)) return NULL;
+    const npy_intp shape[3] = {self->wheel.n_sector, self->wheel.n_coef, self->wheel.size};
     core_arguments arguments = {0};
     double *r, *x;
     if (!(r = core_doubles(&arguments, r_object, "r", 3, shape, BD_INPUT))) return NULL;
     if (!(x = core_doubles(&arguments, x_object, "x", 3, shape, BD_OUTPUT))) return NULL;
     Py_BEGIN_ALLOW_THREADS PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    solution(&self->wheel, r, x);
+    bd_wheel_solve(&self->wheel, r, x);
     PyThread_release_lock(self->lock);
     Py_END_ALLOW_THREADS Py_RETURN_NONE;
-}
-
-static PyObject *Wheel_solve(WheelObject *self, PyObject *args, PyObject *kwargs) {
-    return solve(self, args, kwargs, "OO:solve", self->wheel.size, bd_wheel_solve);
-}
-
-static PyObject *Wheel_root(WheelObject *self, PyObject *args, PyObject *kwargs) {
-    return solve(self, args, kwargs, "OO:root", self->wheel.n_root, bd_wheel_root);
 }
 
 static PyMethodDef Wheel_methods[] = {
@@ -121,17 +111,15 @@ static PyMethodDef Wheel_methods[] = {
      "linear parts (csrc/bd_wheel.h); 0, or 3 if it is singular."},
     {"solve", (PyCFunction)(void (*)(void))Wheel_solve, METH_VARARGS | METH_KEYWORDS,
      "solve(r, x)\n\nFill x with the solution of the latest matrix for the right-hand side r."},
-    {"root", (PyCFunction)(void (*)(void))Wheel_root, METH_VARARGS | METH_KEYWORDS,
-     "root(r, x)\n\nThe same with r on root shapes alone; x has those of the solution."},
     {NULL, NULL, 0, NULL}};
 
-static PyType_Slot Wheel_slots[] = {
-    {Py_tp_doc, "Wheel(n_sector, n_harm, n_blade, n_damper, n_kept, n_root, own, next, active, pinned)\n--\n\n"
-                "Elimination of a wheel whose sectors meet next neighbours alone."},
-    {Py_tp_new, Wheel_new},
-    {Py_tp_dealloc, Wheel_dealloc},
-    {Py_tp_methods, Wheel_methods},
-    {0, NULL}};
+static PyType_Slot Wheel_slots[] = {{Py_tp_doc,
+                                     "Wheel(n_sector, n_harm, n_blade, n_damper, n_kept, own, next, active, pinned)\n--\n\n"
+                                     "Elimination of a wheel whose sectors meet next neighbours alone."},
+                                    {Py_tp_new, Wheel_new},
+                                    {Py_tp_dealloc, Wheel_dealloc},
+                                    {Py_tp_methods, Wheel_methods},
+                                    {0, NULL}};
 
 PyType_Spec core_wheel_spec = {.name = "bdamper._core.Wheel",
                                .basicsize = sizeof(WheelObject),

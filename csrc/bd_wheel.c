@@ -42,9 +42,8 @@ static double *numbers_create(size_t n) { return malloc(sizeof(double) * (n + 1)
 
 void bd_wheel_destroy(bd_wheel *w) {
     if (!w) return;
-    double *all[] = {w->rows[0], w->rows[1], w->inverse, w->back, w->couple, w->less, w->into,
-                     w->from,    w->columns, w->lower,   w->last, w->onward, w->fill, w->diagonal,
-                     w->upper,   w->left,    w->right,   w->Z,    w->seen,   w->work};
+    double *all[] = {w->rows[0], w->rows[1],  w->inverse, w->back, w->couple, w->columns, w->lower, w->last, w->onward,
+                     w->fill,    w->diagonal, w->upper,   w->left, w->right,  w->Z,       w->seen,  w->work};
     for (size_t i = 0; i < sizeof all / sizeof *all; ++i) free(all[i]);
     free(w->active);
     free(w->pinned);
@@ -54,20 +53,18 @@ void bd_wheel_destroy(bd_wheel *w) {
 
 bd_status bd_wheel_create(bd_wheel *w, const bd_wheel_input *in, const bd_lapack *lapack) {
     memset(w, 0, sizeof *w);
-    if (in->n_sector < 3 || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_kept < 0 || in->n_kept > in->n_root ||
-        in->n_root > in->n_blade)
+    if (in->n_sector < 3 || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_kept < 0 || in->n_kept > in->n_blade)
         return BD_BAD_ARGUMENT;
     const int nc = bd_n_coef(in->n_harm);
     w->lapack = *lapack;
     w->n_sector = in->n_sector, w->n_coef = nc, w->n_blade = in->n_blade, w->n_damper = in->n_damper,
-    w->n_kept = in->n_kept, w->n_root = in->n_root;
+    w->n_kept = in->n_kept;
     w->size = in->n_blade + in->n_damper;
     w->n_own = nc * (in->n_blade - in->n_kept);
-    w->n_less = nc * (in->n_root - in->n_kept);
     w->n_side = nc * in->n_damper;
     w->n_ring = nc * in->n_kept + w->n_side;
     const size_t N = (size_t)in->n_sector, e = (size_t)w->n_own, s = (size_t)w->n_ring, q = s + (size_t)w->n_side;
-    const size_t f = (size_t)w->n_less, whole = (size_t)(nc * w->size), most = e > s ? e : s;
+    const size_t whole = (size_t)(nc * w->size), most = e > s ? e : s;
     const int points = in->n_point[0] > in->n_point[1] ? in->n_point[0] : in->n_point[1];
     int ok = 1;
     for (int g = 0; g < 2; ++g) {
@@ -79,13 +76,11 @@ bd_status bd_wheel_create(bd_wheel *w, const bd_wheel_input *in, const bd_lapack
     ok &= (w->active = malloc((size_t)nc)) && (w->pinned = malloc(N));
     if (ok) memcpy(w->active, in->active, (size_t)nc), memcpy(w->pinned, in->pinned, N);
     ok = ok && (w->inverse = numbers_create(N * e * e)) && (w->back = numbers_create(N * e * q)) &&
-         (w->couple = numbers_create(N * q * e)) && (w->less = numbers_create(N * f * f)) &&
-         (w->into = numbers_create(N * q * f)) && (w->from = numbers_create(N * f * q)) &&
-         (w->lower = numbers_create(N * s * s)) && (w->last = numbers_create(N * s * s)) &&
-         (w->onward = numbers_create(N * s * s)) && (w->fill = numbers_create(N * s * s)) &&
-         (w->diagonal = numbers_create(N * s * s)) && (w->upper = numbers_create(N * s * s)) &&
-         (w->left = numbers_create(whole * whole)) && (w->right = numbers_create(whole * whole)) &&
-         (w->columns = numbers_create(e * (q > f ? q : f))) &&
+         (w->couple = numbers_create(N * q * e)) && (w->lower = numbers_create(N * s * s)) &&
+         (w->last = numbers_create(N * s * s)) && (w->onward = numbers_create(N * s * s)) &&
+         (w->fill = numbers_create(N * s * s)) && (w->diagonal = numbers_create(N * s * s)) &&
+         (w->upper = numbers_create(N * s * s)) && (w->left = numbers_create(whole * whole)) &&
+         (w->right = numbers_create(whole * whole)) && (w->columns = numbers_create(e * q)) &&
          (w->Z = numbers_create(3 * (size_t)points * (size_t)(nc * w->size))) &&
          (w->seen = numbers_create(q * q + N * (e + 2 * q))) && (w->work = numbers_create(64 * most + 2 * whole)) &&
          (w->pivot = malloc(sizeof(int) * (most + 1)));
@@ -134,7 +129,8 @@ static void add_linear(bd_wheel *w, const bd_wheel_matrix *m, int n) {
             for (size_t i = 0; i < ns; ++i) here[i * wide + i] = 1.0;
             continue;
         }
-        const double *K = m->blade + (l * (size_t)w->n_sector + (size_t)n) * nb * nb, *C = m->damping + l * nb * nb;
+        const size_t at = (l * (size_t)w->n_sector + (size_t)n) * nb * nb;
+        const double *K = m->blade + at, *C = m->damping + at;
         const double *k = m->damper + 2 * (l * (size_t)w->n_sector + (size_t)n) * nd, *d = k + nd;
         for (size_t i = 0; i < nb; ++i)
             for (size_t j = 0; j < nb; ++j) here[i * wide + j] += K[i * nb + j];
@@ -176,25 +172,6 @@ static void add_blade(bd_wheel *w) {
             }
 }
 
-/* The parts of `inverse`, `couple inverse` and `back` of sector n that belong to root shapes among the coordinates
- * eliminated. */
-static void keep_root(bd_wheel *w, int n) {
-    const size_t E = (size_t)w->n_own, f = (size_t)w->n_less, q = (size_t)(w->n_ring + w->n_side), sector = (size_t)n;
-    const size_t e = (size_t)(w->n_blade - w->n_kept), g = (size_t)(w->n_root - w->n_kept);
-    const double *inverse = w->inverse + sector * E * E, *back = w->back + sector * E * q;
-    double *less = w->less + sector * f * f, *from = w->from + sector * f * q, *columns = w->columns;
-    if (f == 0) return;
-    for (size_t i = 0; i < E; ++i)
-        for (size_t c = 0; c < (size_t)w->n_coef; ++c)
-            memcpy(columns + i * f + c * g, inverse + i * E + c * e + e - g, sizeof(double) * g);
-    for (size_t c = 0; c < (size_t)w->n_coef; ++c) {
-        memcpy(less + c * g * f, columns + (c * e + e - g) * f, sizeof(double) * g * f);
-        memcpy(from + c * g * q, back + (c * e + e - g) * q, sizeof(double) * g * q);
-    }
-    multiply(w, 0, (int)q, (int)f, (int)E, 1.0, w->couple + sector * q * E, (int)E, columns, (int)f, 0.0,
-             w->into + sector * q * f, (int)f);
-}
-
 /* Eliminates the blade coordinates of sector n and puts what is left into the blocks of the ring. */
 static int eliminate_blade(bd_wheel *w, int n) {
     const int N = w->n_sector, e = w->n_blade - w->n_kept, nb = w->n_blade, ns = w->size;
@@ -224,7 +201,6 @@ static int eliminate_blade(bd_wheel *w, int n) {
         if (!invert(w, inverse, E)) return 0;
         multiply(w, 0, E, q, E, 1.0, inverse, E, columns, q, 0.0, back, q);
         multiply(w, 0, q, q, E, -1.0, couple, E, back, q, 1.0, S, q);
-        keep_root(w, n);
     }
     const size_t ss = (size_t)s * (size_t)s;
     double *D = w->diagonal + (size_t)n * ss, *before = w->diagonal + (size_t)((n + N - 1) % N) * ss;
@@ -362,37 +338,6 @@ void bd_wheel_solve(bd_wheel *w, const double *r, double *x) {
             memcpy(to + c * ns, mine + c * e, sizeof(double) * (size_t)e);
             memcpy(to + c * ns + e, here + c * k, sizeof(double) * (size_t)k);
             memcpy(to + c * ns + e + k, here + A + c * nd, sizeof(double) * (size_t)nd);
-        }
-    }
-}
-
-void bd_wheel_root(bd_wheel *w, const double *r, double *x) {
-    const int N = w->n_sector, nc = w->n_coef, k = w->n_kept, m = w->n_root, g = m - k;
-    const int f = w->n_less, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
-    double *own = w->seen, *b = own + (size_t)N * (size_t)f, *t = w->work; /* (N, f), (N, s), one sector */
-    memset(b, 0, sizeof(double) * (size_t)N * (size_t)s);
-    memset(own, 0, sizeof(double) * (size_t)N * (size_t)f);
-    for (int n = 0; n < N; ++n) {
-        const double *from = r + (size_t)n * (size_t)(nc * m), *into = w->into + (size_t)n * (size_t)q * (size_t)f;
-        double *to = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s;
-        for (int c = 0; c < nc; ++c) {
-            memcpy(t + c * g, from + c * m, sizeof(double) * (size_t)g);
-            for (int i = 0; i < k; ++i) to[c * k + i] += from[c * m + g + i];
-        }
-        add_product(w, f, f, 1.0, w->less + (size_t)n * (size_t)f * (size_t)f, t, own + (size_t)n * (size_t)f);
-        add_product(w, s, f, -1.0, into, t, to);
-        add_product(w, side, f, -1.0, into + (size_t)s * (size_t)f, t, before + A);
-    }
-    solve_ring(w, b);
-    for (int n = 0; n < N; ++n) {
-        const double *here = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
-        double *mine = own + (size_t)n * (size_t)f, *to = x + (size_t)n * (size_t)(nc * m);
-        memcpy(t, here, sizeof(double) * (size_t)s);
-        memcpy(t + s, before, sizeof(double) * (size_t)side);
-        add_product(w, f, q, -1.0, w->from + (size_t)n * (size_t)f * (size_t)q, t, mine);
-        for (int c = 0; c < nc; ++c) {
-            memcpy(to + c * m, mine + c * g, sizeof(double) * (size_t)g);
-            memcpy(to + c * m + g, here + c * k, sizeof(double) * (size_t)k);
         }
     }
 }

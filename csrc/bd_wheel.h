@@ -9,7 +9,6 @@ typedef struct {
     int n_sector, n_harm;
     int n_blade, n_damper;       /* coordinates of a sector */
     int n_kept;                  /* the last of a blade, which the disk couples to neighbours here */
-    int n_root;                  /* the last of a blade, which the disk couples at all */
     int n_point[2];              /* points of a sector on its own blade, and on the next one */
     const double *rows[2];       /* (n_point, 3, n_blade + n_damper) motion (u1, u2, v); copied */
     const unsigned char *active; /* (n_coef) coefficients that are unknowns; copied */
@@ -20,20 +19,18 @@ typedef struct {
 typedef struct {
     const double *tangent[2]; /* (n_sector, n_point, 7, n_coef, n_coef), blocks in the order of bd_core.evaluate_points */
     const double *blade;      /* (n_harm + 1, n_sector, n_blade, n_blade) stiffness less inertia */
-    const double *damping;    /* (n_harm + 1, n_blade, n_blade) times the frequency of the harmonic */
+    const double *damping;    /* (n_harm + 1, n_sector, n_blade, n_blade) times the frequency of the harmonic */
     const double *damper;     /* (n_harm + 1, n_sector, 2, n_damper) stiffness less inertia, and damping times frequency */
     const double *springs;    /* (n_sector, n_damper) on the mean of dampers besides */
     const double *neighbour;  /* (n_harm + 1, n_kept, n_kept) coupling to the sector before */
 } bd_wheel_matrix;
 
 typedef struct {
-    int n_sector, n_coef, n_blade, n_damper, n_kept, n_root, n_point[2];
-    int size, n_own, n_less, n_ring,
-        n_side; /* coordinates of a sector; unknowns eliminated in it, of those of the root, left of it, of a damper */
+    int n_sector, n_coef, n_blade, n_damper, n_kept, n_point[2];
+    int size, n_own, n_ring, n_side; /* coordinates of a sector; unknowns eliminated in it, left of it, of a damper */
     double *rows[2];
     unsigned char *active, *pinned;
     double *inverse, *back, *couple;                         /* (n_sector) of (own, own), (own, seen), (seen, own) */
-    double *less, *into, *from;                              /* of (less, less), (seen, less), (less, seen) */
     double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
     double *left, *right, *Z, *columns, *seen, *work;        /* work */
     int *pivot;
@@ -48,8 +45,5 @@ bd_status bd_wheel_factor(bd_wheel *wheel, const bd_wheel_matrix *matrix);
 
 /* x of the right-hand side r, both (n_sector, n_coef, n_blade + n_damper), after bd_wheel_factor. */
 void bd_wheel_solve(bd_wheel *wheel, const double *r, double *x);
-
-/* The same for a right-hand side on root shapes alone, of which only those of x are wanted: (n_sector, n_coef, n_root). */
-void bd_wheel_root(bd_wheel *wheel, const double *r, double *x);
 
 #endif

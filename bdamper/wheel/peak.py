@@ -385,8 +385,15 @@ class _Climbs:
 
 
 def climb(
-    wheel: Any, system: WheelSystem, X: NDArray, omega: float, blade: int, width: float, ease: Ease = PLAIN,
-    most: int = 60, plane: tuple[NDArray, float] | None = None,
+    wheel: Any,
+    system: WheelSystem,
+    X: NDArray,
+    omega: float,
+    blade: int,
+    width: float,
+    ease: Ease = PLAIN,
+    most: int = 60,
+    plane: tuple[NDArray, float] | None = None,
 ) -> Corrected | None:
     """Maximum of one blade's amplitude along the curve near a point: secant on its slope; None if it was not found.
 
@@ -455,6 +462,6 @@ def _tangent(
 ) -> tuple[NDArray, float] | None:
     """Direction of the curve, of length one in scaled unknowns, along the normal of the last plane or up in frequency."""
     plane = (np.zeros_like(place.X[..., place.at.system.root]), 1.0) if normal is None else normal
-    dX, d_omega, _ = solved(place.at, inverse, plane, 1e-6, (np.zeros_like(place.X), 1.0))
+    dX, d_omega, _ = solved(place.at, inverse, plane, 1e-4, (np.zeros_like(place.X), 1.0))
     length = float(np.sqrt(size_of(dX) ** 2 / size_of(place.X) ** 2 + (d_omega / width) ** 2))
     return (dX / length, d_omega / length) if np.isfinite(length) and np.isfinite(dX).all() else None

@@ -10,16 +10,16 @@ residual is
 in which the disk and the damping C of the tuned wheel act by a Fourier transform over the sectors and everything else
 sector by sector.  Contact forces F and their tangents are those of the study, point by point.
 
-**Linear equations.**  The Jacobian is P + R.  P has the couplings of the disk cut to next neighbours and those of the
-damping to the own sector: blade coordinates that meet no neighbour are eliminated sector by sector, then the ring of
-dampers and root shapes (csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.
-With y the root shapes' part of x,
+**Linear equations.**  The Jacobian is P + R, but for a hundredth.  P has the couplings of the disk cut to next neighbours,
+those of the damping to the own sector, and contacts that move but a part of each blade's coordinates
+(:mod:`bdamper.wheel.condensation`): those left are eliminated sector by sector, then the ring of dampers and root shapes
+(csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.  With y the part
+of x of the root shapes,
 
 .. math:: (1 + P^{-1} R) \, y = P^{-1} b, \qquad x = P^{-1} (b - R \, y),
 
-is solved iteratively for y alone (GMRES; on the shipped disk 1, 4, 10, 16 iterations to 1e-2, 1e-3, 1e-6, 1e-9), and an
-iteration costs a fifth of one on all unknowns.  Left out is the damping's coupling of other coordinates between sectors,
-which changes steps by less than a thousandth, not solutions.
+is solved iteratively for y alone (GMRES), and the whole, where more than a hundredth is asked for, again for what is left
+of b (:func:`bdamper.wheel.newton.solved`).
 
 **Eased equations** (:class:`Ease`) have more damping, :math:`C + \delta\omega M`, and springs that hold the mean of
 dampers at its static place.  Their solutions lead to those of the wheel itself (:mod:`bdamper.wheel.solution`).
@@ -35,12 +35,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.harmonic_balance.many_points import PAIRS, elimination
+from bdamper.wheel.condensation import Condensation, Condensed, pair
 from bdamper.wheel.structure import Structure
 
 KEPT = 8
-"""Shapes of the root, the most important ones, in the ring.  On the shipped disk with 16 shapes (9 points, one harmonic) 8
-take as many iterations as all (1, 5, 11, 16 against 1, 5, 8, 12 to 1e-2, 1e-4, 1e-6, 1e-8), 4 take 25 to 1e-8; the ring's
-cost falls with the third power of their number."""
+"""Shapes of the root, the most important ones, in the ring.  On the shipped disk (9 points, 16 shapes) with one harmonic
+16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2; with three harmonics 16, 8 and 6 take 29, 36 and 104 to 1e-4.  The
+cost of the ring falls with the third power of their number."""
 NEUTRAL = 1e-8
 """Springs on the mean of a damper's coordinates in the Jacobian, relative to its stiffness when stuck: a damper that slips
 fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
@@ -124,6 +125,7 @@ class WheelSystem:
         self.home = np.zeros((structure.n_blades, structure.n_damper))
         self.evaluations = self.factorisations = self.iterations = 0
         self.latest: Inverse | None = None
+        self._condensations: dict[int, tuple[Condensation, Any]] = {}
 
     def relate(self, mean: float, harmonics: float) -> None:
         """Forces of the mean and of the harmonics to which the residual is related."""
@@ -249,15 +251,24 @@ class WheelSystem:
         springs = k @ own**2
         return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
 
-    @cached_property
-    def core(self) -> Any:
-        """The elimination in the C core."""
-        s = self.structure
-        rows = [np.ascontiguousarray(s.rows[g]) for g in self.groups]
-        root = s.local.n_interface
-        return elimination(
-            s.n_blades, self.n_harmonics, s.n, s.n_damper, self.kept, root, *rows, self.active, self.pinned
-        )  # fmt: skip
+    def condensation(self, omega: float) -> tuple[Condensation, Any]:
+        """What is condensed out of the blades, and the elimination of the rest, for frequencies (rad/s) of one octave."""
+        octave = int(np.ceil(np.log2(max(omega, 1.0))))
+        if octave not in self._condensations:
+            s, p = self.structure, self.contact.points
+            disk_k, disk_m, damping, _, _ = self.kernel
+            stiffness, nominal, mass = s.stiffness.copy(), s.local.blade_stiffness.copy(), s.mass.copy()
+            for matrix, disk in ((stiffness, disk_k), (nominal, disk_k), (mass, disk_m)):
+                matrix[..., self.root, self.root] += disk
+            weight = np.concatenate([p.kt, p.kn[:, None]], axis=1).reshape(s.n_blades, -1, 3).max(axis=0)
+            fastest = self.n_harmonics * 2.0**octave
+            of = Condensation.of(stiffness, nominal, mass, damping, s.rows, weight, self.kept, fastest)
+            core = elimination(
+                s.n_blades, self.n_harmonics, len(of.mass), s.n_damper, self.kept,
+                *(np.ascontiguousarray(of.rows[g]) for g in self.groups), self.active, self.pinned,
+            )  # fmt: skip
+            self._condensations = {octave: (of, core)}
+        return self._condensations[octave]
 
     @property
     def root(self) -> slice:
@@ -284,14 +295,13 @@ class WheelSystem:
 
         Each is (n_blades, n_root, n_root), complex, of every nodal diameter.
         """
-        s, k, r = self.structure, self.kept, self.structure.local.n_interface
+        s, k = self.structure, self.kept
         disk_k, disk_m, damping, near_k, near_m = self.kernel
         behind = np.exp(-2j * np.pi * np.arange(s.n_blades) / s.n_blades)[:, None, None]
 
         def rest(full: NDArray, near: NDArray) -> NDArray:
-            out = full.copy()
-            before = behind * near[r - k :, r - k :]
-            out[:, r - k :, r - k :] -= before + before.conj().transpose(0, 2, 1)
+            out, before = full.copy(), behind * near[-k:, -k:]
+            out[:, -k:, -k:] -= before + before.conj().transpose(0, 2, 1)
             return out
 
         eased, damped = s.disk_mass - disk_m, (s.damping - damping)[:, self.root, self.root]
@@ -387,29 +397,27 @@ class Linearised:
         FloatingPointError
             If a block of it is singular.
         """
-        system, s = self.system, self.system.structure
+        system, s, k = self.system, self.system.structure, self.system.kept
         system.factorisations += 1
-        disk_k, disk_m, damping, near_k, near_m = system.kernel
-        r, k = s.local.n_interface, system.kept
-        stiffness, mass = s.stiffness.copy(), s.mass.copy()
-        stiffness[:, -r:, -r:] += disk_k
-        mass[-r:, -r:] += disk_m
+        near_k, near_m = (near[-k:, -k:] for near in system.kernel[3:])
+        of, core = system.condensation(self.omega)
+        condensed = of.at(self.omega, system.n_harmonics, self.lost)
         w = self.omega * np.arange(system.n_harmonics + 1)
         squares = (w**2)[:, None, None]
         lost = w[:, None, None] * (s.damper_damping + self.lost * s.damper_mass)
         own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
-        status = system.core.factor(
+        status = core.factor(
             own,
             following,
-            stiffness - squares[..., None] * mass,
-            w[:, None, None] * (damping + self.lost * mass),
+            condensed.stiffness,
+            condensed.damping,
             np.stack([s.damper_stiffness - squares * s.damper_mass, lost], axis=2),
             np.ascontiguousarray(self.springs),
-            np.ascontiguousarray((near_k - squares * near_m)[:, r - k :, r - k :]),
+            near_k - squares * near_m,
         )
         if status:
             raise FloatingPointError("a sector of the wheel has a singular matrix")
-        system.latest = Inverse(self)
+        system.latest = Inverse(self, condensed, core)
         return system.latest
 
 
@@ -421,9 +429,14 @@ class Inverse:
     ----------
     at : Linearised
         Where it was made.
+    condensed : Condensed
+    core : Wheel
+        The elimination in the C core.
     """
 
     at: Linearised
+    condensed: Condensed
+    core: Any
 
     @property
     def current(self) -> bool:
@@ -432,15 +445,46 @@ class Inverse:
 
     def __call__(self, r: NDArray) -> NDArray:
         """P^-1 r, (n_blades, n_coefficients, n_sector)."""
-        x = np.empty(self.at.system.shape)
-        self.at.system.core.solve(np.ascontiguousarray(r), x)
-        return x
+        system, n = self.at.system, self.at.system.structure.n
+        on_b, on_z = self.condensed.forces(r[..., :n])
+        on_b = np.concatenate([on_b, r[..., n:]], axis=2)
+        x = np.empty_like(on_b)
+        self.core.solve(on_b, x)
+        left = x.shape[2] - system.structure.n_damper
+        out = np.concatenate([self.condensed.motion(x[..., :left], on_z), x[..., left:]], axis=2)
+        out[system.still] = r[system.still]
+        return out
+
+    @cached_property
+    def by_omega(self) -> NDArray:
+        """P^-1 times the derivative of the residual by the frequency."""
+        return self(self.at.by_omega)
 
     def on_root(self, r: NDArray) -> NDArray:
-        """Root shapes' part of P^-1 r, with r on root shapes alone; both (n_blades, n_coefficients, n_root)."""
-        x = np.empty_like(r)
-        self.at.system.core.root(np.ascontiguousarray(r), x)
-        return x
+        """Root shapes' part of P^-1 r, with r on these alone; both (n_blades, n_coefficients, n_root)."""
+        system, k = self.at.system, self.at.system.kept
+        shapes, flexibility = self._condensed_root
+        left, less = shapes.shape[3], r.shape[2] - k
+        on_b, out = np.zeros((*r.shape[:2], left + system.structure.n_damper)), np.empty_like(r)
+        on_b[..., left - k : left] = r[..., less:]
+        for l, Q in enumerate(shapes):
+            on_b[:, pair(l), :left] += r[:, pair(l), :less] @ Q
+        x = np.empty_like(on_b)
+        self.core.solve(on_b, x)
+        out[..., less:] = x[..., left - k : left]
+        for l, (Q, F) in enumerate(zip(shapes, flexibility, strict=True)):
+            out[:, pair(l), :less] = x[:, pair(l), :left] @ Q.transpose(0, 2, 1) + r[:, pair(l), :less] @ F
+        return out
+
+    @cached_property
+    def _condensed_root(self) -> tuple[NDArray, NDArray]:
+        """Condensed root shapes by what is left, and their own flexibility, of the mean and every harmonic."""
+        of, system = self.condensed.of, self.at.system
+        less = slice(system.root.start, system.root.stop - system.kept)
+        rest = of.rest[:, less]
+        shapes = rest @ self.condensed.follow
+        shapes[..., : of.contact.shape[1]] += of.contact[less]
+        return shapes, (rest * self.condensed.flexibility[:, :, None]) @ rest.transpose(0, 2, 1)
 
     @cached_property
     def _far(self) -> NDArray:

@@ -11,8 +11,9 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation
+from bdamper.wheel.condensation import Condensation, pair
 from bdamper.wheel.krylov import gmres
-from bdamper.wheel.newton import correct, solved
+from bdamper.wheel.newton import LOOSE, correct, solved
 from bdamper.wheel.system import PLAIN, Ease
 from bdamper.wheel.wheel import Wheel
 from tests.wheel.lumped import lumped_study
@@ -106,9 +107,10 @@ def test_the_core_eliminates_as_plain_numpy_does(n_blades, harmonics, options):
 
 
 @pytest.mark.parametrize("damped", [False, True])
-def test_linear_equations_are_solved_but_for_damping_between_sectors(damped, monkeypatch):
-    """Exactly without damping; else all that is left out is the damping that is no root shape's."""
+def test_linear_equations_are_solved(damped, monkeypatch):
+    """Without damping between sectors at once, but for rounding; else what is left out is put right step by step."""
     monkeypatch.setattr("bdamper.wheel.system.KEPT", 1)  # of two root shapes
+    monkeypatch.setattr("bdamper.wheel.condensation.FELT", 1e-9)
     study = lumped_study(7, 1, harmonics=(1, 3), n_c=2, r=2, n_att=2)
     study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), damping_ratio=None if damped else 0.0)
     w = Wheel(study, mistuning=0.03 * np.random.default_rng(2).normal(size=7))
@@ -122,17 +124,56 @@ def test_linear_equations_are_solved_but_for_damping_between_sectors(damped, mon
     inverse, root = at.inverse(), system.root
     r = np.zeros(system.shape)
     r[..., root] = rng.normal(size=r[..., root].shape)
+    r[system.still] = 0.0
     whole = inverse(r)
     np.testing.assert_allclose(inverse.on_root(r[..., root]), whole[..., root], rtol=0, atol=1e-12 * np.abs(whole).max())
     x = np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
-    found, _, count = solved(at, inverse, None, 1e-13, (at.product(x), 0.0))
-    error = np.linalg.norm(found - x) / np.linalg.norm(x)
-    assert (1e-8 < error < 1e-2 if damped else error < 1e-9) and count > 2, (error, count)
     normal, d = rng.normal(size=x[..., root].shape), 0.3
     right = at.product(x) + d * at.by_omega, float((normal * x[..., root]).sum()) + 0.7 * d
-    found, ahead, _ = solved(at, inverse, (normal, 0.7), 1e-13, right)
-    error = np.linalg.norm(found - x) / np.linalg.norm(x) + abs(ahead - d)
-    assert 1e-8 < error < 1e-2 if damped else error < 1e-7, error
+    for plane, given, ahead in (None, (at.product(x), 0.0), 0.0), ((normal, 0.7), right, d):
+        found, change, count = solved(at, inverse, plane, 1e-12, given)
+        error = np.linalg.norm(found - x) / np.linalg.norm(x) + abs(change - ahead)
+        assert error < 1e-8 and count > 2, (error, count)
+        found, change, _ = solved(at, inverse, plane, LOOSE, given)
+        once = np.linalg.norm(found - x) / np.linalg.norm(x) + abs(change - ahead)
+        assert 1e-8 < once < 0.1, once
+
+
+@pytest.mark.parametrize("deviation", [0.0, 0.1])
+def test_blades_are_condensed_to_the_second_order_of_their_damping(deviation):
+    """Two combinations of coordinates move contact points: against the whole equations, forces on kept shapes or on all."""
+    rng = np.random.default_rng(4)
+    n, kept, omega = 7, 2, 2.0
+    root, force = rng.normal(size=(3, n, n)), rng.normal(size=(3, 3, n))
+    stiffness, mass, loss = root[0] @ root[0].T + n * np.eye(n), np.eye(n) + 0.05 * root[1] @ root[1].T, root[2] @ root[2].T
+    rows = np.zeros((2, 3, n + 1))
+    rows[..., :n] = rng.normal(size=(2, 3, 2)) @ rng.normal(size=(2, n))
+    rows[..., n - kept : n] = rng.normal(size=(2, 3, kept))
+    blades = stiffness * (1.0 + deviation * np.arange(3))[:, None, None]
+
+    def error(size, r):
+        damping, lost = size * loss, 0.3 * size
+        of = Condensation.of(blades, stiffness, mass, damping, rows, np.ones((2, 3)), kept, 0.01)
+        assert of.contact.shape[1] == 2 and of.poles.shape == (3, 3)
+        condensed = of.at(omega, 1, lost)
+        on_b, on_z = condensed.forces(r)
+        P, G = rows[..., :n].reshape(6, n), of.rows[..., :-1].reshape(6, -1)
+        b, whole = np.empty_like(on_b), np.empty_like(r)
+        for k, l in np.ndindex(3, 2):
+            left = condensed.stiffness[l, k] + 1j * condensed.damping[l, k] + G.T @ G
+            w = l * omega
+            full = blades[k] - w**2 * mass + 1j * w * (damping + lost * mass) + P.T @ P
+            for out, matrix, f in ((b, left, on_b), (whole, full, r)):
+                x = np.linalg.solve(matrix, np.array([1.0, -1j])[: 1 + l] @ f[k, pair(l)])
+                out[k, pair(l)] = np.array([x.real, -x.imag])[: 1 + l]
+        off = np.abs(condensed.motion(b, on_z) - whole)
+        assert off[:, 0].max() < 1e-12 * np.abs(whole).max()
+        return off.max() / np.abs(whole).max(), off[..., -kept:].max() / np.abs(whole).max()
+
+    assert error(0.0, force)[0] < 1e-12
+    assert error(0.002, force)[0] < 0.6 * error(0.004, force)[0] < 0.05
+    force[..., :-kept] = 0.0
+    assert error(0.002, force)[1] < 0.3 * error(0.004, force)[1] < 3e-4
 
 
 @pytest.mark.parametrize("harmonics", [1, 3])
