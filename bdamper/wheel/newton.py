@@ -18,8 +18,6 @@ Plane = tuple[NDArray, float]
 
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
-INNER = 1e-3
-"""Smallest relative residual within the approximate inverse; what it leaves out is not much less."""
 SLOW = 0.2
 """Ratio of a step to the one before above which the Jacobian of an earlier point serves no more.  With 0.5 two of three
 climbs of a wheel of 65 blades at 500 N fail."""
@@ -202,7 +200,7 @@ def solved(
         nonlocal count
         whole = inverse(b) if b.any() else b
         start = whole[..., root] - ahead(whole[..., root], wanted) * aside[..., root]
-        y, needed, _ = gmres(product, start.ravel(), min(max(tolerance, INNER), LOOSE))
+        y, needed, _ = gmres(product, start.ravel(), LOOSE)
         count += needed
         r = np.zeros(system.shape)
         r[..., root] = inverse.left_out(y.reshape(shape))
