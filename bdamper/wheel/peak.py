@@ -441,7 +441,7 @@ def climb(
             guess = place.X + h * tangent[0]
             guess[:, 0] = place.X[:, 0]
             new = correct(
-                system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=6,
+                system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=10,
                 inverse=inverse, longest=size_of(place.X),
             )  # fmt: skip
             if new.converged:

@@ -201,7 +201,7 @@ def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) ->
                 where = f"{bound / TWO_PI:.6g} Hz"
                 return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
         new = None if beyond else correct(
-            system, X, omega, plane, ease=path.ease, tolerance=TOLERANCE, least=1, most=8, inverse=inverse,
+            system, X, omega, plane, ease=path.ease, tolerance=TOLERANCE, least=1, most=12, inverse=inverse,
             longest=_reach(here, step),
         )  # fmt: skip
         off = np.inf
@@ -226,7 +226,7 @@ def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) ->
         rising = new.omega > here[1]
         path.add(new.X, new.omega, unit, unit_omega)
         keep(new, "fold" if turned else "regular")
-        growth = min(2.0, np.sqrt(0.1 * step / max(off, 1e-12)), 2.0 * (3.0 / max(new.iterations, 1)) ** 1.5)
+        growth = min(2.0, np.sqrt(0.1 * step / max(off, 1e-12)), 2.0 * (5.0 / max(new.iterations, 1)) ** 1.5)
         step = min(max_step, step * max(0.5, growth))
     return "too many points", f"{max_points} points before the end of the interval"
 
