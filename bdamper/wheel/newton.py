@@ -21,8 +21,7 @@ Plane = tuple[NDArray, float]
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
 SLOW = 0.2
-"""Ratio of a step to the one before above which the Jacobian of an earlier point serves no more.  With 0.5 two of three
-climbs of a wheel of 65 blades at 500 N fail."""
+"""Ratio of a step to the one before above which the Jacobian of an earlier point serves no more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +63,9 @@ def correct(
     ease: Ease = PLAIN,
     inverse: Inverse | None = None,
     longest: float = np.inf,
+    free: int = 0,
     content: float = 0.0,
+    rough: float = np.inf,
 ) -> Corrected:
     """Newton at a fixed frequency, or in a plane of unknowns and frequency.
 
@@ -85,11 +86,11 @@ def correct(
         Of the equations.
     inverse : Inverse, optional
         Of the Jacobian nearby, used while it serves.
-    longest : float
-        A step of the vibration longer than this ends the iteration, not converged.
-    content : float
-        A whole step shorter than this, relative to the vibration, ends it as converged.  The residual says little on the
-        way: contacts are stiff.
+    longest, free : float, int
+        A step of the vibration longer than this ends the iteration, not converged, after so many of any length.
+    content, rough : float
+        A whole step shorter than the first, relative to the vibration, that leads to a residual below the second ends it as
+        converged.  The residual says little on the way: contacts are stiff.
     """
     end_if_asked()
     at = system.linearised(X, omega, ease)
@@ -108,14 +109,15 @@ def correct(
             dX, d_omega, _ = solved(at, inverse, plane, LOOSE)
         last = size_of(dX)
         before, factor = size, 1.0
-        if last > longest:
+        if last > longest and iteration >= free:
             return Corrected(False, X, omega, iteration, size, at, inverse)
         if line_search:
-            factor = _shortened(system, X, omega, inverse, dX, d_omega, ease)
+            factor, at = _shortened(system, X, omega, inverse, dX, d_omega, ease)
+        else:
+            at = system.linearised(X + dX, omega + d_omega, ease)
         X, omega = X + factor * dX, omega + factor * d_omega
-        at = system.linearised(X, omega, ease)
         size = system.size(at.residual)
-        if factor == 1.0 and np.isfinite(size) and last < content * size_of(X):
+        if factor == 1.0 and size < rough and last < content * size_of(X):
             return Corrected(True, X, omega, iteration + 1, size, at, inverse)
         if not line_search and size > 1e3 * before and iteration > 1:
             return Corrected(False, X, omega, iteration + 1, size, at, inverse)
@@ -156,17 +158,20 @@ def size_of(X: NDArray) -> float:
 
 def _shortened(
     system: WheelSystem, X: NDArray, omega: float, inverse: Inverse, dX: NDArray, d_omega: float, ease: Ease
-) -> float:
-    """1, or the best of shorter factors of a step where the step that would follow with the same inverse is no shorter."""
-    norm = float(np.linalg.norm(dX))
-    best, factor = np.inf, 1.0
+) -> tuple[float, Linearised]:
+    """1, or the best of shorter factors of a step where the step that would follow with the same inverse is no shorter.
+
+    With the equations there: derivatives are a tenth of the price of a trial, and a trial that serves is not repeated.
+    """
+    norm, least, factor = float(np.linalg.norm(dX)), np.inf, 1.0
     for trial in 0.5 ** np.arange(8):
-        now = float(np.linalg.norm(inverse(system.residual(X + trial * dX, omega + trial * d_omega, ease))))
-        if now < best:
-            best, factor = now, float(trial)
+        new = system.linearised(X + trial * dX, omega + trial * d_omega, ease)
+        now = float(np.linalg.norm(inverse(new.residual)))
+        if now < least or trial == 1.0:
+            least, factor, at = now, float(trial), new
         if now < (1.0 - 0.25 * trial) * norm:
             break
-    return factor
+    return factor, at
 
 
 def solved(

@@ -28,14 +28,22 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
-from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved
+from bdamper.wheel.newton import Corrected, Plane, correct, plane_across, size_of, solved
 from bdamper.wheel.results import WheelPeak
-from bdamper.wheel.solution import SPRINGS, Solver
+from bdamper.wheel.solution import SPRINGS, solution
 from bdamper.wheel.system import PLAIN, Ease, Inverse, WheelSystem
 from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of
 
-PLACE = 3e-4
-"""Place of a peak along the curve, relative to the vibration: its amplitude is off by some 1e-7 then."""
+GAIN, EXACT = 1e-5, 1e-8
+"""By how much, relatively, an amplitude may still rise where a climb ends: on the way, and at the highest peak."""
+NEAR, ROUGH = 2e-3, 1e-2
+"""Newton step, relative to the vibration, and residual with which the first place of a climb is content.  With residuals of
+any size dampers that are nearly free are still on their way."""
+SHARE = 0.05
+"""Of a climb's step: Newton step with which the place ahead is content.  On 12 wheels of 13 blades 0.02 takes as many
+factorisations, 0.2 a quarter more, with a peak lost."""
+LEAST = 3e-5
+"""Shortest step of a climb, relative to the vibration."""
 FAR = 1.5
 """Ratio to the frequency of the tuned peak beyond which a wave of another nodal diameter counts as of another family."""
 
@@ -51,7 +59,7 @@ NEARLY = 0.9
 the highest peak, 2.5 % above that of the first."""
 RISE = 0.06
 """By how much any peak may rise when it is freed.  On the 12 other wheels of the module's docstring the highest is that
-after freeing all four peaks, for 14 % fewer factorisations; without this one of them is 1.7 % too low, 2 % cheaper."""
+after freeing all four peaks; without this one of them is 1.7 % too low."""
 HALF = 10.0**-0.5
 """Of the springs, where the next ones lead to no peak at once."""
 
@@ -63,6 +71,8 @@ class _Climbed:
     Parameters
     ----------
     at : Corrected
+    plane : (normal, normal_omega)
+        Across the curve.
     blade : int
     springs, heights : tuple of float, - and m
         Springs with which it was found, and its amplitudes.
@@ -71,6 +81,7 @@ class _Climbed:
     """
 
     at: Corrected
+    plane: Plane
     blade: int
     springs: tuple[float, ...]
     heights: tuple[float, ...]
@@ -213,7 +224,7 @@ def peak(
     climbs = _Climbs(wheel, system, TWO_PI * width, (float(points[0]), float(points[-1])))
     peaks = climbs.held(_candidates(wheel, swept, options.climbs))
     held = np.array([(c.blade, c.at.omega / TWO_PI, c.height) for c in peaks]).reshape(-1, 3)
-    peaks = climbs.freed(peaks)
+    peaks = climbs.exact(climbs.freed(peaks))
     top = max(peaks, key=lambda peak: peak.height, default=None)
     best, springs = (None, 0.0) if top is None else (top.at, top.springs[-1])
     met = [found for found in swept if found is not None]
@@ -253,9 +264,9 @@ def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> 
     X = np.zeros(system.shape)
     X[:, 0] = mean
     X[system.still] = 0.0
-    solver, out = Solver(system, HELD), []
+    out: list[Corrected | None] = []
     for w in omega:
-        found = solver.at(float(w), X, 1e-6, loose)
+        found = solution(system, X, float(w), HELD, 1e-6, loose)
         X = X if found is None else found.X
         out.append(found)
     return out
@@ -331,10 +342,10 @@ class _Climbs:
         out: list[_Climbed] = []
         for start, k in candidates:
             found = self._of_highest(start, k, HELD)
-            if found is not None:
-                blade, height = self._highest(found)
-                if not any(blade == c.blade and abs(found.omega - c.at.omega) < 1e-3 * self.width for c in out):
-                    out.append(_Climbed(found, blade, (HELD.springs,), (height,)))
+            if found is not None and not any(
+                found.blade == c.blade and abs(found.at.omega - c.at.omega) < 0.05 * self.width for c in out
+            ):
+                out.append(found)
         return out
 
     def freed(self, peaks: list[_Climbed]) -> list[_Climbed]:
@@ -353,30 +364,41 @@ class _Climbs:
             out[i] = self._weakened(out[i])
         return out
 
+    def exact(self, peaks: list[_Climbed]) -> list[_Climbed]:
+        """The same peaks, with the highest, and what may be the highest, climbed to the top (``EXACT``)."""
+        top, out = max((peak.height for peak in peaks), default=0.0), list(peaks)
+        for i, peak in enumerate(peaks):
+            if peak.height > (1.0 - 1e-3) * top:
+                found = self._of_highest(peak.at, peak.blade, Ease(springs=peak.springs[-1]), None, EXACT)
+                if found is not None and found.height >= peak.height:
+                    heights = (*peak.heights[:-1], found.height)
+                    out[i] = replace(peak, at=found.at, plane=found.plane, blade=found.blade, heights=heights)
+        return out
+
     def _weakened(self, peak: _Climbed) -> _Climbed:
         """The same peak with the next springs, or with those on the way to them."""
         before = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * before)
-        place = peak.at
-        tangent = _tangent(place, place.at.inverse(), None, self.width)
-        plane = None if tangent is None else plane_across(tangent, place.X, self.width, self.system)
-        for springs in (target, HALF * before):
-            if springs == target or springs > max(target, 0.2 * WEAKER[2]):
-                found = self._of_highest(place, peak.blade, Ease(springs=springs), plane)
-                if found is not None:
-                    blade, height = self._highest(found)
-                    return _Climbed(found, blade, (*peak.springs, springs), (*peak.heights, height))
+        nearer = HALF * before
+        for springs in (target, nearer) if nearer > max(1.01 * target, 0.2 * WEAKER[2]) else (target,):
+            found = self._of_highest(peak.at, peak.blade, Ease(springs=springs), peak.plane)
+            if found is not None:
+                return replace(found, springs=(*peak.springs, springs), heights=(*peak.heights, found.height))
         return replace(peak, last=True)
 
-    def _of_highest(self, start: Corrected, blade: int, ease: Ease, plane: Any = None) -> Corrected | None:
+    def _of_highest(
+        self, start: Corrected, blade: int, ease: Ease, plane: Plane | None = None, gain: float = GAIN
+    ) -> _Climbed | None:
         """A peak near a solution whose blade is the highest there, or None: where another one is, it is climbed next."""
         for _ in range(self.wheel.n_blades):
-            found = climb(self.wheel, self.system, start.X, start.omega, blade, self.width, ease, plane=plane)
-            if found is None or not self.band[0] <= found.omega <= self.band[1]:
+            found = climb(self.wheel, self.system, start.X, start.omega, blade, self.width, ease, gain, plane)
+            if found is None or not self.band[0] <= found[0].omega <= self.band[1]:
                 return None
-            if self._highest(found)[0] == blade:
-                return found
-            start, blade, plane = found, self._highest(found)[0], None
+            start, across = found
+            highest, height = self._highest(start)
+            if highest == blade:
+                return _Climbed(start, across, blade, (ease.springs,), (height,))
+            blade, plane = highest, None
         return None
 
     def _highest(self, at: Corrected) -> tuple[int, float]:
@@ -392,76 +414,99 @@ def climb(
     blade: int,
     width: float,
     ease: Ease = PLAIN,
+    gain: float = GAIN,
+    plane: Plane | None = None,
     most: int = 60,
-    plane: tuple[NDArray, float] | None = None,
-) -> Corrected | None:
-    """Maximum of one blade's amplitude along the curve near a point: secant on its slope; None if it was not found.
+) -> tuple[Corrected, Plane] | None:
+    """Maximum of one blade's amplitude along the curve near a point, and the plane across it; None if it was not found.
+
+    Secant on the slope of the amplitude.  Places on the way are content with little: one factorisation serves the last
+    correction of a place and its slope.  The last one is a solution, and its slope is its own.
 
     Parameters
     ----------
     X, omega : a loose solution
     blade : int
     width : float, rad/s
-        First step at most.
+        Unit of the frequency along the curve.
     ease : Ease
-    most : int
-        Steps.
+    gain : float
+        By how much the amplitude may still rise, relatively.
     plane : (normal, normal_omega), optional
         In which the first solution lies (:func:`~bdamper.wheel.newton.correct`); it has the frequency given without.  On
         13 blades, 500 N, planes across the curve lead peaks to weaker springs where that frequency has no solution.
-    """  # fmt: skip
+    most : int
+        Steps.
+    """
     row = np.zeros(system.shape[2])
     row[: wheel.structure.n] = wheel.response_row
-    place = correct(system, X, omega, plane=plane, ease=ease, tolerance=1e-6, most=25, line_search=True)
-    if not place.converged:
-        return None
-
-    def amplitude(at: Corrected) -> float:
-        return float(abs(at.X[blade, 1] @ row - 1j * (at.X[blade, 2] @ row)))
-
-    wanted, best, h, before, cap, reach, normal = np.inf, place, 0.0, np.nan, 0.5, 0.5, None
+    place = correct(
+        system, X, omega, plane=plane, ease=ease, tolerance=1e-6, most=25, line_search=True, content=NEAR, rough=ROUGH,
+        longest=0.5 * size_of(X), free=6,
+    )  # fmt: skip
+    h, before, bent, bracket, reach, normal, known = 0.0, 0.0, 1.0, np.inf, 0.5, None, False
     for _ in range(most):
-        inverse = place.at.inverse()
+        if not place.converged:
+            return None
+        exact = place.residual <= TOLERANCE
+        inverse = place.at.inverse() if exact or place.inverse is None else place.inverse
         tangent = _tangent(place, inverse, normal, width)
         if tangent is None:
             return None
         a, da = (Y[blade, 1] @ row - 1j * (Y[blade, 2] @ row) for Y in (place.X, tangent[0]))
         slope = float((np.conj(a) * da).real / abs(a) ** 2)
-        if slope * before < 0.0:  # the slope may jump where a contact changes its state: halved at the least
-            cap = 0.5 * abs(h)
-        curvature = (slope - before) / h if h and slope != before else -8.0
-        h = float(np.clip(-slope / curvature if curvature < 0.0 else 0.4 * np.sign(slope), -cap, cap))
-        wanted = abs(h)
-        h = float(np.clip(h, -reach, reach))
-        tried = abs(h)
-        if wanted < (0.1 * PLACE if np.isnan(before) else PLACE):  # the first curvature is a guess
-            break
-        normal, new = plane_across(tangent, place.X, width, system), None
-        while abs(h) > 0.1 * PLACE:
-            guess = place.X + h * tangent[0]
-            guess[:, 0] = place.X[:, 0]
-            new = correct(
-                system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=10,
-                inverse=inverse, longest=size_of(place.X),
-            )  # fmt: skip
-            if new.converged:
-                break
-            h *= 0.4
-        if new is None or not new.converged:
-            break
-        before, place = slope, new
-        reach = 2.0 * tried if abs(h) == tried else abs(h)
-        best = place if amplitude(place) > amplitude(best) else best
-    done = correct(system, best.X, best.omega, ease=ease, tolerance=TOLERANCE, most=25, line_search=True)
-    at_top = wanted < 10.0 * PLACE or cap < 10.0 * PLACE
-    return done if done.converged and at_top else None
+        if h:
+            known, bent = True, (before - slope) / h
+            if slope * before < 0.0:  # the slope may jump where a contact changes its state: halved at the least
+                bracket = 0.5 * abs(h)
+        furthest = min(bracket, 0.5)
+        step = float(np.clip(slope / bent if bent > 0.0 else slope * np.inf, -furthest, furthest)) if slope else 0.0
+        rest = 0.5 * abs(slope * step) if known else 5.0 * slope**2  # curves are bent by 0.1 to 10
+        top = (bent > 0.0 or bracket < 0.5) and (rest < gain or abs(step) < LEAST)
+        normal = plane_across(tangent, place.X, width, system)
+        if top and exact:
+            return place, normal
+        if top:
+            h, place = 0.0, _settled(place, inverse, normal, ease)
+        else:
+            before, tried = slope, float(np.clip(step, -reach, reach))
+            h, place = _ahead(place, tangent, normal, tried, ease)
+            reach = 3.0 * abs(h) if h == tried and place.iterations <= 2 else 1.5 * abs(h)
+    return None
 
 
-def _tangent(
-    place: Corrected, inverse: Inverse, normal: tuple[NDArray, float] | None, width: float
-) -> tuple[NDArray, float] | None:
+def _ahead(
+    place: Corrected, tangent: tuple[NDArray, float], normal: Plane, h: float, ease: Ease
+) -> tuple[float, Corrected]:
+    """Distance and place ahead along the curve, nearer where none is found, which may not be converged."""
+    first = abs(h)
+    while True:
+        guess = place.X + h * tangent[0]
+        guess[:, 0] = place.X[:, 0]
+        new = correct(
+            place.at.system, guess, place.omega + h * tangent[1], normal, ease=ease, tolerance=1e-6, most=6,
+            line_search=True, longest=size_of(place.X), content=SHARE * abs(h), rough=ROUGH,
+        )  # fmt: skip
+        if new.converged or abs(h) < max(LEAST, 0.05 * first):
+            return h, new
+        h *= 0.3
+
+
+def _settled(place: Corrected, inverse: Inverse, normal: Plane, ease: Ease) -> Corrected:
+    """The solution at a place that is near it."""
+    for shorten, most in ((False, 12), (True, 25)):
+        new = correct(
+            place.at.system, place.X, place.omega, normal, ease=ease, tolerance=TOLERANCE, most=most, line_search=shorten,
+            inverse=inverse, longest=0.1 * size_of(place.X),
+        )  # fmt: skip
+        if new.converged:
+            break
+    return new
+
+
+def _tangent(place: Corrected, inverse: Inverse, normal: Plane | None, width: float) -> tuple[NDArray, float] | None:
     """Direction of the curve, of length one in scaled unknowns, along the normal of the last plane or up in frequency."""
     plane = (np.zeros_like(place.X[..., place.at.system.root]), 1.0) if normal is None else normal
-    dX, d_omega, _ = solved(place.at, inverse, plane, 1e-4, (np.zeros_like(place.X), 1.0))
+    dX, d_omega, _ = solved(inverse.at, inverse, plane, 1e-4, (np.zeros_like(place.X), 1.0))
     length = float(np.sqrt(size_of(dX) ** 2 / size_of(place.X) ** 2 + (d_omega / width) ** 2))
     return (dX / length, d_omega / length) if np.isfinite(length) and np.isfinite(dX).all() else None

@@ -19,7 +19,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved, walked
 from bdamper.wheel.results import WheelCurve
-from bdamper.wheel.solution import Solver
+from bdamper.wheel.solution import solution
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
 
 TWO_PI = 2.0 * np.pi
@@ -37,7 +37,7 @@ def start(system: WheelSystem, mean: NDArray, omega: float, ease: Ease) -> Corre
     X[:, 0] = mean
     X[system.still] = 0.0
     found = correct(system, X, omega, ease=ease, tolerance=TOLERANCE, most=40, line_search=True)
-    return found if found.converged else Solver(system, ease).at(omega, X, TOLERANCE)
+    return found if found.converged else solution(system, X, omega, ease, TOLERANCE)
 
 
 class Path:

@@ -6,7 +6,7 @@ import pytest
 from bdamper.wheel import Mistuning, Wheel
 from bdamper.wheel import peak as module
 from bdamper.wheel.newton import correct
-from bdamper.wheel.solution import Solver
+from bdamper.wheel.solution import solution
 from bdamper.wheel.system import Ease
 from tests.wheel.test_symmetry import PATTERN, N, study
 
@@ -38,7 +38,7 @@ def test_solutions_where_newton_from_rest_finds_none():
     X, plain, eased = at_rest(system, mean), 0, 0
     for omega in 2.0 * np.pi * np.linspace(260.0, 340.0, 9):
         plain += correct(system, X, omega, tolerance=1e-9, most=40, line_search=True).converged
-        found = Solver(system, Ease(springs=1.0)).at(omega, X, 1e-9)
+        found = solution(system, X, omega, Ease(springs=1.0), 1e-9)
         if found is not None:
             assert system.size(system.residual(found.X, omega, Ease(springs=1.0))) <= 1e-9
             eased += 1
@@ -84,7 +84,7 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     top = wheel.peak(preload)
     system, _ = wheel.system(preload)
     width, ease = 2.0 * np.pi * module.band(wheel, preload)[2], Ease(springs=top.springs)
-    again = module.climb(wheel, system, top.unknowns, 2.0 * np.pi * top.frequency, top.blade, width, ease)
+    again, _ = module.climb(wheel, system, top.unknowns, 2.0 * np.pi * top.frequency, top.blade, width, ease)
     assert np.abs(wheel.response(again.X)[:, 1]).max() == pytest.approx(top.amplitude, rel=1e-5)
 
 
@@ -100,10 +100,10 @@ def test_the_peak_that_may_be_the_highest_is_freed_next(monkeypatch, heights, or
 
     def weakened(_, peak):
         asked.append(peak.blade)
-        return module._Climbed(None, peak.blade, (1.0, 0.0), heights[peak.blade])
+        return module._Climbed(None, None, peak.blade, (1.0, 0.0), heights[peak.blade])
 
     monkeypatch.setattr(module._Climbs, "_weakened", weakened)
-    held = [module._Climbed(None, blade, (1.0,), height[:1]) for blade, height in heights.items()]
+    held = [module._Climbed(None, None, blade, (1.0,), height[:1]) for blade, height in heights.items()]
     freed = module._Climbs(None, None, 0.0, (0.0, 0.0)).freed(held)
     assert asked == order
     assert [peak.height for peak in freed] == [height[blade in order] for blade, height in heights.items()]

@@ -19,12 +19,12 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
 
     assert whole.interval == band
-    at = module.Solver.at
+    own = module.solution
 
-    def lost(self, omega, *arguments):
-        return None if hidden[0] < omega / (2.0 * np.pi) < hidden[1] else at(self, omega, *arguments)
+    def lost(system, X, omega, *arguments):
+        return None if hidden[0] < omega / (2.0 * np.pi) < hidden[1] else own(system, X, omega, *arguments)
 
-    monkeypatch.setattr(module.Solver, "at", lost)
+    monkeypatch.setattr(module, "solution", lost)
     part = wheel.peak(2000.0, band, options=options)
     assert not part.converged and part.status == "lower bound" and part.blade == whole.blade
     assert part.amplitude == pytest.approx(whole.amplitude, rel=1e-5)
