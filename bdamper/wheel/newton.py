@@ -166,7 +166,7 @@ def _shortened(
     norm, least, factor = float(np.linalg.norm(dX)), np.inf, 1.0
     for trial in 0.5 ** np.arange(8):
         new = system.linearised(X + trial * dX, omega + trial * d_omega, ease)
-        now = float(np.linalg.norm(inverse(new.residual)))
+        now = float(np.nan_to_num(np.linalg.norm(inverse(new.residual)), nan=np.inf))
         if now < least or trial == 1.0:
             least, factor, at = now, float(trial), new
         if now < (1.0 - 0.25 * trial) * norm:

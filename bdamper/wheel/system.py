@@ -406,6 +406,7 @@ class Linearised:
         squares = (w**2)[:, None, None]
         lost = w[:, None, None] * (s.damper_damping + self.lost * s.damper_mass)
         own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
+        system.latest = None  # whose memory this takes, should it fail, too
         status = core.factor(
             own,
             following,

@@ -2,6 +2,7 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
-from bdamper.wheel import DamperVariation
+from bdamper.wheel import DamperVariation, newton
 from bdamper.wheel.condensation import Condensation, pair
 from bdamper.wheel.krylov import gmres
 from bdamper.wheel.newton import LOOSE, correct, solved
@@ -106,12 +107,12 @@ def test_the_core_eliminates_as_plain_numpy_does(n_blades, harmonics, options):
         assert np.abs(core - plain).max() < 1e-9 * np.abs(plain).max()
 
 
+@pytest.mark.parametrize(("n_c", "stiffness", "condensed"), [(2, 2e6, 0), (7, 2e4, 3)])
 @pytest.mark.parametrize("damped", [False, True])
-def test_linear_equations_are_solved(damped, monkeypatch):
-    """Without damping between sectors at once, but for rounding; else what is left out is put right step by step."""
+def test_linear_equations_are_solved(damped, n_c, stiffness, condensed, monkeypatch):
+    """What is left out is put right step by step, with nothing condensed or some of each blade's coordinates."""
     monkeypatch.setattr("bdamper.wheel.system.KEPT", 1)  # of two root shapes
-    monkeypatch.setattr("bdamper.wheel.condensation.FELT", 1e-9)
-    study = lumped_study(7, 1, harmonics=(1, 3), n_c=2, r=2, n_att=2)
+    study = lumped_study(7, 1, harmonics=(1, 3), n_c=n_c, r=2, n_att=2).with_(contact_stiffness=stiffness)
     study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), damping_ratio=None if damped else 0.0)
     w = Wheel(study, mistuning=0.03 * np.random.default_rng(2).normal(size=7))
     system, mean = w.system(PRELOAD)
@@ -122,6 +123,7 @@ def test_linear_equations_are_solved(damped, monkeypatch):
     X[:, 0] = mean
     at = system.linearised(X, 2.0 * np.pi * 180.0, Ease(0.1, 0.2))
     inverse, root = at.inverse(), system.root
+    assert inverse.condensed.flexibility.shape[2] == condensed
     r = np.zeros(system.shape)
     r[..., root] = rng.normal(size=r[..., root].shape)
     r[system.still] = 0.0
@@ -137,6 +139,52 @@ def test_linear_equations_are_solved(damped, monkeypatch):
         found, change, _ = solved(at, inverse, plane, LOOSE, given)
         once = np.linalg.norm(found - x) / np.linalg.norm(x) + abs(change - ahead)
         assert 1e-8 < once < 0.1, once
+
+
+def test_an_older_inverse_is_not_used():
+    """Its memory is that of the next one; another octave has other condensed coordinates, and memory of its own."""
+    study = lumped_study(5, 1, harmonics=1, n_c=7, r=2).with_(contact_stiffness=2e4)
+    system, mean = Wheel(study.with_(excitation=bd.Excitation("tip", amplitude=100.0))).system(PRELOAD)
+    X, omega = np.zeros(system.shape), 2.0 * np.pi * 100.0
+    X[:, 0] = mean
+    first = system.linearised(X, omega).inverse()
+    assert first.current
+    near, far = (system.linearised(X, factor * omega).inverse() for factor in (1.001, 4.0))
+    assert far.current and not near.current and not first.current
+    assert near.core is first.core and far.core is not first.core
+    assert far.condensed.flexibility.shape[2] < near.condensed.flexibility.shape[2]
+    assert correct(system, X, omega, inverse=far, most=1).inverse is far
+    assert correct(system, X, omega, inverse=near, most=1).inverse is not near
+    free, last = system.linearised(X, 0.0), system.latest
+    with pytest.raises(FloatingPointError):
+        replace(free, tangents=0.0 * free.tangents, springs=0.0 * free.springs).inverse()
+    assert not last.current
+
+
+def test_newton_ends_where_it_may():
+    system, mean = wheel(6, 1).system(PRELOAD)
+    X, omega, options = np.zeros(system.shape), 2.0 * np.pi * 190.0, {"line_search": True, "most": 40}
+    X[:, 0] = mean
+    whole = correct(system, X, omega, **options)
+    content = correct(system, X, omega, content=10.0, **options)
+    rough = correct(system, X, omega, content=10.0, rough=1e-4, **options)
+    assert whole.converged and content.converged and rough.converged
+    assert whole.residual <= 1e-9 < rough.residual < 1e-4 < content.residual
+    for at in (whole, content, rough):
+        np.testing.assert_array_equal(at.at.residual, system.residual(at.X, omega))
+    for free in (0, 2):
+        short = correct(system, X, omega, longest=0.0, free=free, **options)
+        assert not short.converged and short.iterations == free
+
+
+def test_a_step_to_where_nothing_is_finite_is_shortened():
+    X = np.ones((1, 3, 1))
+
+    def linearised(X, *_):
+        return SimpleNamespace(residual=np.where(X > 1.5, np.nan, X))
+
+    factor, at = newton._shortened(SimpleNamespace(linearised=linearised), X, 1.0, lambda r: r, 4.0 * X, 0.0, PLAIN)
+    assert factor == 0.125 and np.isfinite(at.residual).all()
 
 
 @pytest.mark.parametrize("deviation", [0.0, 0.1])
