@@ -86,6 +86,13 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     width, ease = 2.0 * np.pi * module.band(wheel, preload)[2], Ease(springs=top.springs)
     again, _ = module.climb(wheel, system, top.unknowns, 2.0 * np.pi * top.frequency, top.blade, width, ease, module.EXACT)
     assert np.abs(wheel.response(again.X)[:, 1]).max() == pytest.approx(top.amplitude, rel=1e-5)
+    low = int(np.argmin(np.abs(top.response[:, 1])))
+    left, _ = module.climb(wheel, system, top.unknowns, again.omega, low, width, ease)
+    heights = np.abs(wheel.response(left.X)[:, 1])  # of a blade that stays below another the top is not looked for
+    assert (left.residual <= module.TOLERANCE) == (heights[low] > 0.98 * heights.max())
+    for aside in (-2e-4 * width, 2e-4 * width):  # on either side that blade is lower
+        found = correct(system, top.unknowns, again.omega + aside, ease=ease, tolerance=1e-12, most=30, line_search=True)
+        assert found.converged and np.abs(wheel.response(found.X)[top.blade, 1]) < (1.0 + 1e-9) * top.amplitude
 
 
 @pytest.mark.parametrize(
