@@ -95,6 +95,18 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
         assert found.converged and np.abs(wheel.response(found.X)[top.blade, 1]) < (1.0 + 1e-9) * top.amplitude
 
 
+def test_a_peak_at_which_a_contact_changes_its_state_is_found():
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=1))
+    top = wheel.peak(2000.0, options=module.WheelPeakOptions(least=12, most=12, climbs=1))
+    system, _ = wheel.system(2000.0)
+    width, fall = 2.0 * np.pi * module.band(wheel, 2000.0)[2], []
+    for aside in (-1e-4, -5e-5, 5e-5, 1e-4):
+        at = correct(system, top.unknowns, 2.0 * np.pi * top.frequency + aside * width, tolerance=1e-12, line_search=True)
+        fall.append(1.0 - np.abs(wheel.response(at.X)[top.blade, 1]) / top.amplitude)
+    assert top.converged and min(fall) > 0.0
+    assert fall[3] < 2.2 * fall[2] or fall[0] < 2.2 * fall[1]  # a corner: on one side the amplitude falls at once
+
+
 @pytest.mark.parametrize(
     ("heights", "order"),
     [  # freeing has changed another by two thirds, which does not lift the last one to the top; or has changed none yet
