@@ -5,7 +5,8 @@
 Amplification factor over the standard deviation of blade frequencies at three preloads, and the preload, of seven, at which
 the worst blade of 99 % of the wheels is lowest.  ``--harmonics 3`` asks with three harmonics; the contacts' flexibility is
 in the local basis of the model either way.  Finished wheels are kept in the folder of the figures, from which an
-interrupted run goes on.  A wheel at one preload takes half a minute of the processor, with three harmonics up to ten minutes.
+interrupted run goes on.  A wheel at one preload takes half a minute of the processor, with three harmonics up to ten
+minutes.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ followed to the end) the amplitude with springs of 0.1, 0.01 and 0.001 is off th
 the median and by 18, 12 and 5 % at most; which blade is the highest changes with the springs in 3 of 12 wheels.  What
 ``WheelPeak.error`` promises from these covers the changes of 41, 42 and 40 of 42, 42 and 41 peaks of 12 other wheels.
 With free dampers the highest peak is found on 13 of 14 of these wheels at 1 and 2 kN and on 3 of 7 at 500 N, on others with
-springs of 0.01 and less; on five wheels of 65 blades on all at 2 kN, with 0.01 or 0.03 at 500 N.
+springs of 0.01 and less; on four wheels of 65 blades on all at 2 kN, with 0.003 to 0.03 at 500 N.
 """
 
 from __future__ import annotations
