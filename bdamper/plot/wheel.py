@@ -218,7 +218,7 @@ def plot_sample(
     styles = ("-.", ":", "--", "-")
     x = 100.0 * sample.standard_deviation
     bands = {q: sample.percentile(q) for q in percentiles[-len(styles) :]}
-    with drawing(ax, title=title, legend=7.0) as ax:
+    with drawing(ax, title=title or f"{len(sample)} wheels", legend=7.0) as ax:
         for j, (preload, colour) in enumerate(zip(sample.preload, colours(len(sample.preload)))):
             for k, (q, (low, value, high)) in enumerate(bands.items()):
                 last = k == len(bands) - 1
