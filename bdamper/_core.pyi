@@ -45,8 +45,8 @@ class Wheel:
         n_kept: int,
         own: NDArray,
         next: NDArray,
-        active: NDArray,
-        pinned: NDArray,
+        active: NDArray[np.bool_],
+        pinned: NDArray[np.bool_],
     ) -> None: ...
     def factor(
         self,
@@ -58,7 +58,7 @@ class Wheel:
         springs: NDArray,
         neighbour: NDArray,
     ) -> int: ...
-    def solve(self, r: NDArray, x: NDArray) -> None: ...
+    def solve(self, factored: int, r: NDArray, x: NDArray) -> None: ...
 
 class System:
     def __init__(
@@ -147,6 +147,21 @@ def evaluate_contact(
     n_time: int = 0,
     load: float = ...,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...
+def evaluate_points(
+    x: NDArray[np.float64],
+    kt: NDArray[np.float64],
+    kn: NDArray[np.float64],
+    mu: NDArray[np.float64],
+    n0: NDArray[np.float64],
+    w: NDArray[np.float64],
+    load: NDArray[np.float64],
+    law: NDArray[np.intc],
+    F: NDArray[np.float64],
+    share: NDArray[np.float64],
+    T: NDArray[np.float64] | None = None,
+    evaluation: int = 0,
+    n_time: int = 0,
+) -> None: ...
 
 class Ring:
     def __init__(

@@ -227,7 +227,9 @@ PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwarg
         return NULL;
     if (!core_check_kernel() || !read_points(&o, &call)) return NULL;
     bd_status status;
-    Py_BEGIN_ALLOW_THREADS status = evaluate_points(&call);
-    Py_END_ALLOW_THREADS PyMem_Free(call.element);
+    Py_BEGIN_ALLOW_THREADS;
+    status = evaluate_points(&call);
+    Py_END_ALLOW_THREADS;
+    PyMem_Free(call.element);
     return core_check_status(status) ? Py_NewRef(Py_None) : NULL;
 }

@@ -151,6 +151,12 @@ static int march_in_parts(RingObject *self, const bd_time_path *path, double *q,
     return 1;
 }
 
+/* Finite numbers that are read and then written to. */
+static double *state(core_arguments *arguments, PyObject *object, const char *name, int n_dim, const npy_intp *shape) {
+    double *x = core_doubles(arguments, object, name, n_dim, shape, BD_OUTPUT);
+    return x && core_check_numbers(x, PyArray_SIZE((PyArrayObject *)object), name, BD_FINITE) ? x : NULL;
+}
+
 static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"q",         "v",        "w",     "n_step", "per_period", "omega",
                             "omega_end", "harmonic", "trace", "first",  NULL};
@@ -166,9 +172,8 @@ static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) 
     const npy_intp by_w[4] = {m, t->n_sector, t->n_point, 2}, n_w = 2 * (npy_intp)t->n_sector * t->n_point;
     double *q, *v, *w;
     if (m < 0 || !check_path(&path)) return NULL;
-    if (!(q = core_doubles(&arguments, q_object, "q", 2, by_q, BD_OUTPUT))) return NULL;
-    if (!(v = core_doubles(&arguments, v_object, "v", 2, by_q, BD_OUTPUT))) return NULL;
-    if (!(w = core_doubles(&arguments, w_object, "w", 4, by_w, BD_OUTPUT))) return NULL;
+    if (!(q = state(&arguments, q_object, "q", 2, by_q)) || !(v = state(&arguments, v_object, "v", 2, by_q))) return NULL;
+    if (!(w = state(&arguments, w_object, "w", 4, by_w))) return NULL;
     const npy_intp periods = path.n_step / path.per_period, by_trace[3] = {m, path.n_step, n};
     npy_intp n_harmonic = 0;
     double *X = NULL, *x = NULL;
@@ -202,8 +207,8 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
     const npy_intp n = length(q_object, "q", 100000000), by_q[2] = {n, 2 * t->n_total},
                    by_w[3] = {t->n_sector, t->n_point, 2};
     double *q, *w;
-    if (n < 0 || !(q = core_doubles(&arguments, q_object, "q", 2, by_q, BD_INPUT))) return NULL;
-    if (!(w = core_doubles(&arguments, w_object, "w", 3, by_w, BD_OUTPUT))) return NULL;
+    if (n < 0 || !(q = core_numbers(&arguments, q_object, "q", 2, by_q, BD_FINITE))) return NULL;
+    if (!(w = state(&arguments, w_object, "w", 3, by_w))) return NULL;
     Py_BEGIN_ALLOW_THREADS;
     PyThread_acquire_lock(self->lock, WAIT_LOCK);
     bd_time_follow(&self->time, (long)n, q, w);

@@ -76,41 +76,54 @@ static PyObject *Wheel_factor(WheelObject *self, PyObject *args, PyObject *kwarg
     const npy_intp dampers[4] = {l, N, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
     core_arguments a = {0};
     bd_wheel_matrix matrix;
-    if (!(matrix.tangent[0] = core_doubles(&a, own, "own", 5, first, BD_INPUT))) return NULL;
-    if (!(matrix.tangent[1] = core_doubles(&a, next, "next", 5, second, BD_INPUT))) return NULL;
-    if (!(matrix.blade = core_doubles(&a, blade, "blade", 4, blades, BD_INPUT))) return NULL;
-    if (!(matrix.damping = core_doubles(&a, damping, "damping", 4, blades, BD_INPUT))) return NULL;
-    if (!(matrix.damper = core_doubles(&a, damper, "damper", 4, dampers, BD_INPUT))) return NULL;
-    if (!(matrix.springs = core_doubles(&a, springs, "springs", 2, held, BD_INPUT))) return NULL;
-    if (!(matrix.neighbour = core_doubles(&a, neighbour, "neighbour", 3, near, BD_INPUT))) return NULL;
-    bd_status status;
-    Py_BEGIN_ALLOW_THREADS PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    status = bd_wheel_factor(&self->wheel, &matrix);
+    if (!(matrix.tangent[0] = core_numbers(&a, own, "own", 5, first, BD_FINITE))) return NULL;
+    if (!(matrix.tangent[1] = core_numbers(&a, next, "next", 5, second, BD_FINITE))) return NULL;
+    if (!(matrix.blade = core_numbers(&a, blade, "blade", 4, blades, BD_FINITE))) return NULL;
+    if (!(matrix.damping = core_numbers(&a, damping, "damping", 4, blades, BD_FINITE))) return NULL;
+    if (!(matrix.damper = core_numbers(&a, damper, "damper", 4, dampers, BD_FINITE))) return NULL;
+    if (!(matrix.springs = core_numbers(&a, springs, "springs", 2, held, BD_FINITE))) return NULL;
+    if (!(matrix.neighbour = core_numbers(&a, neighbour, "neighbour", 3, near, BD_FINITE))) return NULL;
+    long factored;
+    Py_BEGIN_ALLOW_THREADS;
+    PyThread_acquire_lock(self->lock, WAIT_LOCK);
+    bd_wheel_factor(&self->wheel, &matrix);
+    factored = self->wheel.factored;
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS return PyLong_FromLong(status);
+    Py_END_ALLOW_THREADS;
+    return PyLong_FromLong(factored);
 }
 
 static PyObject *Wheel_solve(WheelObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"r", "x", NULL};
+    static char *names[] = {"factored", "r", "x", NULL};
     PyObject *r_object, *x_object;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OO:solve", names, &r_object, &x_object)) return NULL;
+    long factored;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "lOO:solve", names, &factored, &r_object, &x_object)) return NULL;
     const npy_intp shape[3] = {self->wheel.n_sector, self->wheel.n_coef, self->wheel.size};
     core_arguments arguments = {0};
     double *r, *x;
-    if (!(r = core_doubles(&arguments, r_object, "r", 3, shape, BD_INPUT))) return NULL;
+    if (!(r = core_numbers(&arguments, r_object, "r", 3, shape, BD_FINITE))) return NULL;
     if (!(x = core_doubles(&arguments, x_object, "x", 3, shape, BD_OUTPUT))) return NULL;
-    Py_BEGIN_ALLOW_THREADS PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    bd_wheel_solve(&self->wheel, r, x);
+    bd_status status;
+    long latest;
+    Py_BEGIN_ALLOW_THREADS;
+    PyThread_acquire_lock(self->lock, WAIT_LOCK);
+    status = bd_wheel_solve(&self->wheel, factored, r, x);
+    latest = self->wheel.factored;
     PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS Py_RETURN_NONE;
+    Py_END_ALLOW_THREADS;
+    if (status == BD_OK) Py_RETURN_NONE;
+    PyErr_Format(PyExc_ValueError, "factored: expected the number of the matrix factored last, %ld (0 for none), found %ld",
+                 latest, factored);
+    return NULL;
 }
 
 static PyMethodDef Wheel_methods[] = {
     {"factor", (PyCFunction)(void (*)(void))Wheel_factor, METH_VARARGS | METH_KEYWORDS,
      "factor(own, next, blade, damping, damper, springs, neighbour) -> int\n\nEliminate the matrix of these tangents and "
-     "linear parts (csrc/bd_wheel.h); 0, or 3 if it is singular."},
+     "linear parts (csrc/bd_wheel.h); the number by which solve() is told it, 0 if it is singular."},
     {"solve", (PyCFunction)(void (*)(void))Wheel_solve, METH_VARARGS | METH_KEYWORDS,
-     "solve(r, x)\n\nFill x with the solution of the latest matrix for the right-hand side r."},
+     "solve(factored, r, x)\n\nFill x with the solution for the right-hand side r of the matrix of that number, which must "
+     "be the one factored last."},
     {NULL, NULL, 0, NULL}};
 
 static PyType_Slot Wheel_slots[] = {{Py_tp_doc,

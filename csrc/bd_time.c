@@ -227,9 +227,8 @@ static void set_condition(bd_time *t) {
             }
             bd_time_add(t, k, p, D, t->closed);
         }
-    for (size_t i = 0; i < n; ++i) t->H[i * n + i] = t->stiffness[i], t->closed[i * n + i] += t->stiffness[i];
+    for (size_t i = 0; i < n; ++i) t->closed[i * n + i] += t->stiffness[i];
     bd_time_factor(t->n_slack, t->closed, t->pivot_closed);
-    t->has_changed = 1;
 }
 
 static void set_points(bd_time *t, const bd_time_input *in) {
@@ -295,11 +294,27 @@ static void turn_sliders(bd_time *t, double *w, int out) {
             }
 }
 
+/* Forgets what was marched before: all that one instant leaves to the next, entries of the padding, too. */
+static void forget(bd_time *t) {
+    const size_t n = (size_t)t->n_slack, k = (size_t)t->n_sector, s = t->stride, size = sizeof(double);
+    double *coordinates[] = {t->q, t->v, t->a, t->pressed};
+    for (size_t i = 0; i < 4; ++i) memset(coordinates[i], 0, size * t->n_coordinate);
+    memset(t->w, 0, size * 2 * s * k);
+    t->largest = 0.0;
+    t->has_changed = 1;
+    if (!n) return;
+    memset(t->moved, 0, size * 2 * s * k);
+    memset(t->state, 0, size * k * s); /* open, of which the derivative is none */
+    memset(t->tangent, 0, size * 9 * k * (size_t)t->n_point);
+    memset(t->H, 0, size * n * n);
+    for (size_t i = 0; i < n; ++i) t->H[i * n + i] = t->stiffness[i];
+}
+
 void bd_time_march(bd_time *t, const bd_time_path *path, double *q, double *v, double *w, bd_time_effort *effort) {
+    forget(t);
     pad(t, q, NULL, t->q);
     pad(t, v, NULL, t->v);
     turn_sliders(t, w, 0);
-    t->largest = 0.0;
     t->effort = *effort;
     t->kernel->time_march(t, path);
     *effort = t->effort;
@@ -309,6 +324,7 @@ void bd_time_march(bd_time *t, const bd_time_path *path, double *q, double *v, d
 }
 
 void bd_time_follow(bd_time *t, long n_step, const double *q, double *w) {
+    forget(t);
     turn_sliders(t, w, 0);
     for (long k = 0; k < n_step; ++k) {
         pad(t, q + 2 * (size_t)t->n_total * (size_t)k, NULL, t->q);

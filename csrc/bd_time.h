@@ -108,7 +108,8 @@ void bd_time_solve(int n, const double *A, const int *pivot, double *x);
 /* Adds to a matrix (n_slack, n_slack) what forces with the derivative D (3, 3) at a point of a sector contribute. */
 void bd_time_add(const bd_time *time, size_t k, size_t p, const double *D, double *H);
 
-/* March from the state q, v (2, n_total), w (n_sector, n_point, 2) to another, in place, and count up the effort. */
+/* March from the state q, v (2, n_total), w (n_sector, n_point, 2) to another, in place, and count up the effort.  Nothing of
+ * what was marched before counts; one march in parts agrees with one at once to the tolerance of the contact condition. */
 void bd_time_march(bd_time *time, const bd_time_path *path, double *q, double *v, double *w, bd_time_effort *effort);
 
 /* Sliders after a given motion q (n_step, 2, n_total). */

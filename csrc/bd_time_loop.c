@@ -143,7 +143,7 @@ BD_INLINE void press_family(const bd_time *t, int f, const double *G, size_t fro
 
 /* ---- derivative of the forces, of which the contact condition has need ---- */
 
-enum { SLIDES_IN_PLANE = 18, UNKNOWN = -1 };
+enum { SLIDES_IN_PLANE = 18 };
 
 /* State of each point: 1 if it is closed, 2 or 4 (6 or 12) if it slips in the positive or negative sense; above these if the
  * derivative changes continuously. */

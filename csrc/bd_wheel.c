@@ -264,6 +264,7 @@ static int eliminate_ring(bd_wheel *w) {
 bd_status bd_wheel_factor(bd_wheel *w, const bd_wheel_matrix *m) {
     const size_t N = (size_t)w->n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
     const size_t nn = (size_t)(w->n_coef * w->n_coef);
+    w->factored = 0;
     memset(w->diagonal, 0, all), memset(w->lower, 0, all), memset(w->upper, 0, all);
     for (size_t n = 0; n < N; ++n) {
         contact_matrix(w, 0, m->tangent[0] + n * (size_t)w->n_point[0] * 7 * nn, w->left);
@@ -273,7 +274,9 @@ bd_status bd_wheel_factor(bd_wheel *w, const bd_wheel_matrix *m) {
         if (!eliminate_blade(w, (int)n)) return BD_SINGULAR;
     }
     add_disk(w, m->neighbour);
-    return eliminate_ring(w) ? BD_OK : BD_SINGULAR;
+    if (!eliminate_ring(w)) return BD_SINGULAR;
+    w->factored = ++w->factorisations;
+    return BD_OK;
 }
 
 /* ---- solution ---- */
@@ -307,7 +310,8 @@ static void solve_ring(bd_wheel *w, double *b) {
     }
 }
 
-void bd_wheel_solve(bd_wheel *w, const double *r, double *x) {
+bd_status bd_wheel_solve(bd_wheel *w, long factored, const double *r, double *x) {
+    if (factored < 1 || factored != w->factored) return BD_BAD_STATE;
     const int N = w->n_sector, nc = w->n_coef, ns = w->size, k = w->n_kept, e = w->n_blade - k, nd = w->n_damper;
     const int E = w->n_own, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
     double *own = w->seen, *b = own + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
@@ -340,4 +344,5 @@ void bd_wheel_solve(bd_wheel *w, const double *r, double *x) {
             memcpy(to + c * ns + e + k, here + A + c * nd, sizeof(double) * (size_t)nd);
         }
     }
+    return BD_OK;
 }

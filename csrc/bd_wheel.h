@@ -34,16 +34,18 @@ typedef struct {
     double *diagonal, *lower, *upper, *last, *onward, *fill; /* (n_sector, n_ring, n_ring); inverses on the diagonal */
     double *left, *right, *Z, *columns, *seen, *work;        /* work */
     int *pivot;
+    long factorisations, factored; /* so many; the number of the matrix whose factors are there, 0 if there is none */
     bd_lapack lapack;
 } bd_wheel;
 
 bd_status bd_wheel_create(bd_wheel *wheel, const bd_wheel_input *input, const bd_lapack *lapack);
 void bd_wheel_destroy(bd_wheel *wheel);
 
-/* BD_SINGULAR where a block cannot be inverted. */
+/* BD_SINGULAR where a block cannot be inverted; the factors that were there before are gone then, too. */
 bd_status bd_wheel_factor(bd_wheel *wheel, const bd_wheel_matrix *matrix);
 
-/* x of the right-hand side r, both (n_sector, n_coef, n_blade + n_damper), after bd_wheel_factor. */
-void bd_wheel_solve(bd_wheel *wheel, const double *r, double *x);
+/* x of the right-hand side r, both (n_sector, n_coef, n_blade + n_damper), with the factors of that number; BD_BAD_STATE where
+ * they are not there. */
+bd_status bd_wheel_solve(bd_wheel *wheel, long factored, const double *r, double *x);
 
 #endif

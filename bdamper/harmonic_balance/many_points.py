@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +33,8 @@ class ManyPoints:
     points: PointArrays
     n_harmonics: int
     evaluation: str | Sampled = "exact"
+    _arrays: tuple[NDArray, ...] = field(init=False, repr=False)
+    _code: tuple[int, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         code = evaluation_code(self.evaluation, self.n_harmonics, self.points.law)
@@ -55,12 +56,12 @@ class ManyPoints:
             Blocks in the order of ``PAIRS``.
         """
         n, _, m = x.shape
+        kt, kn, mu, n0, slider, load, law = self._arrays
         F, share = np.empty_like(x), np.empty((n, 5))
         T = np.empty((n, 7, m, m)) if tangent else None
-        _core.evaluate_points(x, *self._arrays, F, share, T, *self._code)  # type: ignore[attr-defined]
+        _core.evaluate_points(x, kt, kn, mu, n0, slider, load, law, F, share, T, *self._code)
         return F, share, T
 
 
-def elimination(*arguments: Any) -> Any:
-    """The core's elimination of a wheel (csrc/bd_wheel.h): ``factor`` and ``solve``."""
-    return _core.Wheel(*arguments)
+Elimination = _core.Wheel
+"""The core's elimination of a wheel (csrc/bd_wheel.h): ``factor`` and ``solve``."""

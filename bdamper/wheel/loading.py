@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.many_points import ManyPoints
+from bdamper.wheel.constants import Constants
 from bdamper.wheel.mistuning import DamperVariation
 from bdamper.wheel.static import static_wheel
 from bdamper.wheel.structure import Structure
@@ -56,20 +57,33 @@ def local_vector(structure: Structure, modal: NDArray, force: bool) -> NDArray:
     return np.concatenate([(blade @ modal[~own]).real, modal[own]])
 
 
-def wheel_system(
-    structure: Structure, preload: float, dampers: DamperVariation | None, excitation: NDArray, scale: float
-) -> tuple[WheelSystem, NDArray]:
-    """Equations under a preload, and the mean motion (n_blades, n_sector) of the static state.
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A wheel at rest under a preload.
 
     Parameters
     ----------
-    structure : Structure
-    preload : float, N
-        Of a damper of the nominal mass.
-    dampers : DamperVariation or None
-    excitation : (n_blades, n_sector) complex, N kg^-1/2
-    scale : float
-        Force of the harmonics to which the residual is related.
+    points : PointArrays
+        Of all sectors, with the sliders of the static state.
+    load : (n_blades, n_sector) float
+        Static forces.
+    shift : (n_blades, n_points, 3) float, m
+        Relative motion that the coordinates do not carry.
+    mean : (n_blades, n_sector) float
+        Of the static state.
+    force : (n_blades, n_points, 3) float, N
+        Of the contacts there.
+    """
+
+    points: PointArrays
+    load: NDArray
+    shift: NDArray
+    mean: NDArray
+    force: NDArray
+
+
+def loaded(structure: Structure, preload: float, dampers: DamperVariation | None) -> Loaded:
+    """The static state under a preload (N) of a damper of the nominal mass.
 
     Raises
     ------
@@ -77,7 +91,7 @@ def wheel_system(
         If no static state was found.
     """
     tuned, N, n = structure.tuned, structure.n_blades, structure.n
-    pinned = np.zeros(N, bool) if dampers is None else dampers.missing.copy()
+    pinned = missing(structure, dampers)
     points = wheel_points(structure, dampers)
     modal, shift = tuned.damper_load
     load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
@@ -89,28 +103,39 @@ def wheel_system(
     if dampers is None:
         state = tuned.equilibrium(preload)
         mean = np.tile(local_vector(structure, state.q, False), (N, 1))
-        slider, pressing = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
+        slider, force = np.tile(state.slider, (N, 1)), np.tile(state.force, (N, 1))
     else:
         whole = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history)
-        mean, slider, pressing = whole.q, whole.slider, whole.force
+        mean, slider, force = whole.q, whole.slider, whole.force
     points = replace(points, slider=np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider))
+    return Loaded(points, load + constant, moved, mean, force.reshape(N, -1, 3))
+
+
+def missing(structure: Structure, dampers: DamperVariation | None) -> NDArray:
+    """(n_blades,) bool: dampers that are not there."""
+    return np.zeros(structure.n_blades, bool) if dampers is None else dampers.missing
+
+
+def wheel_constants(structure: Structure, dampers: DamperVariation | None) -> Constants:
+    """What the equations have in common whatever the preload."""
+    tuned = structure.tuned
     active = np.repeat([l in tuned.active_harmonics for l in range(tuned.harmonic_numbers[-1] + 1)], 2)[1:]
-    system = WheelSystem(
-        structure,
-        ManyPoints(points, tuned.harmonic_numbers[-1], tuned.evaluation),
-        moved,
-        load + constant,
-        excitation,
-        (1.0, 1.0),
-        active,
-        pinned,
-    )
-    pressed = system.gathered(np.pad(pressing.reshape(N, -1, 3, 1), ((0, 0), (0, 0), (0, 0), (0, len(active) - 1))))
-    largest = max(float(np.abs(load + constant).max()), float(np.abs(pressed).max()), scale) or 1.0
-    system.relate(largest, scale or largest)
-    system.home = mean[:, n:]
+    return Constants.of(structure, wheel_points(structure, dampers), active, missing(structure, dampers))
+
+
+def wheel_system(constants: Constants, state: Loaded, excitation: NDArray) -> WheelSystem:
+    """Equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N kg^-1/2."""
+    tuned, n = constants.structure.tuned, constants.structure.n
+    scale = float(np.abs(excitation).max())
+    contact = ManyPoints(state.points, constants.n_harmonics, tuned.evaluation)
+    system = WheelSystem(constants, contact, state.shift, state.load, excitation, (1.0, 1.0))
+    still = ((0, 0), (0, 0), (0, 0), (0, system.shape[1] - 1))
+    pressed = system.gathered(np.pad(state.force[..., None], still))
+    largest = max(float(np.abs(state.load).max()), float(np.abs(pressed).max()), scale)
+    system.relate(largest, scale)
+    system.home = state.mean[:, n:]
     if not tuned.bias:
-        still = np.zeros(system.shape)
-        still[:, 0] = mean
-        system.shift = moved + system.motion(still)[..., 0]
-    return system, mean
+        mean = np.zeros(system.shape)
+        mean[:, 0] = state.mean
+        system.shift = state.shift + system.motion(mean)[..., 0]
+    return system

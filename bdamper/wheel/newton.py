@@ -85,7 +85,7 @@ def correct(
     ease : Ease
         Of the equations.
     inverse : Inverse, optional
-        Of the Jacobian nearby, used while it serves.
+        The one made last, of the Jacobian nearby, used while it serves.
     longest, free : float, int
         A step of the vibration longer than this ends the iteration, not converged, after so many of any length.
     content, rough : float
@@ -96,8 +96,6 @@ def correct(
     at = system.linearised(X, omega, ease)
     size = system.size(at.residual)
     last = np.inf
-    if inverse is not None and not inverse.current:
-        inverse = None
     for iteration in range(most + 1):
         if (size <= tolerance and iteration >= least) or iteration == most or not np.isfinite(size):
             return Corrected(size <= tolerance, X, omega, iteration, size, at, inverse)
@@ -147,7 +145,7 @@ def walked(system: WheelSystem, X: NDArray, omega: float, *, tolerance: float, m
             continue
         held *= 0.2 if now > 0.5 * size else 1.0
         X, size = X + dX, now
-        at = replace(new, springs=held * system.damper_springs)
+        at = replace(new, springs=held * system.constants.damper_springs)
     return Corrected(size <= tolerance, X, omega, iteration, size, at, None)
 
 
@@ -186,7 +184,7 @@ def solved(
     What the approximate inverse leaves out for good (:mod:`bdamper.wheel.system`) is put right where the tolerance is below
     ``LOOSE``, by the same steps for what is left of the right-hand side.
     """
-    system, root = at.system, at.system.root
+    system, root = at.system, at.system.constants.root
     b, wanted = (-at.residual, 0.0) if right is None else right
     shape = b[..., root].shape
     normal, normal_omega = plane or (np.zeros(shape), 1.0)
@@ -234,6 +232,6 @@ def plane_across(direction: tuple[NDArray, float], X: NDArray, unit_omega: float
 
     Root shapes alone, since equations are solved for them (:mod:`bdamper.wheel.system`).
     """
-    normal = direction[0][..., system.root] / size_of(X[..., system.root]) ** 2
+    normal = direction[0][..., system.constants.root] / size_of(X[..., system.constants.root]) ** 2
     normal[:, 0] = 0.0
     return normal, direction[1] / unit_omega**2

@@ -502,7 +502,7 @@ def _settled(place: Corrected, inverse: Inverse, normal: Plane, ease: Ease) -> C
     for shorten, most in ((False, 12), (True, 25)):
         new = correct(
             place.at.system, place.X, place.omega, normal, ease=ease, tolerance=TOLERANCE, most=most, line_search=shorten,
-            inverse=inverse, longest=0.1 * size_of(place.X),
+            inverse=None if shorten else inverse, longest=0.1 * size_of(place.X),
         )  # fmt: skip
         if new.converged:
             break
@@ -511,7 +511,7 @@ def _settled(place: Corrected, inverse: Inverse, normal: Plane, ease: Ease) -> C
 
 def _tangent(place: Corrected, inverse: Inverse, normal: Plane | None, width: float) -> tuple[NDArray, float] | None:
     """Direction of the curve, of length one in scaled unknowns, along the normal of the last plane or up in frequency."""
-    plane = (np.zeros_like(place.X[..., place.at.system.root]), 1.0) if normal is None else normal
+    plane = (np.zeros_like(place.X[..., place.at.system.constants.root]), 1.0) if normal is None else normal
     dX, d_omega, _ = solved(inverse.at, inverse, plane, 1e-4, (np.zeros_like(place.X), 1.0))
     length = float(np.sqrt(size_of(dX) ** 2 / size_of(place.X) ** 2 + (d_omega / width) ** 2))
     return (dX / length, d_omega / length) if np.isfinite(length) and np.isfinite(dX).all() else None

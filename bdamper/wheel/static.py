@@ -14,49 +14,15 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.points import PointArrays
-from bdamper.contact.preload import law_tangent, limited_forces
-from bdamper.harmonic_balance.many_points import PAIRS
 from bdamper.util.errors import SettingError, StaticError
+from bdamper.wheel.constants import Constants
 from bdamper.wheel.newton import correct, walked
+from bdamper.wheel.static_points import StaticPoints
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
 
 TOLERANCE = 1e-10
 STEPS = 8
-
-
-@dataclass(frozen=True, eq=False)
-class StaticPoints:
-    """Contact points under a slowly growing load: the mean alone moves.
-
-    Parameters
-    ----------
-    points : PointArrays
-        ``slider`` is that of the step before.
-    n_harmonics : int
-        1, which stays at rest.
-    """
-
-    points: PointArrays
-    n_harmonics: int = 1
-
-    def forces(self, x: NDArray, tangent: bool = True) -> tuple[NDArray, NDArray, NDArray | None]:
-        """As :meth:`bdamper.harmonic_balance.many_points.ManyPoints.forces`; no shares."""
-        p, u = self.points, x[..., 0]
-        trial = p.kt * (u[:, :2] - p.slider)
-        level = p.n0 + p.kn * u[:, 2]
-        force, status = limited_forces(level, trial, p.mu)
-        bonded = p.law == LAW_BONDED
-        force[bonded, :2], force[bonded, 2], status[bonded] = trial[bonded], level[bonded], 0
-        F, share = np.zeros_like(x), np.zeros((len(x), 5))
-        F[..., 0] = force
-        if not tangent:
-            return F, share, None
-        T = np.zeros((len(x), len(PAIRS), x.shape[2], x.shape[2]))
-        B = law_tangent(p.kt, p.kn, p.mu, status)
-        for k, (a, b) in enumerate(PAIRS):
-            T[:, k, 0, 0] = B[:, a, b]
-        return F, share, T
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +68,7 @@ def static_wheel(
     """
     if (points.law == LAW_CUBIC).any():
         raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
-    active = np.array([True, False, False])
+    constants = Constants.of(structure, points, np.array([True, False, False]), pinned)
     scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-300)
     touching = np.where(points.n0 < 0.0, 0.0, points.n0)
     scale = max(scale, 1e-9 * float(np.abs(touching).max(initial=0.0)))
@@ -111,10 +77,8 @@ def static_wheel(
     force = np.zeros((len(points.kn), 3))
 
     def system_at(factor: float, points: PointArrays) -> WheelSystem:
-        return WheelSystem(
-            structure, StaticPoints(points), factor * shift, factor * load + constant, np.zeros(load.shape, complex),
-            (scale, scale), active, pinned,
-        )  # fmt: skip
+        still, weight = np.zeros(load.shape, complex), factor * load + constant
+        return WheelSystem(constants, StaticPoints(points), factor * shift, weight, still, (scale, scale))
 
     for target in history:
         step = (target - done) / STEPS
@@ -143,4 +107,3 @@ def static_wheel(
             slider[points.law == LAW_BONDED] = 0.0
             start = replace(start, slider=slider)
     return WheelState(X[:, 0], start.slider, force)
-

@@ -29,19 +29,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.many_points import PAIRS, elimination
-from bdamper.wheel.condensation import Condensation, Condensed, pair
-from bdamper.wheel.structure import Structure
+from bdamper.harmonic_balance.many_points import PAIRS, Elimination, ManyPoints
+from bdamper.wheel.condensation import Condensed, pair
+from bdamper.wheel.constants import Constants
+from bdamper.wheel.static_points import StaticPoints
 
-KEPT = 8
-"""Shapes of the root, the most important ones, in the ring.  On the shipped disk (9 points, 16 shapes) with one harmonic
-16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2; with three harmonics 16, 8 and 6 take 29, 36 and 104 to 1e-4.  The
-cost of the ring falls with the third power of their number."""
 NEUTRAL = 1e-8
 """Springs on the mean of a damper's coordinates in the Jacobian, relative to its stiffness when stuck: a damper that slips
 fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
@@ -71,7 +67,7 @@ class WheelSystem:
 
     Parameters
     ----------
-    structure : Structure
+    constants : Constants
     contact : ManyPoints or StaticPoints
         All points of the wheel, sector by sector.
     shift : (n_blades, n_points, 3) float, m
@@ -82,10 +78,6 @@ class WheelSystem:
         Forces of the first harmonic.
     force_scale : (2,) float
         Forces of the mean and of the harmonics to which the residual is related.
-    active : (n_coefficients,) bool
-        Coefficients that are unknowns; others stay zero.
-    pinned : (n_blades,) bool
-        Dampers that are missing; their coordinates stay zero.
 
     Attributes
     ----------
@@ -95,19 +87,19 @@ class WheelSystem:
 
     def __init__(
         self,
-        structure: Structure,
-        contact: Any,
+        constants: Constants,
+        contact: ManyPoints | StaticPoints,
         shift: NDArray,
         load: NDArray,
         excitation: NDArray,
         force_scale: tuple[float, float],
-        active: NDArray,
-        pinned: NDArray,
     ) -> None:
+        structure = constants.structure
+        self.constants = constants
         self.structure = structure
         self.contact = contact
         self.shift = shift
-        self.n_harmonics = contact.n_harmonics
+        self.n_harmonics = constants.n_harmonics
         n_coef = 2 * self.n_harmonics + 1
         self.shape = (structure.n_blades, n_coef, structure.n_sector)
         self.force = np.zeros(self.shape)
@@ -115,17 +107,12 @@ class WheelSystem:
         self.force[:, 1], self.force[:, 2] = excitation.real, -excitation.imag
         self.order = np.repeat(np.arange(self.n_harmonics + 1), 2)[1:]
         self.still = np.zeros(self.shape, bool)
-        self.still[:, ~active] = True
-        self.still[pinned, :, structure.n :] = True
-        self.active, self.pinned = np.ascontiguousarray(active), np.ascontiguousarray(pinned)
+        self.still[:, ~constants.active] = True
+        self.still[constants.pinned, :, structure.n :] = True
         self.relate(*force_scale)
         self.force[self.still] = 0.0
-        # points of each sector whose blade is that sector's, and the next one's
-        self.groups = [np.flatnonzero(structure.sector == s) for s in (0, 1)]
         self.home = np.zeros((structure.n_blades, structure.n_damper))
         self.evaluations = self.factorisations = self.iterations = 0
-        self.latest: Inverse | None = None
-        self._condensations: dict[int, tuple[Condensation, Any]] = {}
 
     def relate(self, mean: float, harmonics: float) -> None:
         """Forces of the mean and of the harmonics to which the residual is related."""
@@ -178,7 +165,7 @@ class WheelSystem:
         """(n_blades, n_points, 3, n_coefficients) relative motion without the constant part."""
         s = self.structure
         x = np.empty((self.shape[0], len(s.sector), 3, self.shape[1]))
-        for which, points in enumerate(self.groups):
+        for which, points in enumerate(self.constants.groups):
             z = X if which == 0 else np.concatenate([np.roll(X[..., : s.n], -1, axis=0), X[..., s.n :]], axis=2)
             v = z @ s.rows[points].reshape(-1, self.shape[2]).T
             x[:, points] = v.transpose(0, 2, 1).reshape(self.shape[0], len(points), 3, self.shape[1])
@@ -188,7 +175,7 @@ class WheelSystem:
         """Forces at the points (n_blades, n_points, 3, n_coefficients) on the coordinates."""
         s = self.structure
         out = np.zeros(self.shape)
-        for which, points in enumerate(self.groups):
+        for which, points in enumerate(self.constants.groups):
             f = F[:, points].reshape(self.shape[0], -1, self.shape[1]).transpose(0, 2, 1)
             z = f @ s.rows[points].reshape(-1, self.shape[2])
             out[..., s.n :] += z[..., s.n :]
@@ -201,10 +188,11 @@ class WheelSystem:
         x[..., 0] += self.shift
         F, shares, T = self.contact.forces(x.reshape(-1, *x.shape[2:]), tangent)
         self.evaluations += 1
-        F[..., ~self.active] = 0.0
+        active = self.constants.active
+        F[..., ~active] = 0.0
         if T is not None:
-            T[..., ~self.active, :] = 0.0
-            T[..., ~self.active] = 0.0
+            T[..., ~active, :] = 0.0
+            T[..., ~active] = 0.0
             T = T.reshape(*x.shape[:2], *T.shape[1:])
         return F.reshape(x.shape), shares.reshape(*x.shape[:2], 5), T
 
@@ -218,7 +206,7 @@ class WheelSystem:
         r = linear + self.gathered(F) - self.force
         if ease.springs:
             n = self.structure.n
-            r[:, 0, n:] += ease.springs * self.damper_springs * (X[:, 0, n:] - self.home)
+            r[:, 0, n:] += ease.springs * self.constants.damper_springs * (X[:, 0, n:] - self.home)
         r[self.still] = X[self.still]
         return r
 
@@ -234,78 +222,13 @@ class WheelSystem:
             C, by_omega = C + lost, by_omega + 2.0 * l * lost
         r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, ease)
         by_omega[self.still] = 0.0
-        return Linearised(self, omega, r, by_omega, T, shares, (held + ease.springs) * self.damper_springs, ease.damping)
+        return Linearised(
+            self, omega, r, by_omega, T, shares, (held + ease.springs) * self.constants.damper_springs, ease.damping
+        )
 
     def size(self, r: NDArray) -> float:
         """Largest entry of a residual, relative to excitation and static load."""
         return float(np.abs(r * self.row_scale).max())
-
-    # ---- constant parts of the approximate inverse ----
-
-    @cached_property
-    def damper_springs(self) -> NDArray:
-        """(n_blades, n_damper) stiffness of the stuck contacts of each damper against its own coordinates."""
-        p = self.contact.points
-        k = np.concatenate([p.kt, p.kn[:, None]], axis=1).reshape(self.shape[0], -1)
-        own = self.structure.rows[..., self.structure.n :].reshape(k.shape[1], -1)
-        springs = k @ own**2
-        return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))
-
-    def condensation(self, omega: float) -> tuple[Condensation, Any]:
-        """What is condensed out of the blades, and the elimination of the rest, for frequencies (rad/s) of one octave."""
-        octave = int(np.ceil(np.log2(max(omega, 1.0))))
-        if octave not in self._condensations:
-            s, p = self.structure, self.contact.points
-            disk_k, disk_m, damping, _, _ = self.kernel
-            stiffness, nominal, mass = s.stiffness.copy(), s.local.blade_stiffness.copy(), s.mass.copy()
-            for matrix, disk in ((stiffness, disk_k), (nominal, disk_k), (mass, disk_m)):
-                matrix[..., self.root, self.root] += disk
-            weight = np.concatenate([p.kt, p.kn[:, None]], axis=1).reshape(s.n_blades, -1, 3).max(axis=0)
-            fastest = self.n_harmonics * 2.0**octave
-            of = Condensation.of(stiffness, nominal, mass, damping, s.rows, weight, self.kept, fastest)
-            core = elimination(
-                s.n_blades, self.n_harmonics, len(of.mass), s.n_damper, self.kept,
-                *(np.ascontiguousarray(of.rows[g]) for g in self.groups), self.active, self.pinned,
-            )  # fmt: skip
-            self._condensations = {octave: (of, core)}
-        return self._condensations[octave]
-
-    @property
-    def root(self) -> slice:
-        """Root shapes among the coordinates of a sector."""
-        s = self.structure
-        return slice(s.n - s.local.n_interface, s.n)
-
-    @cached_property
-    def kept(self) -> int:
-        """Shapes of the root whose coupling to neighbours the approximate inverse keeps."""
-        return min(KEPT, self.structure.local.n_interface)
-
-    @cached_property
-    def kernel(self) -> tuple[NDArray, ...]:
-        """Own parts of disk stiffness, mass and damping, and those of the sector before (stiffness and mass alone)."""
-        s = self.structure
-        turn = np.exp(2j * np.pi * np.arange(s.n_blades) / s.n_blades)[:, None, None]
-        own = [m.mean(axis=0).real for m in (s.disk_stiffness, s.disk_mass, s.damping)]
-        return (*own, (turn * s.disk_stiffness).mean(axis=0).real, (turn * s.disk_mass).mean(axis=0).real)
-
-    @cached_property
-    def far(self) -> tuple[NDArray, ...]:
-        """What the approximate inverse leaves out of disk stiffness, mass, mass of eased damping, and damping.
-
-        Each is (n_blades, n_root, n_root), complex, of every nodal diameter.
-        """
-        s, k = self.structure, self.kept
-        disk_k, disk_m, damping, near_k, near_m = self.kernel
-        behind = np.exp(-2j * np.pi * np.arange(s.n_blades) / s.n_blades)[:, None, None]
-
-        def rest(full: NDArray, near: NDArray) -> NDArray:
-            out, before = full.copy(), behind * near[-k:, -k:]
-            out[:, -k:, -k:] -= before + before.conj().transpose(0, 2, 1)
-            return out
-
-        eased, damped = s.disk_mass - disk_m, (s.damping - damping)[:, self.root, self.root]
-        return rest(s.disk_stiffness - disk_k, near_k), rest(eased, near_m), eased, damped
 
 
 def turned(x: NDArray) -> NDArray:
@@ -390,24 +313,23 @@ class Linearised:
         system.add_amplitudes(r[..., :n], np.fft.ifft(wave, axis=0))
 
     def inverse(self) -> Inverse:
-        """The approximate inverse of the Jacobian here; it replaces that of any other point of the system.
+        """The approximate inverse of the Jacobian here; its memory is that of any other made before in this thread.
 
         Raises
         ------
         FloatingPointError
             If a block of it is singular.
         """
-        system, s, k = self.system, self.system.structure, self.system.kept
+        system, s, k = self.system, self.system.structure, self.system.constants.kept
         system.factorisations += 1
-        near_k, near_m = (near[-k:, -k:] for near in system.kernel[3:])
-        of, core = system.condensation(self.omega)
+        near_k, near_m = (near[-k:, -k:] for near in system.constants.kernel[3:])
+        of, core = system.constants.condensation(self.omega)
         condensed = of.at(self.omega, system.n_harmonics, self.lost)
         w = self.omega * np.arange(system.n_harmonics + 1)
         squares = (w**2)[:, None, None]
         lost = w[:, None, None] * (s.damper_damping + self.lost * s.damper_mass)
-        own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.groups)
-        system.latest = None  # whose memory this takes, should it fail, too
-        status = core.factor(
+        own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.constants.groups)
+        factored = core.factor(
             own,
             following,
             condensed.stiffness,
@@ -416,33 +338,32 @@ class Linearised:
             np.ascontiguousarray(self.springs),
             near_k - squares * near_m,
         )
-        if status:
+        if not factored:
             raise FloatingPointError("a sector of the wheel has a singular matrix")
-        system.latest = Inverse(self, condensed, core)
-        return system.latest
+        return Inverse(self, condensed, core, factored)
 
 
 @dataclass(frozen=True, eq=False)
 class Inverse:
-    """The latest approximate inverse P of the Jacobian of a system, and what it leaves out (module's docstring).
+    """An approximate inverse P of the Jacobian of a system, and what it leaves out (module's docstring).
+
+    It serves until the next one is made in the same thread; the core refuses it afterwards.
 
     Parameters
     ----------
     at : Linearised
         Where it was made.
     condensed : Condensed
-    core : Wheel
-        The elimination in the C core.
+    core : Elimination
+        In the C core.
+    factored : int
+        By which the core knows its factors.
     """
 
     at: Linearised
     condensed: Condensed
-    core: Any
-
-    @property
-    def current(self) -> bool:
-        """Whether no other one has been made since, for which its memory is used."""
-        return self.at.system.latest is self
+    core: Elimination
+    factored: int
 
     def __call__(self, r: NDArray) -> NDArray:
         """P^-1 r, (n_blades, n_coefficients, n_sector)."""
@@ -450,7 +371,7 @@ class Inverse:
         on_b, on_z = self.condensed.forces(r[..., :n])
         on_b = np.concatenate([on_b, r[..., n:]], axis=2)
         x = np.empty_like(on_b)
-        self.core.solve(on_b, x)
+        self.core.solve(self.factored, on_b, x)
         left = x.shape[2] - system.structure.n_damper
         out = np.concatenate([self.condensed.motion(x[..., :left], on_z), x[..., left:]], axis=2)
         out[system.still] = r[system.still]
@@ -463,7 +384,7 @@ class Inverse:
 
     def on_root(self, r: NDArray) -> NDArray:
         """Root shapes' part of P^-1 r, with r on these alone; both (n_blades, n_coefficients, n_root)."""
-        system, k = self.at.system, self.at.system.kept
+        system, k = self.at.system, self.at.system.constants.kept
         shapes, flexibility = self._condensed_root
         left, less = shapes.shape[3], r.shape[2] - k
         on_b, out = np.zeros((*r.shape[:2], left + system.structure.n_damper)), np.empty_like(r)
@@ -471,7 +392,7 @@ class Inverse:
         for l, Q in enumerate(shapes):
             on_b[:, pair(l), :left] += r[:, pair(l), :less] @ Q
         x = np.empty_like(on_b)
-        self.core.solve(on_b, x)
+        self.core.solve(self.factored, on_b, x)
         out[..., less:] = x[..., left - k : left]
         for l, (Q, F) in enumerate(zip(shapes, flexibility, strict=True)):
             out[:, pair(l), :less] = x[:, pair(l), :left] @ Q.transpose(0, 2, 1) + r[:, pair(l), :less] @ F
@@ -481,7 +402,7 @@ class Inverse:
     def _condensed_root(self) -> tuple[NDArray, NDArray]:
         """Condensed root shapes by what is left, and their own flexibility, of the mean and every harmonic."""
         of, system = self.condensed.of, self.at.system
-        less = slice(system.root.start, system.root.stop - system.kept)
+        less = slice(system.constants.root.start, system.constants.root.stop - system.constants.kept)
         rest = of.rest[:, less]
         shapes = rest @ self.condensed.follow
         shapes[..., : of.contact.shape[1]] += of.contact[less]
@@ -490,7 +411,7 @@ class Inverse:
     @cached_property
     def _far(self) -> NDArray:
         """(n_blades, n_harmonics + 1, n_root, n_root) complex, transposed, of every nodal diameter."""
-        stiffness, mass, eased, damping = (m[:, None] for m in self.at.system.far)
+        stiffness, mass, eased, damping = (m[:, None] for m in self.at.system.constants.far)
         w = self.at.omega * np.arange(self.at.system.n_harmonics + 1)[:, None, None]
         return (stiffness - w**2 * mass + 1j * w * (damping + self.at.lost * eased)).transpose(0, 1, 3, 2)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -18,7 +17,8 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-from bdamper.wheel.loading import wheel_system
+from bdamper.wheel.constants import Constants
+from bdamper.wheel.loading import Loaded, loaded, wheel_constants, wheel_system
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.optimal import optimal_curve
 from bdamper.wheel.peak import peak
@@ -58,7 +58,7 @@ class Wheel:
     dampers: DamperVariation | None = None
     forces: Any = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
-    _systems: dict[tuple[float, int], tuple[WheelSystem, NDArray]] = field(default_factory=dict, init=False, repr=False)
+    _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
 
     def __post_init__(self) -> None:
@@ -152,15 +152,18 @@ class Wheel:
         stick, slip = 0.5 * (part[..., 0] + part[..., 2]), 0.5 * (part[..., 1] + part[..., 3])
         return np.stack([stick, slip, part[..., 4]], axis=-1).mean(axis=1)
 
+    @cached_property
+    def constants(self) -> Constants:
+        """What the equations have in common whatever the preload, and memory for their elimination."""
+        return wheel_constants(self.structure, self.dampers)
+
     def system(self, preload: float) -> tuple[WheelSystem, NDArray]:
-        """Equations at a preload (N), and the mean motion (n_blades, n_sector) of the static state."""
+        """Equations at a preload (N), with counts of their own, and the mean motion (n_blades, n_sector) at rest."""
         preload = self.tuned().check_preload(preload)
-        key = preload, threading.get_ident()  # each thread eliminates in memory of its own
-        if key not in self._systems:
-            force = self.excitation
-            scale = float(np.abs(force).max())
-            self._systems[key] = wheel_system(self.structure, preload, self.dampers, force, scale)
-        return self._systems[key]
+        if preload not in self._states:
+            self._states[preload] = loaded(self.structure, preload, self.dampers)
+        state = self._states[preload]
+        return wheel_system(self.constants, state, self.excitation), state.mean
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:

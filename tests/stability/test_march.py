@@ -99,6 +99,42 @@ def test_coordinates_without_mass_beside_the_plain_march(laws, light):
     assert (solved, failed) == (61, 0) and evaluations < 6 * solved
 
 
+@pytest.mark.parametrize("light", [0, 2])
+def test_a_march_does_not_depend_on_what_was_marched_before(light):
+    """A motion so large that it overflows, another one, and one in parts: the same march is the same to the last bit."""
+    system = structure(laws=LAWS[:3] if light else LAWS, light=light)
+    ring = Ring(system, **ALL_SECTORS)
+    start = state(ring)
+    expected = ring.march(start, 1.3, 120, steps=130, trace=True)
+    assert np.isfinite(expected.motion.q).all()
+    huge = Motion(1e307 * start.q, 1e307 * start.v, start.w)
+    assert not np.isfinite(ring.march(huge, 1.3, 120).motion.q).all()
+    for again in (ring, Ring(system, **ALL_SECTORS)):
+        found = again.march(start, 1.3, 120, steps=130, trace=True)
+        close((*found.motion, found.harmonics, found.trace), (*expected.motion, expected.harmonics, expected.trace), 0.0)
+        again.march(state(ring, 3, 4.0), 0.7, 60)
+    w = start.w.copy()
+    ring.core.follow(expected.trace, w)
+    ring.march(state(ring, 3, 4.0), 0.7, 60)
+    after = start.w.copy()
+    ring.core.follow(expected.trace, after)
+    np.testing.assert_array_equal(after, w)
+    first = ring.march(start, 1.3, 120, steps=50)
+    close(ring.march(first.motion, 1.3, 120, steps=80, first=50).motion, expected.motion, 1e-9)
+
+
+@pytest.mark.parametrize("which", [0, 1, 2])
+def test_a_state_is_finite(which):
+    ring = Ring(structure(), **ALL_SECTORS)
+    given = [np.array(x) for x in state(ring)]
+    given[which].flat[3] = np.nan
+    with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
+        ring.march(Motion(*given), 1.3, 120)
+    if which != 1:
+        with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
+            ring.core.follow(given[0][None], given[2])
+
+
 def test_a_sweep_beside_the_plain_march():
     ring = Ring(structure(), **ALL_SECTORS)
     start = state(ring)

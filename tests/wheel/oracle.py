@@ -98,7 +98,7 @@ class Inverse:
         system = at.system
         first, before = _sector_blocks(at)
         N, nc, ns = system.shape
-        n, k = system.structure.n, system.kept
+        n, k = system.structure.n, system.constants.kept
         e, nd = n - k, ns - n
         ia, iy = slice(e, n), slice(n, ns)
 
@@ -131,7 +131,7 @@ class Inverse:
         """Approximate solution (n_blades, n_coefficients, n_sector) of the Jacobian for a right-hand side."""
         system = self.system
         N, nc, ns = system.shape
-        n, k = system.structure.n, system.kept
+        n, k = system.structure.n, system.constants.kept
         e = n - k
         t = np.matmul(self.own, r[..., :e].reshape(N, -1, 1))[..., 0]
         left = np.matmul(self.rows, t[..., None])[..., 0]
@@ -156,18 +156,18 @@ def _sector_blocks(at: Linearised) -> tuple[NDArray, NDArray]:
     n = s.n
     outer = [
         np.stack([np.einsum("pi,pj->pij", s.rows[g, a], s.rows[g, b]) for a, b in PAIRS], axis=1).reshape(-1, ns**2)
-        for g in system.groups
+        for g in system.constants.groups
     ]
 
     def summed(which: int) -> NDArray:
-        T = at.tangents[:, system.groups[which]].reshape(N, -1, nc * nc)
+        T = at.tangents[:, system.constants.groups[which]].reshape(N, -1, nc * nc)
         return (T.transpose(0, 2, 1) @ outer[which]).reshape(N, nc, nc, ns, ns).transpose(0, 1, 3, 2, 4)
 
     first, right = summed(0).copy(), summed(1)
     first[:, :, n:, :, n:] += right[:, :, n:, :, n:]
     before = np.roll(right, 1, axis=0)
     first[:, :, :n, :, :n] += before[:, :, :n, :, :n]
-    disk_k, disk_m, damping, _, _ = system.kernel
+    disk_k, disk_m, damping, _, _ = system.constants.kernel
     r = s.local.n_interface
     stiffness, mass = s.stiffness.copy(), s.mass.copy()
     stiffness[:, n - r :, n - r :] += disk_k
@@ -197,10 +197,10 @@ def _sector_blocks(at: Linearised) -> tuple[NDArray, NDArray]:
 
 def _neighbour(system: WheelSystem, omega: float) -> NDArray:
     """Coupling of the kept root shapes to those of the sector before, all coefficients."""
-    *_, stiffness, mass = system.kernel
-    k, nc = system.kept, system.shape[1]
+    *_, stiffness, mass = system.constants.kernel
+    k, nc = system.constants.kept, system.shape[1]
     out = np.zeros((nc, k, nc, k))
     for c, l in enumerate(system.order):
-        if system.active[c]:
+        if system.constants.active[c]:
             out[c, :, c] = (stiffness - (l * omega) ** 2 * mass)[-k:, -k:]
     return out.reshape(nc * k, nc * k)

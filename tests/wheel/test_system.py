@@ -1,5 +1,6 @@
 """Equations of a whole wheel: derivatives, the approximate inverse, and the tuned limit."""
 
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from types import SimpleNamespace
@@ -11,7 +12,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
-from bdamper.wheel import DamperVariation, newton
+from bdamper.wheel import DamperVariation, constants, newton
 from bdamper.wheel.condensation import Condensation, pair
 from bdamper.wheel.krylov import gmres
 from bdamper.wheel.newton import LOOSE, correct, solved
@@ -111,18 +112,18 @@ def test_the_core_eliminates_as_plain_numpy_does(n_blades, harmonics, options):
 @pytest.mark.parametrize("damped", [False, True])
 def test_linear_equations_are_solved(damped, n_c, stiffness, condensed, monkeypatch):
     """What is left out is put right step by step, with nothing condensed or some of each blade's coordinates."""
-    monkeypatch.setattr("bdamper.wheel.system.KEPT", 1)  # of two root shapes
+    monkeypatch.setattr("bdamper.wheel.constants.KEPT", 1)  # of two root shapes
     study = lumped_study(7, 1, harmonics=(1, 3), n_c=n_c, r=2, n_att=2).with_(contact_stiffness=stiffness)
     study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), damping_ratio=None if damped else 0.0)
     w = Wheel(study, mistuning=0.03 * np.random.default_rng(2).normal(size=7))
-    system, mean = w.system(PRELOAD)
     far = 0.01 * np.cos(4.0 * np.pi * np.arange(7) / 7)[:, None, None] * np.eye(2)  # a disk whose mass couples sectors, too
-    system.structure = replace(w.structure, disk_mass=w.structure.disk_mass + far)
+    w = Wheel(study, w.mistuning, _structure=replace(w.structure, disk_mass=w.structure.disk_mass + far))
+    system, mean = w.system(PRELOAD)
     rng = np.random.default_rng(3)
     X = np.where(system.still, 0.0, 1e-6 * rng.normal(size=system.shape))
     X[:, 0] = mean
     at = system.linearised(X, 2.0 * np.pi * 180.0, Ease(0.1, 0.2))
-    inverse, root = at.inverse(), system.root
+    inverse, root = at.inverse(), system.constants.root
     assert inverse.condensed.flexibility.shape[2] == condensed
     r = np.zeros(system.shape)
     r[..., root] = rng.normal(size=r[..., root].shape)
@@ -141,24 +142,42 @@ def test_linear_equations_are_solved(damped, n_c, stiffness, condensed, monkeypa
         assert 1e-8 < once < 0.1, once
 
 
-def test_an_older_inverse_is_not_used():
-    """Its memory is that of the next one; another octave has other condensed coordinates, and memory of its own."""
+def condensed_wheel():
+    """Five blades, some coordinates of which are condensed out, and a place at rest."""
     study = lumped_study(5, 1, harmonics=1, n_c=7, r=2).with_(contact_stiffness=2e4)
-    system, mean = Wheel(study.with_(excitation=bd.Excitation("tip", amplitude=100.0))).system(PRELOAD)
-    X, omega = np.zeros(system.shape), 2.0 * np.pi * 100.0
+    w = Wheel(study.with_(excitation=bd.Excitation("tip", amplitude=100.0)))
+    system, mean = w.system(PRELOAD)
+    X = np.zeros(system.shape)
     X[:, 0] = mean
+    return w, system, X
+
+
+def test_the_core_refuses_an_older_inverse():
+    """Its memory is that of the next one; another octave has other condensed coordinates, and memory of its own."""
+    _, system, X = condensed_wheel()
+    omega = 2.0 * np.pi * 100.0
+    r = np.random.default_rng(0).normal(size=X.shape)
     first = system.linearised(X, omega).inverse()
-    assert first.current
-    near, far = (system.linearised(X, factor * omega).inverse() for factor in (1.001, 4.0))
-    assert far.current and not near.current and not first.current
-    assert near.core is first.core and far.core is not first.core
-    assert far.condensed.flexibility.shape[2] < near.condensed.flexibility.shape[2]
+    expected = first(r)
+    second = system.linearised(X, 1.001 * omega).inverse()
+    assert first.core is second.core
+    with pytest.raises(ValueError, match=r"^factored: expected the number of .* last, 2 \(0 for none\), found 1$"):
+        first(r)
+    far = system.linearised(X, 4.0 * omega).inverse()
+    assert far.core is not second.core
+    assert far.condensed.flexibility.shape[2] < second.condensed.flexibility.shape[2]
     assert correct(system, X, omega, inverse=far, most=1).inverse is far
-    assert correct(system, X, omega, inverse=near, most=1).inverse is not near
-    free, last = system.linearised(X, 0.0), system.latest
+    np.testing.assert_array_equal(system.linearised(X, omega).inverse()(r), expected)
+
+
+def test_a_singular_matrix_leaves_no_factors():
+    _, system, X = condensed_wheel()
+    at = system.linearised(X, 0.0)
+    good = at.inverse()
     with pytest.raises(FloatingPointError):
-        replace(free, tangents=0.0 * free.tangents, springs=0.0 * free.springs).inverse()
-    assert not last.current
+        replace(at, tangents=0.0 * at.tangents, springs=0.0 * at.springs).inverse()
+    with pytest.raises(ValueError, match=r"^factored: .* last, 0 .* found 1"):
+        good(np.zeros(X.shape))
 
 
 def test_newton_ends_where_it_may():
@@ -274,8 +293,35 @@ def test_a_missing_damper_leaves_its_place_empty():
     assert load[0].max() > 0.0 and load[2].max() == 0.0
 
 
-def test_threads_eliminate_in_memory_of_their_own():
+def test_one_workspace_for_each_thread_whatever_the_preloads(monkeypatch):
+    """The elimination's memory is shared by all preloads, belongs to one thread, and goes with it and with the wheel."""
+    alive, core = weakref.WeakSet(), constants.Elimination
+
+    class Counted:
+        def __init__(self, *arguments):
+            self.core = core(*arguments)
+            alive.add(self)
+
+        def __getattr__(self, name):
+            return getattr(self.core, name)
+
+    monkeypatch.setattr(constants, "Elimination", Counted)
+
+    def eliminate(w, preload):
+        system, mean = w.system(preload)
+        X = np.zeros(system.shape)
+        X[:, 0] = mean
+        system.linearised(X, 700.0).inverse()(X)
+        return len(alive)
+
     w = wheel(3, 1)
+    assert [eliminate(w, preload) for preload in np.linspace(100.0, 400.0, 30)] == [1] * 30
     with ThreadPoolExecutor(1) as pool:
-        assert pool.submit(w.system, PRELOAD).result()[0] is not w.system(PRELOAD)[0]
-    assert w.system(PRELOAD)[0] is w.system(PRELOAD)[0]
+        assert [pool.submit(eliminate, w, preload).result() for preload in (200.0, 300.0)] == [2, 2]
+    assert len(alive) == 1
+    one, none = np.ones(3), np.zeros(3)
+    varied = DamperVariation(np.array([1.0, 1.1, 0.9]), one, one, none, none > 0.0)
+    assert eliminate(w.with_(dampers=varied), 300.0) == 2  # that of the static state is gone, too
+    assert len(alive) == 1
+    del w
+    assert not alive
