@@ -221,7 +221,7 @@ def test_every_room_says_what_it_does():
 
 def test_tests_mirror_the_rooms():
     rooms = {path.parent.name for path in PACKAGE.glob("*/__init__.py")}
-    across = {"anchors", "c", "core", "data", "examples", "fuzz", "hard", "physics", "unit"}
+    across = {"anchors", "c", "core", "data", "examples", "fuzz", "golden", "hard", "physics", "unit"}
     folders = {path.parent.name for path in (ROOT / "tests").glob("*/test_*.py")}
     assert folders - across <= rooms
 
