@@ -79,6 +79,9 @@ class System:
         evaluation: int = 0,
         n_time: int = 0,
         load: NDArray[np.float64] | None = None,
+        nodes: tuple[System, ...] | None = None,
+        squares: NDArray[np.float64] | None = None,
+        order: float = 0.0,
     ) -> None: ...
     @property
     def n_unknown(self) -> int: ...
@@ -129,6 +132,7 @@ class System:
         X: NDArray[np.float64],
         F: NDArray[np.float64],
         share: NDArray[np.float64],
+        omega: float = 0.0,
     ) -> int: ...
 
 def kernels() -> tuple[str, ...]: ...

@@ -12,6 +12,7 @@
 #endif
 #include <numpy/arrayobject.h>
 
+#include "bd_family.h"
 #include "bd_newton.h"
 #include "bd_time.h"
 #include "bd_wheel.h"

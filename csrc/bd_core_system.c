@@ -120,15 +120,55 @@ static int read_input(const system_objects *o, int evaluation, bd_hbm_input *in)
     return read_modes(&arguments, o, in, n_modes, n_unknown) && read_points(&arguments, o, in);
 }
 
+/* The equations as a family over speed: other Systems, the squares of their speeds, and the engine order. */
+typedef struct {
+    PyObject *nodes, *squares;
+    double order;
+} family_objects;
+
+static int make_family(SystemObject *self, const bd_hbm_input *in, const family_objects *o) {
+    if (o->nodes == Py_None) return 1;
+    if (!PyTuple_Check(o->nodes) || PyTuple_GET_SIZE(o->nodes) < 2) {
+        PyErr_SetString(PyExc_TypeError, "nodes: expected a tuple of two or more Systems");
+        return 0;
+    }
+    core_arguments arguments = {0};
+    const npy_intp n = PyTuple_GET_SIZE(o->nodes);
+    const double *squares = core_numbers(&arguments, o->squares, "squares", 1, &n, BD_POSITIVE);
+    if (!squares || !core_check_number(o->order, "order", BD_POSITIVE)) return 0;
+    const bd_hbm **node = PyMem_Malloc(sizeof *node * (size_t)n);
+    if (!node) {
+        PyErr_NoMemory();
+        return 0;
+    }
+    bd_status status = BD_OK;
+    for (npy_intp i = 0; i < n && status == BD_OK; ++i) {
+        PyObject *item = PyTuple_GET_ITEM(o->nodes, i);
+        if (Py_TYPE(item) != Py_TYPE(self)) status = BD_BAD_ARGUMENT;
+        node[i] = &((SystemObject *)item)->hbm;
+    }
+    if (status == BD_OK) status = bd_family_create(&self->hbm, in, (int)n, node, squares, o->order);
+    PyMem_Free((void *)node);
+    if (status == BD_BAD_ARGUMENT)
+        PyErr_SetString(PyExc_ValueError,
+                        "nodes: expected Systems of the same sizes and contact laws, with finite sliders, "
+                        "at speeds of which no two are the same");
+    else if (status != BD_OK)
+        core_check_status(status);
+    return status == BD_OK;
+}
+
 static PyObject *System_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_mode", "stiffness", "mass",  "damping", "G",          "kt",     "kn",   "mu", "n0",
-                            "w",      "law",       "shift", "force",   "evaluation", "n_time", "load", NULL};
+    static char *names[] = {"n_mode", "stiffness", "mass",  "damping", "G",     "kt",    "kn",
+                            "mu",     "n0",        "w",     "law",     "shift", "force", "evaluation",
+                            "n_time", "load",      "nodes", "squares", "order", NULL};
     system_objects o = {.load = Py_None};
+    family_objects family = {.nodes = Py_None, .squares = Py_None};
     bd_hbm_input in = {0};
     int evaluation = BD_EXACT;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiO:System", names, &o.n_mode, &o.stiffness, &o.mass,
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOOOOOOOO|iiOOOd:System", names, &o.n_mode, &o.stiffness, &o.mass,
                                      &o.damping, &o.G, &o.kt, &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.shift, &o.force,
-                                     &evaluation, &in.n_time, &o.load))
+                                     &evaluation, &in.n_time, &o.load, &family.nodes, &family.squares, &family.order))
         return NULL;
     if (!core_check_kernel() || !read_input(&o, evaluation, &in)) return NULL;
     const core_state *state = PyType_GetModuleState(type);
@@ -136,7 +176,8 @@ static PyObject *System_new(PyTypeObject *type, PyObject *args, PyObject *kwargs
     if (!self) return NULL;
     self->lock = PyThread_allocate_lock();
     if (!self->lock || !core_check_status(bd_hbm_create(&self->hbm, &in)) ||
-        !core_check_status(bd_newton_create(&self->newton, self->hbm.n_unknown, &state->lapack))) {
+        !core_check_status(bd_newton_create(&self->newton, self->hbm.n_unknown, &state->lapack)) ||
+        !make_family(self, &in, &family)) {
         if (!PyErr_Occurred()) PyErr_NoMemory();
         Py_DECREF(self);
         return NULL;
@@ -365,7 +406,8 @@ static void copy_shares(const bd_hbm *hbm, double *share) {
 /* Motion, force and state shares of all points at u. */
 static PyObject *System_contact(SystemObject *self, PyObject *args) {
     PyObject *object[4];
-    if (!PyArg_ParseTuple(args, "OOOO:contact", &object[0], &object[1], &object[2], &object[3])) return NULL;
+    double omega = 0.0;
+    if (!PyArg_ParseTuple(args, "OOOO|d:contact", &object[0], &object[1], &object[2], &object[3], &omega)) return NULL;
     core_arguments arguments = {0};
     const npy_intp n = self->hbm.n_unknown, n_point = self->hbm.n_point;
     const npy_intp full[3] = {n_point, 3, self->hbm.n_coef}, by5[2] = {n_point, 5};
@@ -379,7 +421,7 @@ static PyObject *System_contact(SystemObject *self, PyObject *args) {
     bd_status status;
     Py_BEGIN_ALLOW_THREADS;
     const double started = begin_work(self);
-    status = bd_hbm_evaluate(&self->hbm, u, 0.0, r, NULL, NULL);
+    status = bd_hbm_evaluate(&self->hbm, u, omega, r, NULL, NULL);
     const size_t size = sizeof(double) * (size_t)(3 * n_point * self->hbm.n_coef);
     memcpy(X, self->hbm.X, size);
     memcpy(F, self->hbm.F, size);
@@ -423,8 +465,8 @@ static PyMethodDef System_methods[] = {
      "Peak\n\n"
      "Peak of the response amplitude re.u + i im.u near a point of the curve; y and tangent are changed in place."},
     {"contact", (PyCFunction)System_contact, METH_VARARGS,
-     "contact(u, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
-     "(n_point, 5): stick and slip along t1, stick and slip along t2, open."},
+     "contact(u, X, F, share, omega=0.0) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
+     "(n_point, 5): stick and slip along t1, stick and slip along t2, open; omega matters in a family alone."},
     {NULL, NULL, 0, NULL}};
 
 static PyGetSetDef System_getset[] = {{"cost", (getter)System_get_cost, NULL,
@@ -437,7 +479,11 @@ static PyType_Slot System_slots[] = {{Py_tp_new, System_new},
                                      {Py_tp_dealloc, System_dealloc},
                                      {Py_tp_methods, System_methods},
                                      {Py_tp_getset, System_getset},
-                                     {Py_tp_doc, "Harmonic balance equations of one structure, built once from arrays."},
+                                     {Py_tp_doc,
+                                      "Harmonic balance equations of one structure, built once from arrays.\n\n"
+                                      "With nodes (a tuple of Systems alike), squares (of their speeds) and order (an "
+                                      "engine order) all arrays are polynomials of the squared speed (omega/order)^2 "
+                                      "through those of the nodes, and derivatives by omega are along this line."},
                                      {0, NULL}};
 
 PyType_Spec core_system_spec = {.name = "bdamper._core.System",

@@ -22,6 +22,7 @@
 #include "bd_hbm.h"
 
 #include "bd_clock.h"
+#include "bd_rate.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -172,6 +173,7 @@ no_memory:
 
 void bd_hbm_destroy(bd_hbm *hbm) {
     if (!hbm) return;
+    if (hbm->variation) hbm->variation->destroy(hbm->variation);
     if (hbm->G)
         for (int l = 0; l <= hbm->n_harm; ++l) free(hbm->G[l]);
     if (hbm->linear)
@@ -201,7 +203,7 @@ void bd_hbm_destroy(bd_hbm *hbm) {
 
 /* ---- motion and force ---- */
 
-static void find_motion(bd_hbm *hbm, const double *u) {
+void bd_hbm_motion(bd_hbm *hbm, const double *u) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         const double *q = u + hbm->first[l];
@@ -227,16 +229,16 @@ static void find_motion(bd_hbm *hbm, const double *u) {
     }
 }
 
-static void add_contact_force(bd_hbm *hbm, double *r) {
+void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r) {
     const size_t n_component = 3 * (size_t)hbm->n_point, n_coef = (size_t)hbm->n_coef;
     for (int l = 0; l <= hbm->n_harm; ++l) {
         for (size_t i = 0; i < n_component; ++i) {
-            const double *F = hbm->F + i * n_coef;
+            const double *f = F + i * n_coef;
             if (l == 0) {
-                hbm->gather[i] = F[0];
+                hbm->gather[i] = f[0];
             } else {
-                hbm->gather[2 * i] = F[2 * l - 1];
-                hbm->gather[2 * i + 1] = F[2 * l];
+                hbm->gather[2 * i] = f[2 * l - 1];
+                hbm->gather[2 * i + 1] = f[2 * l];
             }
         }
         hbm->kernel->multiply_transposed(n_component * (size_t)n_row(l), columns_of(hbm, l), hbm->G[l], hbm->gather,
@@ -244,8 +246,7 @@ static void add_contact_force(bd_hbm *hbm, double *r) {
     }
 }
 
-/* (K - (l omega)^2 M + i l omega C) q - E, and its derivatives. */
-static void linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
     const double *k = hbm->stiffness, *m = hbm->mass, *c = hbm->damping;
     for (int l = 0; l <= hbm->n_harm; ++l) {
@@ -349,7 +350,8 @@ static void add_springs(bd_hbm *hbm, int a, int linear, double sign, double *J) 
     }
 }
 
-/* Share of the components that are linear through the cycle. */
+/* Share of the components that are linear through the cycle.  In a family the sums of all points change with the
+ * parameter and are not made. */
 static void add_linear_components(bd_hbm *hbm, double *J) {
     const size_t n = (size_t)hbm->n_unknown;
     for (int a = 0; a < 3; ++a) {
@@ -359,7 +361,7 @@ static void add_linear_components(bd_hbm *hbm, double *J) {
             n_spring += has;
             n_linear += has && hbm->tangent[3 * p + (size_t)a] == BD_BLOCK_LINEAR;
         }
-        if (2 * n_linear <= n_spring) {
+        if (hbm->variation || 2 * n_linear <= n_spring) {
             if (n_linear > 0) add_springs(hbm, a, 1, 1.0, J);
             continue;
         }
@@ -388,16 +390,26 @@ static bd_response response_of(bd_hbm *hbm, size_t p, size_t lane, int tangent) 
     return out;
 }
 
+/* Derivatives of the forces of a group of points, from its tangents. */
+static void find_rates(bd_hbm *hbm, size_t first, size_t n, const bd_response *response) {
+    const size_t size = 3 * (size_t)hbm->n_coef;
+    for (size_t p = first; p < first + n; ++p)
+        bd_rate_of_force(hbm->element + p, hbm->rate->element + p, hbm->n_harm, hbm->X + p * size, hbm->rate->X + p * size,
+                         response + (p - first), hbm->rate->F + p * size);
+}
+
 /* Contact forces of all points and, as they come, their share of J. */
 static void contact_part(bd_hbm *hbm, double *J) {
     bd_response response[BD_LANES];
+    const int tangent = J || hbm->rate;
     double assembly = 0.0;
     const double started = bd_seconds();
     for (size_t first = 0; first < (size_t)hbm->n_point; first += BD_LANES) {
         const size_t left = (size_t)hbm->n_point - first, n = left < BD_LANES ? left : BD_LANES;
-        for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, J != NULL);
+        for (size_t i = 0; i < n; ++i) response[i] = response_of(hbm, first + i, i, tangent);
         bd_contact_evaluate_many((int)n, hbm->element + first, hbm->X + 3 * first * (size_t)hbm->n_coef, response,
                                  hbm->share + first, &hbm->evaluator);
+        if (hbm->rate) find_rates(hbm, first, n, response);
         if (!J) continue;
         const double evaluated = bd_seconds();
         for (size_t i = 0; i < n; ++i)
@@ -431,6 +443,11 @@ static void forget(bd_hbm *hbm) {
 }
 
 bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
+    return hbm->variation ? hbm->variation->evaluate(hbm, u, omega, r, J, r_omega)
+                          : bd_hbm_evaluate_at(hbm, u, omega, r, J, r_omega);
+}
+
+bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega) {
     const size_t n = (size_t)hbm->n_unknown;
     if (!all_finite(u, n) || !isfinite(omega)) {
         forget(hbm);
@@ -438,12 +455,12 @@ bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r,
     }
     const double started = bd_seconds();
     if (J) memset(J, 0, sizeof(double) * n * n);
-    find_motion(hbm, u);
-    linear_part(hbm, u, omega, r, J, r_omega);
+    bd_hbm_motion(hbm, u);
+    bd_hbm_linear_part(hbm, u, omega, r, J, r_omega);
     hbm->cost.assembly += bd_seconds() - started;
     contact_part(hbm, J);
     const double evaluated = bd_seconds();
-    add_contact_force(hbm, r);
+    bd_hbm_add_force(hbm, hbm->F, r);
     hbm->cost.assembly += bd_seconds() - evaluated;
     ++hbm->cost.n_evaluation;
     if (J) ++hbm->cost.n_jacobian;

@@ -31,8 +31,15 @@ typedef struct {
     long n_evaluation, n_jacobian, n_factorisation, n_least_norm;
 } bd_cost;
 
+/* What makes the arrays of equations depend on omega, and is called in their place: bd_family.h. */
+struct bd_hbm;
+typedef struct bd_variation {
+    bd_status (*evaluate)(struct bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
+    void (*destroy)(struct bd_variation *variation);
+} bd_variation;
+
 /* Unknowns: for harmonic 0 the n_mode[0] coordinates, then for each harmonic its cosines followed by its sines. */
-typedef struct {
+typedef struct bd_hbm {
     int n_point, n_harm, n_coef, n_unknown;
     int *n_mode; /* (n_harm + 1) */
     int *first;  /* (n_harm + 2) first unknown of each harmonic */
@@ -54,7 +61,9 @@ typedef struct {
     double *A;       /* rows of G that belong to the rows of Z: for each harmonic (rows of the chunk, columns) */
     int chunk;       /* components of contact points taken together in the assembly */
     int n_chunk;     /* how many are there now */
-    unsigned char *tangent; /* (n_point, 3) bd_block of each component */
+    unsigned char *tangent;  /* (n_point, 3) bd_block of each component */
+    bd_variation *variation; /* NULL, or the family over omega to which these equations belong */
+    struct bd_hbm *rate;     /* NULL, or equations whose element and X are derivatives of these; F is filled then, too */
     bd_cost cost;
 } bd_hbm;
 
@@ -65,5 +74,19 @@ void bd_hbm_destroy(bd_hbm *hbm);
  * Returns BD_NOT_FINITE if anything is not finite.  X, F and share of hbm are those of this point afterwards, NaN where u or
  * omega is not finite. */
 bd_status bd_hbm_evaluate(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
+
+/* ---- parts, for bd_family ---- */
+
+/* The same with the arrays as they are. */
+bd_status bd_hbm_evaluate_at(bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
+
+/* X of the unknowns. */
+void bd_hbm_motion(bd_hbm *hbm, const double *u);
+
+/* r = (K - (l omega)^2 M + i l omega C) q - E, and its derivatives added to J and in r_omega, where not NULL. */
+void bd_hbm_linear_part(const bd_hbm *hbm, const double *u, double omega, double *r, double *J, double *r_omega);
+
+/* r += G^H of contact forces F (n_point, 3, n_coef). */
+void bd_hbm_add_force(bd_hbm *hbm, const double *F, double *r);
 
 #endif
