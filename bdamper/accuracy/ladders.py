@@ -35,7 +35,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular, from_rows
+from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
@@ -88,10 +88,10 @@ class Run:
 
     part: str
     values: tuple[str, ...]
-    amplitude: float
-    frequency: float
+    amplitude: Metre
+    frequency: Cycles
     error: float
-    seconds: float
+    seconds: Second
     reason: str = ""
 
 
@@ -135,7 +135,7 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
     def columns(self) -> dict[str, Column]:
         """A row for each run: its settings, its highest peak and its error against the richest run."""
         varied = {n: Column(np.array([r.values[i] for r in self.runs])) for i, n in enumerate(self.varied)}
-        return varied | from_rows(self.runs, {"amplitude": "m", "frequency": "Hz", "seconds": "s"})
+        return varied | from_rows(self.runs)
 
     @property
     def richest(self) -> Run:

@@ -19,6 +19,7 @@ from bdamper.continuation.follower import Interrupted, follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
 
 TWO_PI = 2.0 * np.pi
 GAP = 1e-3
@@ -144,20 +145,20 @@ def ending(pieces: Sequence[Piece], low: float, high: float) -> tuple[str, str, 
     left = _left_out(pieces, low, high)
     for piece in pieces:
         if piece.path.status == "interrupted":
-            return "interrupted", piece.path.reason, left
+            return INTERRUPTED, piece.path.reason, left
     reasons = "; ".join(dict.fromkeys(f"{piece.path.status} ({piece.path.reason})" for piece in pieces))
     if not any(piece.path.points for piece in pieces):
-        return "no start", reasons, left
+        return NOT_FOUND, reasons, left
     if gaps:
         a, b = max(gaps, key=lambda gap: gap[1] - gap[0])
-        return "incomplete", f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
+        return INCOMPLETE, f"{NO_SOLUTION} from {a / TWO_PI:.6g} to {b / TWO_PI:.6g} Hz: {reasons}", left
     through = [piece for piece in pieces if piece.path.status == "complete" and not piece.inside]
     extra = len({piece.branch for piece in pieces if piece.path.points}) - 1
     if through:
         reason = through[0].path.reason + (f"; {extra} further branches" if extra else "")
     else:
         reason = f"{extra + 1} separate branches cover the interval"
-    return "complete", reason, left
+    return COMPLETE, reason, left
 
 
 def _left_out(pieces: Sequence[Piece], low: float, high: float) -> tuple[LeftOut, ...]:

@@ -10,7 +10,7 @@ is the plain rule of one fold after another; ``stable``, where it was computed, 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,8 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import COMPLETE, INTERRUPTED, Status
+from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
 
 
 @brief
@@ -54,7 +55,7 @@ class Fold:
 
 @brief
 @dataclass(frozen=True)
-class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
+class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row="point"):
     """A response curve; every point of it is a converged solution.
 
     ``plot`` draws amplitude over frequency, branches that run backward dashed (:func:`bdamper.plot.plot_curve`).
@@ -81,6 +82,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
         "regular", "fold", "maximum", "end" or "drift" for each point.
     preload : float, N
     status, reason : str
+        "complete", "incomplete", "not found" where there is no solution to begin with, or "interrupted".
     cost : Cost
     left_out : tuple of LeftOut
         What was not followed: frequencies (Hz) without solution, tangles of folds in which a path was left, paths that
@@ -105,17 +107,17 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     """
 
     kind: str
-    frequency: NDArray
-    harmonics: NDArray
+    frequency: Hertz
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
     unknowns: NDArray
-    residual: NDArray
-    shares: NDArray
-    backward: NDArray
+    residual: Numbers
+    shares: Shares
+    backward: Numbers
     rank_deficiency: NDArray
-    branch: NDArray
-    point_kind: tuple[str, ...]
+    branch: Numbers
+    point_kind: Kinds
     preload: float
-    status: str
+    status: Status
     reason: str
     cost: Cost
     left_out: tuple[LeftOut, ...] = ()
@@ -123,9 +125,9 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     model_hash: str = ""
     start_log: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    stable: NDArray | None = None
+    stable: Numbers | None = None
     stability_note: str = ""
-    in_time: NDArray | None = None
+    in_time: Numbers | None = None
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
 
@@ -135,20 +137,25 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
     @property
     def complete(self) -> bool:
         """Whether solutions cover the interval that was asked for, gaps of a thousandth of it aside; see ``left_out``."""
-        return self.status == "complete"
+        return self.status == COMPLETE
 
     @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C has ended the curve."""
-        return self.status == "interrupted"
+        return self.status == INTERRUPTED
 
     @property
-    def amplitude(self) -> NDArray:
+    def amplitude(self) -> Metres:
         """(n,) float, m: amplitude of the harmonic of the excitation."""
         return np.abs(self.harmonics[:, 1])
 
     @property
-    def peak_to_peak(self) -> NDArray:
+    def phase(self) -> Radians:
+        """(n,) float: of that harmonic."""
+        return np.angle(self.harmonics[:, 1])
+
+    @property
+    def peak_to_peak(self) -> Metres:
         """(n,) float, m: range of the response over a period, all harmonics."""
         l = np.arange(1, self.harmonics.shape[1])
         theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
@@ -232,25 +239,6 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve"):
             *([] if ladder is None else [Fact("harmonics", ladder.note)]),
         )
 
-    def columns(self) -> dict[str, Column]:
-        """Points of the curve in the order of its path; the harmonics of the response for xarray."""
-        judged = {} if self.stable is None else {"stable": Column(np.asarray(self.stable, bool))}
-        judged |= {} if self.in_time is None else {"in_time": Column(self.in_time)}
-        shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
-        return {
-            "frequency": Column(self.frequency, "Hz"),
-            "amplitude": Column(self.amplitude, "m"),
-            "phase": Column(np.angle(self.harmonics[:, 1]), "rad"),
-            "peak_to_peak": Column(self.peak_to_peak, "m"),
-            **shares,
-            "branch": Column(self.branch),
-            "kind": Column(np.array(self.point_kind)),
-            "backward": Column(self.backward),
-            **judged,
-            "residual": Column(self.residual),
-            "harmonics": Column(self.harmonics, "m", ("point", "harmonic")),
-        }
-
     def __str__(self) -> str:
         head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
         if not len(self):
@@ -289,6 +277,6 @@ def uninterrupted(curve: Curve) -> Curve:
     InterruptedCurve
         If Ctrl-C has ended it.
     """
-    if curve.status == "interrupted":
+    if curve.status == INTERRUPTED:
         raise InterruptedCurve(curve)
     return curve

@@ -30,6 +30,7 @@ from bdamper.util.blas import one_thread, single_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import passes_interrupts_on, progress_bar
+from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND
 
 ELASTIC = 1e-3
 """Of the lowest frequency of a curve: resonances below it are rigid motions, or too far away."""
@@ -188,14 +189,14 @@ def _ending(problem: Problem, search: Coverage, preload: float, tried: int) -> t
     """Status and reason of the curve, with what was looked for, advice where it is not complete, and what is left out."""
     status, reason, left_out = ending(search.pieces, *search.limits)
     left_out = (*left_out, *search.lost)
-    if status == "complete":
+    if status == COMPLETE:
         bottom, top = (w / TWO_PI for w in search.outside)
         closed = f"closed branches from {tried} other preloads" if tried else "closed branches not"
         broken = ", where a path broke off (left_out)" if search.lost else ""
         reason += f"; folds looked for from {bottom:.4g} to {top:.4g} Hz{broken}, {closed}"
     if why := _rattles(search, open_at_rest(problem, preload)):
         reason += f"; {NO_STEADY} is expected at this preload: {why}"
-    if status not in ("incomplete", "no start"):
+    if status not in (INCOMPLETE, NOT_FOUND):
         return status, reason, left_out
     if search.system.spent or any(piece.path.status == OUT_OF_BUDGET for piece in search.pieces):
         reason += f"; the budget was {search.options.budget} evaluations (ContinuationOptions.budget)"
@@ -230,7 +231,7 @@ def _without_points(problem: Problem, preload: float, reason: str, options: Cont
         branch=np.zeros(0, int),
         point_kind=(),
         preload=preload,
-        status="no start",
+        status=NOT_FOUND,
         reason=reason,
         cost=cost,
         settings=problem.record(options),

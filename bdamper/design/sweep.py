@@ -32,6 +32,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork
 from bdamper.util.repr import brief
 from bdamper.util.results_file import ResultsFile
+from bdamper.util.status import COMPLETE, FAILED, Statuses, all_complete, because, left_undone, word
 from bdamper.util.tables import Column, Tabular
 from bdamper.util.versions import HERE
 
@@ -145,8 +146,8 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     values : tuple of mapping
         Answers at each point, empty where there is none.
     status : tuple of str
-        "done", "failed: " with the reason, or "not run" where the sweep was interrupted before, with the reason where that
-        was the end of its executor.
+        "complete", "failed: " with the reason, or "not run" where the sweep was interrupted before, with the reason where
+        that was the end of its executor.
     seconds : (n,) float
         Spent on each point.
     shape : tuple of int
@@ -161,7 +162,7 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     names: tuple[str, ...]
     points: tuple[dict[str, Any], ...]
     values: tuple[dict[str, Any], ...]
-    status: tuple[str, ...]
+    status: Statuses
     seconds: NDArray
     shape: tuple[int, ...]
     settings: dict[str, Any] = field(default_factory=dict)
@@ -174,7 +175,7 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
     @property
     def complete(self) -> bool:
         """Whether there is an answer at every point; what it leaves open stands in ``warnings``."""
-        return all(s == "done" for s in self.status)
+        return all_complete(self.status)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -228,14 +229,14 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
 
     def __str__(self) -> str:
-        failed = [s for s in self.status if s.startswith("failed")]
+        failed = [s for s in self.status if word(s) == FAILED]
         warned = [w for w in self.warnings if w]
         lines = [
             f"sweep over {', '.join(self.names)}: {len(self)} points {self.shape}, {len(failed)} failed, "
             f"{len(warned)} with a warning, "
             f"{float(np.nansum(self.seconds)):.2f} s of work, {sum(c.evaluations for c in self.cost)} evaluations"
         ]
-        lines += interruption(self.status, "points")
+        lines += left_undone(self.status, "points")
         for name in self.quantities:
             array = self.array(name)
             if array.dtype.kind == "f" and array.ndim == len(self.shape) and np.isfinite(array).any():
@@ -244,12 +245,6 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         if warned:
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
-
-
-def interruption(status: Sequence[str], what: str) -> list[str]:
-    """One line on how many points were not run and why; none where all were."""
-    left = [s for s in status if s.startswith("not run")]
-    return [f"  interrupted: {len(left)} of {len(status)} {what} were {left[0]}"] if left else []
 
 
 def _named(task: Any) -> str:
@@ -269,7 +264,7 @@ class _Job:
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         watch = Stopwatch()
-        status, values = "done", {}
+        status, values = COMPLETE, {}
         cost: Cost | None = None
         try:
             problem = self.problem
@@ -288,7 +283,7 @@ class _Job:
             if isinstance(values.get("cost"), Cost):
                 cost = values.pop("cost")
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-            status = f"failed: {error}"
+            status = because(FAILED, error)
         spent = watch.read()
         return {"status": status, "values": values, "seconds": spent["seconds"], "cost": asdict(cost or Cost(**spent))}
 

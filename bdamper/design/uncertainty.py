@@ -17,7 +17,7 @@ import numpy as np
 import scipy  # scipy.stats is loaded where it is used: half a second
 from numpy.typing import NDArray
 
-from bdamper.design.sweep import OptimalTask, interruption, sweep
+from bdamper.design.sweep import OptimalTask, sweep
 from bdamper.peaks.optimal import preload_values
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -25,6 +25,17 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.status import (
+    COMPLETE,
+    INCOMPLETE,
+    INTERRUPTED,
+    NOT_RUN,
+    Statuses,
+    all_complete,
+    because,
+    left_undone,
+    word,
+)
 from bdamper.util.tables import Column, Tabular
 
 METHODS = ("sobol", "latin", "random")
@@ -88,8 +99,9 @@ class RobustOptimum:
         Refinements of the grid of preloads.
     warnings : int
         Draws of which the last optimal curve leaves something open; see :attr:`UncertainCurve.warnings`.
-    status : {"converged", "bracket not narrowed further", "interrupted"}
-        The latter two: the preload is known no better than ``uncertainty``.  With the reason where the executor ended.
+    status : str
+        "complete"; "incomplete" if the bracket was not narrowed further, or "interrupted", where the preload is known no
+        better than ``uncertainty``.  With the reason where the executor ended.
     """
 
     preload: float
@@ -99,7 +111,7 @@ class RobustOptimum:
     kind: str
     rounds: int
     warnings: int = 0
-    status: str = "converged"
+    status: str = COMPLETE
 
 
 @brief
@@ -128,7 +140,7 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
     amplitude: NDArray
     frequency: NDArray
     samples: dict[str, NDArray]
-    status: tuple[str, ...]
+    status: Statuses
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
     warnings: tuple[str, ...] = ()
@@ -164,10 +176,10 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
     @property
     def complete(self) -> bool:
         """Whether there is an optimal curve of every draw."""
-        return all(s == "done" for s in self.status)
+        return all_complete(self.status)
 
     def __str__(self) -> str:
-        run = np.array([not s.startswith("not run") for s in self.status], bool)
+        run = np.array([word(s) != NOT_RUN for s in self.status], bool)
         missing = int(np.count_nonzero(~np.isfinite(self.amplitude[run])))
         warned = sum(bool(w) for w in self.warnings)
         lines = [
@@ -175,7 +187,7 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
             f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
             f"{f', {warned} draws with a warning' if warned else ''}"
         ]
-        lines += interruption(self.status, "draws")
+        lines += left_undone(self.status, "draws")
         if np.isfinite(self.amplitude).any():
             low, mid, high = self.percentile([5.0, 50.0, 95.0])
             k = int(np.nanargmin(high))
@@ -287,11 +299,11 @@ def robust_optimum(
         curve = uncertain_curve(
             problem, samples, (low, high), n, frequency=frequency, mode=mode, executor=executor, progress=progress
         )
-        left = [s.removeprefix("not run") for s in curve.status if s.startswith("not run")]
+        left = [s.removeprefix(NOT_RUN) for s in curve.status if word(s) == NOT_RUN]
         if left:
             if found is None:
                 raise BdamperError(f"robust optimum{left[0]}") if left[0] else KeyboardInterrupt
-            return replace(found, status=f"interrupted{left[0]}")
+            return replace(found, status=f"{INTERRUPTED}{left[0]}")
         height = np.percentile(curve.amplitude, percentile, axis=0)
         if not np.isfinite(height).all():
             bad = int(np.flatnonzero(~np.isfinite(curve.amplitude).all(axis=1))[0])
@@ -302,7 +314,7 @@ def robust_optimum(
         width = float(np.log(p[min(k + 1, n - 1)] / p[max(k - 1, 0)])) / 2.0
         kind = "end" if p[k] in (ends[0], ends[1]) else "interior"
         warned = sum(bool(w) for w in curve.warnings)
-        status = "converged" if width <= tolerance else "bracket not narrowed further"
+        status = COMPLETE if width <= tolerance else because(INCOMPLETE, "bracket not narrowed further")
         found = RobustOptimum(float(p[k]), float(height[k]), float(percentile), width, kind, rounds, warned, status)
         if width <= tolerance or rounds >= 30:
             return found

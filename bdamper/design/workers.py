@@ -22,13 +22,13 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, Protocol
 
-from bdamper.util import validate
+from bdamper.util import status, validate
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.results_file import ResultsFile, as_line
 
 Record = dict[str, Any]
 Keep = Callable[[int, Record], None]
-NOT_RUN: Record = {"status": "not run", "values": {}, "seconds": 0.0, "cost": {}}
+NOT_RUN: Record = {"status": status.NOT_RUN, "values": {}, "seconds": 0.0, "cost": {}}
 """Record of a point that interrupted work has left out."""
 
 
@@ -219,5 +219,5 @@ def run_stored(
 
             run_points(job, points, todo, executor, keep)
     except BrokenExecutor as error:
-        not_run = NOT_RUN | {"status": f"not run: {error}"}
+        not_run = NOT_RUN | {"status": status.because(status.NOT_RUN, error)}
     return [json.loads(as_line(records.get(name, not_run))) for name in names]

@@ -136,7 +136,7 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
 
     def columns(self) -> dict[str, Column]:
         """A row for each effect; changes are relative."""
-        return from_rows(self.effects, {})
+        return from_rows(self.effects)
 
     def __getitem__(self, name: str) -> EffectAdvice:
         for item in self.effects:

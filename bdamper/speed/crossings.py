@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.sweep import SweepResult, interruption, sweep
+from bdamper.design.sweep import SweepResult, sweep
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.problem.at_speed import Conditions, preload_at
@@ -28,6 +28,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
+from bdamper.util.status import left_undone
 from bdamper.util.tables import Column, Tabular
 
 RPM = 60.0 / (2.0 * np.pi)
@@ -225,7 +226,7 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         lines = [
             f"crossings of mode {self.mode}, {low:.6g} to {high:.6g} rad/s: {int(self.found.sum())} of {len(self)}; "
             f"{sum(c.processor for c in self.cost):.1f} s of the processor",
-            *interruption(self.kind, "crossings"),
+            *left_undone(self.kind, "crossings"),
             f"  {'EO':>3} {'mass kg':>9} {'rad/s':>9} {'rpm':>7} {'Hz':>9} {'amplitude m':>12} {'preload N':>10} "
             f"{'slip %':>7} {'margin':>7}",
         ]

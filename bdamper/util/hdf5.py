@@ -22,6 +22,7 @@ import h5py
 import numpy as np
 
 from bdamper.util.errors import BdamperError
+from bdamper.util.status import Translated
 from bdamper.util.versions import HERE, Versions
 
 FilePath = str | os.PathLike[str]
@@ -198,7 +199,16 @@ def _take(cls: type[Any], group: h5py.Group) -> Any:
             found[name] = _typed(hints[name], json.loads(item[()])) if text else item[()]
         elif name in group.attrs:
             found[name] = _typed(hints[name], _from_attribute(hints[name], group.attrs[name]))
-    return cls(**found)
+    return cls(**_translated(cls, found))
+
+
+def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
+    """Fields of a result in today's words for statuses."""
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        for mark in getattr(hint, "__metadata__", ()):
+            if isinstance(mark, Translated) and name in found:
+                found[name] = mark.read(found[name])
+    return found
 
 
 def _from_attribute(hint: Any, value: Any) -> Any:
@@ -220,7 +230,8 @@ def _typed(hint: Any, value: Any) -> Any:
         return _typed(_leaf(hint), value)
     if is_dataclass(hint):
         hints = get_type_hints(hint)
-        return hint(**{name: _typed(hints[name], item) for name, item in value.items() if name in hints})  # type: ignore[operator]
+        known = {name: _typed(hints[name], item) for name, item in value.items() if name in hints}
+        return hint(**_translated(hint, known))  # type: ignore[operator]
     if origin in (Union, UnionType):  # such as int | tuple[int, ...]
         return tuple(value) if isinstance(value, list) else value
     if isinstance(hint, type) and issubclass(hint, tuple):  # a named one

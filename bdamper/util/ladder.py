@@ -10,7 +10,8 @@ import numpy as np
 from bdamper.util.estimates import ErrorEstimates, SourceError, percent
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular, from_rows
+from bdamper.util.status import COMPLETE, Status
+from bdamper.util.tables import Column, Cycles, Metre, Newton, Second, Tabular, from_rows
 
 COMPARED = 3
 """Rungs, the last that are known, that have to agree."""
@@ -35,12 +36,12 @@ class Rung:
     """
 
     harmonics: int
-    preload: float
-    amplitude: float = float("nan")
-    frequency: float = float("nan")
+    preload: Newton
+    amplitude: Metre = float("nan")
+    frequency: Cycles = float("nan")
     change: float = float("nan")
-    seconds: float = 0.0
-    status: str = "complete"
+    seconds: Second = 0.0
+    status: Status = COMPLETE
 
     @property
     def known(self) -> bool:
@@ -90,7 +91,7 @@ class Ladder(Plottable, Tabular):
 
     def columns(self) -> dict[str, Column]:
         """A row for each rung."""
-        return from_rows((*self.rungs, *self.others), {"preload": "N", "amplitude": "m", "frequency": "Hz", "seconds": "s"})
+        return from_rows((*self.rungs, *self.others))
 
     @property
     def compared(self) -> tuple[Rung, ...]:

@@ -1,8 +1,17 @@
 """Results as tables: CSV, pandas and xarray (extra ``bdamper[table]``).
 
-A result that derives from :class:`Tabular` names its columns, one row for each of its points, and arrays of more
-dimensions that only xarray takes.  Units stand in the header of a CSV file, in ``frame.attrs["units"]`` and in the
-attributes of each variable.
+Which fields and properties of a result that derives from :class:`Tabular` are columns stands in their annotated types,
+with unit, label and dimensions (:class:`Quantity`)::
+
+    class Curve(Tabular, row="point"):
+        frequency: Hertz
+        harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
+
+        @property
+        def amplitude(self) -> Metres: ...
+
+There is a row for each point of the result, and arrays of more dimensions only xarray takes.  Units stand in the header of
+a CSV file, in ``frame.attrs["units"]`` and in the attributes of each variable.
 """
 
 from __future__ import annotations
@@ -10,12 +19,14 @@ from __future__ import annotations
 import csv
 import importlib
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_type_hints
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import FilePath, check_folder, plain
@@ -38,16 +49,107 @@ class Column(NamedTuple):
     dims: tuple[str, ...] = ()
 
 
-class Tabular:
-    """A result that is a table as well; a mixin."""
+ROW = ""
+"""Name of the dimension of rows, where a type does not know it."""
 
-    def columns(self) -> Mapping[str, Column]:
-        """Columns by name, one value for each row, and arrays of more dimensions."""
-        raise NotImplementedError
+
+@dataclass(frozen=True)
+class Quantity:
+    """Marks a field or property of a result as a column of its table, in its annotated type.
+
+    Parameters
+    ----------
+    unit : str
+    label : str
+        What an axis says; by default the name.
+    name : str
+        Of the column; by default that of the field or property.
+    dims : tuple of str
+        Names of the dimensions of an array that is no column with one value for each row, :data:`ROW` for that of rows.
+    parts : tuple of str
+        Names of the columns of an array of shape (n, number of parts).
+    """
+
+    unit: str = ""
+    label: str = ""
+    name: str = ""
+    dims: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+
+
+Cycles = Annotated[float, Quantity("Hz")]
+Metre = Annotated[float, Quantity("m")]
+Newton = Annotated[float, Quantity("N")]
+Second = Annotated[float, Quantity("s")]
+Numbers = Annotated[NDArray, Quantity()]
+Texts = Annotated[tuple[str, ...], Quantity()]
+Hertz = Annotated[NDArray, Quantity("Hz")]
+Metres = Annotated[NDArray, Quantity("m")]
+Newtons = Annotated[NDArray, Quantity("N")]
+Joules = Annotated[NDArray, Quantity("J")]
+Radians = Annotated[NDArray, Quantity("rad")]
+Seconds = Annotated[NDArray, Quantity("s")]
+RadiansPerSecond = Annotated[NDArray, Quantity("rad/s")]
+Shares = Annotated[NDArray, Quantity(parts=("stick", "slip", "open"))]
+Places = Annotated[NDArray, Quantity("m", parts=("X", "Y", "Z"))]
+Kinds = Annotated[tuple[str, ...], Quantity(name="kind")]
+
+
+def _marked(hints: Mapping[str, Any], name: str) -> Quantity | None:
+    """The mark on the type of a field, be it ``Numbers`` or ``Numbers | None``."""
+    hint = hints.get(name)
+    marks = [mark for kind in (hint, *get_args(hint)) for mark in getattr(kind, "__metadata__", ())]
+    return next((mark for mark in reversed(marks) if isinstance(mark, Quantity)), None)
+
+
+@cache
+def quantities(cls: Any) -> dict[str, Quantity]:
+    """Fields and properties of a type that are columns: its first one, what is derived, then the other fields."""
+    own = get_type_hints(cls, include_extras=True)
+    of_fields = {f.name: mark for f in fields(cls) if (mark := _marked(own, f.name)) is not None}
+    derived: dict[str, Quantity] = {}
+    for name, item in (pair for base in reversed(cls.__mro__) for pair in vars(base).items()):
+        getter = item.fget if isinstance(item, property) else item.func if isinstance(item, cached_property) else None
+        mark = None if getter is None else _marked(get_type_hints(getter, include_extras=True), "return")
+        if mark is not None:
+            derived[name] = mark
+    first = next(iter(of_fields), "")
+    return {name: of_fields[name] for name in (first,) if name} | derived | of_fields
+
+
+def _columns_of(name: str, mark: Quantity, value: Any, row: str) -> Iterator[tuple[str, Column]]:
+    values = np.asarray(value)
+    if mark.parts:
+        yield from ((part, Column(values[:, k], mark.unit)) for k, part in enumerate(mark.parts))
+    else:
+        yield mark.name or name, Column(values, mark.unit, tuple(dim or row for dim in mark.dims))
+
+
+class Tabular:
+    """A result that is a table as well; a mixin.
+
+    Parameters of the class
+    -----------------------
+    row : str
+        What the rows of the table are.
+    """
+
+    _row: ClassVar[str] = "point"
+
+    def __init_subclass__(cls, *, row: str = "", **options: Any) -> None:
+        super().__init_subclass__(**options)
+        cls._row = row or cls._row
+
+    def columns(self) -> dict[str, Column]:
+        """Columns by name, one value for each row, and arrays of more dimensions; what is None is left out."""
+        cls: Any = type(self)
+        found = ((name, mark, getattr(self, name)) for name, mark in quantities(cls).items())
+        row = self._dimension()
+        return dict(c for name, mark, value in found if value is not None for c in _columns_of(name, mark, value, row))
 
     def _dimension(self) -> str:
         """What the rows of the table are."""
-        return "point"
+        return self._row
 
     def _grid(self) -> dict[str, Any]:
         """Coordinates of the grid that the rows lie on, the last one fastest; empty if they are a mere sequence."""
@@ -141,11 +243,19 @@ def joined(tables: Sequence[Tabular]) -> dict[str, Column]:
     }
 
 
-def from_rows(rows: Sequence[Any], units: Mapping[str, str]) -> dict[str, Column]:
+def from_rows(rows: Sequence[Any]) -> dict[str, Column]:
     """Columns from small dataclasses of one type, one for each row, by the fields that are numbers or texts."""
     out = {}
-    for name in (f.name for f in fields(rows[0])) if rows else ():
+    kind: Any = type(rows[0]) if rows else None
+    for name in (f.name for f in fields(kind)) if rows else ():
         values = [getattr(row, name) for row in rows]
         if all(isinstance(value, str | float | int | np.generic) for value in values):
-            out[name] = Column(np.array(values), units.get(name, ""))
+            out[name] = Column(np.array(values), quantities(kind).get(name, Quantity()).unit)
     return out
+
+
+def label(of: Any, name: str, unit: str = "") -> str:
+    """What an axis says of a column of a type of result: its label, or its name in words, and its unit."""
+    mark = quantities(of)[name]
+    text, unit = mark.label or (mark.name or name).replace("_", " ").capitalize(), unit or mark.unit
+    return f"{text} ({unit})" if unit else text

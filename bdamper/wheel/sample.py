@@ -33,6 +33,7 @@ from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork
 from bdamper.util.results_file import ResultsFile
+from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, because, word
 from bdamper.util.versions import HERE
 from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
 from bdamper.wheel.peak import WheelPeakOptions
@@ -70,7 +71,7 @@ class _Job:
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
         """Highest peak of one wheel at one preload, or its whole curve where an interval is given."""
-        status, cost = "done", Cost()
+        status, cost = COMPLETE, Cost()
         values: dict[str, Any] = {}
         try:
             with LongWork() as work:
@@ -82,7 +83,7 @@ class _Job:
             if work.interrupted:
                 raise KeyboardInterrupt
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-            status = f"failed: {error}"
+            status = because(FAILED, error)
         return {"status": status, "values": values, "seconds": cost.seconds, "cost": asdict(cost)}
 
 
@@ -262,7 +263,7 @@ def _records(
     names = [" ".join(str(value) for value in point.values()) for point in points]
     peaks = run_stored(job, points, names, executor, store, progress, "wheels", "peak")
     curves: list[dict[str, Any]] = [{} for _ in points]
-    if any(r["status"].startswith("not run") for r in peaks):
+    if any(word(r["status"]) == NOT_RUN for r in peaks):
         return peaks, curves
     height = np.array([r["values"].get("amplitude", np.nan) for r in peaks]).reshape(asked.shape)
     whole = highest_wheels(height, asked.audit) | np.isin(asked.wheels, asked.audited)[:, None, None]

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.design.sweep import interruption
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
+from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, left_undone, word
 from bdamper.util.tables import Column, Tabular
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
@@ -43,7 +43,7 @@ class Audit:
     tolerance : float
         A peak is missed if the curve is higher by more than this share.
     status : tuple of str
-        "done" if curves came through in both directions, or why not, or why the search has no peak.
+        "complete" if curves came through in both directions, or why not, or why the search has no peak.
     """
 
     kind: str
@@ -63,7 +63,7 @@ class Audit:
     @property
     def undecided(self) -> NDArray:
         """(n,) bool: where no peak is missed, and curves did not come through in both directions."""
-        return ~self.missed & (np.array(self.status) != "done")
+        return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
     def share(self) -> Interval:
@@ -161,7 +161,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     tuned_amplitude, tuned_frequency : (n_preloads,) float, m and Hz
         Of the tuned wheel at the same preload.
     status : tuple of str
-        In the order of the arrays: "done", "failed: " with the reason, or "not run".
+        In the order of the arrays: "complete", "failed: " with the reason, or "not run".
     audited : (n,) int
         Wheels that were drawn for the audit before any result.
     audit_share : float
@@ -191,11 +191,11 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     held_amplitude: NDArray
     tuned_amplitude: NDArray
     tuned_frequency: NDArray
-    status: tuple[str, ...]
+    status: Statuses
     audited: NDArray
     audit_share: float
     curve_amplitude: NDArray
-    curve_status: tuple[str, ...]
+    curve_status: Annotated[tuple[str, ...], Translated("")]
     processor: NDArray
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
@@ -208,7 +208,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     @property
     def complete(self) -> bool:
         """Whether there is an answer for every wheel, and a whole curve of each that was to be audited."""
-        return all(s == "done" for s in self.status) and all(s in ("done", "not asked") for s in self.curve_status)
+        return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
     def amplification(self) -> NDArray:
@@ -285,8 +285,8 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """The search beside whole curves: of the wheels drawn before any result, or of the highest of each cell."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
         chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
-        status = [s if s.startswith("failed") else c for s, c in zip(self.status, self.curve_status)]
-        asked = np.array([s != "not asked" and not s.startswith("not run") for s in status], bool)
+        status = [s if word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
+        asked = np.array([s != "not asked" and word(s) != NOT_RUN for s in status], bool)
         flat = np.flatnonzero(chosen.ravel() & asked)
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
@@ -334,7 +334,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         )
 
     def __str__(self) -> str:
-        failed, held = sum(s.startswith("failed") for s in self.status), int((self.springs > 0.0).sum())
+        failed, held = sum(word(s) == FAILED for s in self.status), int((self.springs > 0.0).sum())
         pattern = self.drawn.get("distribution", "")
         pattern = pattern if isinstance(pattern, str) else "measured pattern"
         spent = float(np.nansum(self.processor)), float(np.nansum(self.curve_processor))
@@ -344,7 +344,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
             f"{held} with the mean of dampers held; "
             f"{spent[0]:.0f} s of the processor, {spent[1]:.0f} s for the audit"
         ]
-        lines += interruption(self.status, "peaks")
+        lines += left_undone(self.status, "peaks")
         median, upper = self.percentile(50.0), self.percentile(99.0)
         for i, deviation in enumerate(self.standard_deviation):
             for j, preload in enumerate(self.preload):

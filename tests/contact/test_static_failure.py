@@ -50,7 +50,7 @@ def test_the_equations_are_not_those_of_another_load(study):
 @pytest.mark.parametrize("options", [{}, {"tolerance": 0.1}, {"stability": True}])
 def test_a_curve_has_no_start(study, options):
     curve = study.track(800.0, INTERVAL, **options)
-    assert (curve.status, curve.reason, len(curve)) == ("no start", "static state: no equilibrium beyond 500 N", 0)
+    assert (curve.status, curve.reason, len(curve)) == ("not found", "static state: no equilibrium beyond 500 N", 0)
     assert curve.unknowns.shape == (0, study.n_unknowns)
     assert study.track(LAST, INTERVAL).complete
 
@@ -63,7 +63,7 @@ def test_a_peak_is_not_that_of_another_load(study):
     with pytest.raises(bd.BdamperError, match=r"no peak found at 800 N .* no equilibrium beyond 500 N"):
         study.peak(800.0, INTERVAL)
     done = bd.sweep(study, {"preload": [400.0, 800.0]}, frequency=INTERVAL)
-    assert done.status[0] == "done"
+    assert done.status[0] == "complete"
     assert done.status[1].startswith("failed: ") and "no equilibrium beyond 500 N" in done.status[1]
 
 

@@ -166,7 +166,7 @@ class TestAnswers:
 
     def test_a_point_without_an_answer_is_marked(self, study):
         result = bd.sweep(study, over={"preload": [1000.0, -1.0]}, frequency=INTERVAL)
-        assert result.status[0] == "done"
+        assert result.status[0] == "complete"
         assert result.status[1].startswith("failed: preload: expected")
         assert np.isnan(result.array("amplitude")[1])
         assert not result.complete
@@ -255,7 +255,7 @@ class TestInterrupted:
 
     def test_points_left_out_are_not_run(self, study, tmp_path):
         result = bd.sweep(study, self.over, stopping_question, resume=tmp_path / "r.jsonl")
-        assert result.status == ("done", "done", "not run", "not run")
+        assert result.status == ("complete", "complete", "not run", "not run")
         assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
         assert not result.complete
         assert str(result).count("interrupted: 2 of 4 points were not run") == 1 and "0 failed" in str(result)
@@ -267,20 +267,20 @@ class TestInterrupted:
     def test_on_workers(self, study):
         with ThreadPoolExecutor(1) as pool:
             result = bd.sweep(study, self.over, stopping_question, executor=pool)
-        assert result.status[:3] == ("done", "done", "not run")
+        assert result.status[:3] == ("complete", "complete", "not run")
 
     def test_a_part_interrupted_on_a_worker_alone_is_no_answer(self, study, tmp_path):
         with ProcessPoolExecutor(1) as pool:
             pool.submit(os.getpid).result()  # begins the worker outside of the sweep
             result = bd.sweep(study, self.over, part_so_far, executor=pool, resume=tmp_path / "r.jsonl")
-        assert result.status[:3] == ("done", "done", "not run")
+        assert result.status[:3] == ("complete", "complete", "not run")
         lines = (tmp_path / "r.jsonl").read_text().splitlines()[1:]
         assert not {json.loads(line)["index"] for line in lines} & {2}
 
     def test_the_end_of_a_worker_keeps_what_is_finished(self, study):
         with ProcessPoolExecutor(1) as pool:
             result = bd.sweep(study, self.over, deadly_question, executor=pool)
-        assert result.status[:2] == ("done", "done") and result.array("value")[:2].tolist() == [100.0, 200.0]
+        assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
         assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
         assert "2 of 4 points were not run: A process" in str(result)
 
@@ -319,7 +319,7 @@ class TestInterrupted:
         assert bd.sweep(study, {"preload": [1000.0]}, question).complete
         stop = 2 * len(seen) + len(seen) // 2  # within the second of two more
         result = bd.sweep(study, {"preload": [1000.0, 1000.0]}, question)
-        assert len(seen) == stop and result.status == ("done", "not run")
+        assert len(seen) == stop and result.status == ("complete", "not run")
 
     def test_samples(self, study, monkeypatch):
         """Percentiles are those of the draws that were run; a robust optimum is never taken over a part of them."""
@@ -335,7 +335,7 @@ class TestInterrupted:
         samples = {"friction_coefficient": [0.25, 0.3]}
         four = {"friction_coefficient": [0.25, 0.3, 0.35, 0.4]}
         curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
-        assert curve.status == ("done", "done", "done", "not run")
+        assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
         assert "interrupted: 1 of 4 draws were not run" in str(curve) and "without a peak" not in str(curve)
         ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
@@ -363,7 +363,7 @@ class TestInterrupted:
         os.killpg(child.pid, signal.SIGINT)
         out, err = child.communicate(timeout=60)
         status = json.loads(out)
-        assert 0 < status.count("done") < 1000 and set(status) == {"done", "not run"}, err
+        assert 0 < status.count("complete") < 1000 and set(status) == {"complete", "not run"}, err
 
 
 POOL_SCRIPT = """

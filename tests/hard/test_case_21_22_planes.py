@@ -36,7 +36,7 @@ def test_case_21_all_points_open_under_a_static_load():
     assert "open through the cycle" in text
     assert "TY of damper" in text or "along TY" in text
     curve = s.track(100.0, (250.0, 300.0))
-    assert curve.status == "no start"
+    assert curve.status == "not found"
     assert "no periodic solution" in curve.reason
     assert len(curve) == 0
 

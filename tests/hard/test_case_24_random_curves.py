@@ -23,7 +23,7 @@ from tests.hard.random_studies import FULL, number_of_cases, oracle_residuals, r
 BATCH = 25
 QUICK = 25
 """Cases that run with the quick tests; the others are slow."""
-STATUSES = {"complete", "incomplete", "no start"}
+STATUSES = {"complete", "incomplete", "not found"}
 
 
 def check(seed, wide=False):

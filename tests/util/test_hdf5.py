@@ -17,11 +17,15 @@ import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.effects.compare_laws import LawComparison
 from bdamper.util.hdf5 import Storable
+from bdamper.util.status import current
 from bdamper.util.versions import HERE, Versions
 from tests.plain import plain_study
 
 OLD = Path(__file__).parents[1] / "data" / "version_0_1"
 EXPECTED = json.loads((OLD / "expected.json").read_text())
+OF_0_5 = OLD.parent / "version_0_5"
+EXPECTED_0_5 = json.loads((OF_0_5 / "expected.json").read_text())
+"""Sums over the absolute values of each column, or the texts in it, as version 0.5 had them."""
 
 
 def same(a, b):
@@ -35,6 +39,13 @@ def same(a, b):
     if isinstance(a, dict):
         return isinstance(b, dict) and list(a) == list(b) and all(same(a[key], b[key]) for key in a)
     return type(a) is type(b) and (a == b or a != a)
+
+
+@pytest.fixture(scope="module")
+def files_0_5(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("version_0_5")
+    shutil.unpack_archive(OF_0_5 / "results.zip", folder)
+    return folder
 
 
 @pytest.fixture
@@ -143,6 +154,29 @@ class TestVersions:
         }
         for key, value in expected.items():
             assert values[key]() == value
+
+    @pytest.mark.parametrize("name", EXPECTED_0_5)
+    def test_files_of_version_0_5_are_read(self, name, files_0_5):
+        """Every kind of result; its columns are as they were, statuses in today's words."""
+        expected = EXPECTED_0_5[name]
+        result = bd.load(files_0_5 / f"{name}.h5")
+        assert type(result).__name__ == expected["kind"] and str(result)
+        if "status" in expected:
+            assert current(result.status) == current(expected["status"])
+        columns = result.columns() if "columns" in expected else {}
+        assert set(expected.get("columns", {})) <= set(columns)
+        for column, (unit, value) in expected.get("columns", {}).items():
+            found = np.asarray(columns[column].values)
+            assert columns[column].unit == unit, column
+            if isinstance(value, list):
+                texts = set(found.astype(str).ravel().tolist())
+                assert {current(text, "") for text in texts} == {current(text, "") for text in value}, column
+            else:
+                assert float(np.nansum(np.abs(found))) == pytest.approx(value, rel=1e-9), column
+
+    def test_files_of_version_0_5_are_of_every_kind(self):
+        kinds = {cls.__name__ for cls in Storable.__subclasses__() if cls.__module__.startswith("bdamper.")}
+        assert kinds - {item["kind"] for item in EXPECTED_0_5.values()} == set()
 
     @pytest.mark.parametrize("name", ["laws", "advice", "accuracy"])
     def test_files_of_version_0_1_that_hold_too_little_are_refused(self, name):

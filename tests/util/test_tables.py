@@ -2,7 +2,9 @@
 
 import csv
 import sys
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Annotated
 
 import matplotlib
 
@@ -13,11 +15,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.curve import Curve
 from bdamper.design.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
 from bdamper.util.ladder import Ladder, Rung
 from bdamper.util.plotting import Plottable, draws
-from bdamper.util.tables import Tabular
+from bdamper.util.tables import ROW, Kinds, Metres, Numbers, Quantity, Shares, Tabular, from_rows, label, quantities
 from tests.plain import plain_study
 
 
@@ -36,7 +39,7 @@ def curve(study):
 def swept():
     points = tuple({"mu": mu, "preload": p} for mu in (0.2, 0.4) for p in (1.0, 2.0, 3.0))
     values = tuple({"amplitude": p["mu"] * p["preload"], "curve_amplitude": [p["mu"], 0.0]} for p in points)
-    return SweepResult(("mu", "preload"), points, values, ("done",) * 6, np.zeros(6), (2, 3))
+    return SweepResult(("mu", "preload"), points, values, ("complete",) * 6, np.zeros(6), (2, 3))
 
 
 class TestTables:
@@ -100,7 +103,61 @@ class TestTables:
         assert limits.columns()["preload"].values.tolist() == limits.preload.tolist()
 
     def test_every_table_has_columns(self):
-        assert all(cls.columns is not Tabular.columns for cls in Tabular.__subclasses__())
+        own = [cls for cls in Tabular.__subclasses__() if cls.__module__.startswith("bdamper.")]
+        assert len(own) > 15 and all(cls.columns is not Tabular.columns or quantities(cls) for cls in own)
+
+
+@dataclass(frozen=True)
+class Base:
+    left_out: np.ndarray
+    place: Metres
+
+
+@dataclass(frozen=True)
+class Made(Base, Tabular, row="step"):
+    shares: Shares
+    words: Kinds
+    waves: Annotated[np.ndarray, Quantity("N", dims=(ROW, "harmonic"))]
+    judged: Numbers | None = None
+    weight: Annotated[np.ndarray, Quantity("kg", "Mass of the disk", name="mass")] = field(
+        default_factory=lambda: np.ones(2)
+    )
+
+    @property
+    def twice(self) -> Metres:
+        return 2.0 * self.place
+
+    @cached_property
+    def half(self) -> Annotated[np.ndarray, Quantity("mm", label="Half of it")]:
+        return 500.0 * self.place
+
+    @property
+    def unmarked(self) -> np.ndarray:
+        raise AssertionError
+
+
+class TestQuantities:
+    made = Made(np.zeros(3), np.array([1.0, 2.0]), np.arange(6.0).reshape(2, 3), ("a", "b"), np.zeros((2, 4)))
+
+    def test_columns_follow_from_the_types_of_fields_and_properties(self):
+        columns = self.made.columns()
+        assert list(columns) == ["place", "twice", "half", "stick", "slip", "open", "kind", "waves", "mass"]
+        assert [columns[name].unit for name in ("place", "half", "waves", "mass", "kind")] == ["m", "mm", "N", "kg", ""]
+        assert columns["slip"].values.tolist() == [1.0, 4.0] and columns["twice"].values.tolist() == [2.0, 4.0]
+        assert columns["waves"].dims == ("step", "harmonic") and not columns["place"].dims
+
+    def test_what_is_none_is_left_out_and_what_is_there_is_not(self):
+        assert replace(self.made, judged=np.array([True, False])).columns()["judged"].values.tolist() == [True, False]
+
+    def test_labels(self):
+        assert label(Made, "half") == "Half of it (mm)" and label(Made, "weight") == "Mass of the disk (kg)"
+        assert label(Curve, "peak_to_peak") == "Peak to peak (m)" and label(Curve, "stable") == "Stable"
+        assert label(Made, "place", "mm") == "Place (mm)"
+
+    def test_rows_of_small_records(self):
+        columns = from_rows([Rung(3, 10.0, 2.0, 100.0), Rung(5, 10.0)])
+        assert columns["preload"].unit == "N" and columns["frequency"].unit == "Hz" and columns["change"].unit == ""
+        assert columns["status"].values.tolist() == ["complete", "complete"] and from_rows([]) == {}
 
 
 class TestNotebook:
@@ -150,7 +207,7 @@ class TestDifferences:
         one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
         named = {a.name: (a.value, b.value) for a, b in one.compare(other).outcomes}
         assert named["peak amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
-        assert f"<td style=\"text-align:left\">{one.frequency:.6g} Hz</td>" in one._repr_html_()
+        assert f'<td style="text-align:left">{one.frequency:.6g} Hz</td>' in one._repr_html_()
         assert "img" not in one._repr_html_() and not study.compare(one)
 
     def test_settings_of_a_study_and_a_result(self, study, curve):

@@ -1,0 +1,96 @@
+"""Statuses: one set of words for what became of an answer.
+
+A status is one of these words, with its reason after a colon where there is no field for it.  How a path ended that was
+followed (:class:`bdamper.continuation.path.Path`) and whether a test agrees have words of their own; what they mean for
+an answer is one of these.
+
+=================  =====================================================================================
+"complete"         The answer to what was asked.
+"incomplete"       A lower bound, or a part: there may be a higher one, or more of it, where the result says.
+"held"             The answer of equations that were eased, with an estimate of the error.
+"not found"        None, with the reason; numbers are NaN.
+"interrupted"      Ctrl-C has ended the work: what was known by then.
+"failed"           The work has ended with an error, which is the reason.
+"not run"          The work was cut before its turn came.
+=================  =====================================================================================
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+COMPLETE, INCOMPLETE, HELD, NOT_FOUND = "complete", "incomplete", "held", "not found"
+INTERRUPTED, FAILED, NOT_RUN = "interrupted", "failed", "not run"
+
+WORDS = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
+
+BEFORE = {
+    "converged": COMPLETE,
+    "done": COMPLETE,
+    "followed": COMPLETE,
+    "scanned": COMPLETE,
+    "settled": COMPLETE,
+    "verified": COMPLETE,
+    "bracket not narrowed further": INCOMPLETE,
+    "lower bound": INCOMPLETE,
+    "not verified": INCOMPLETE,
+    "still moving": INCOMPLETE,
+    "undecided": INCOMPLETE,
+    "no start": NOT_FOUND,
+}
+"""Words of versions 0.1 to 0.5, and what they are called now."""
+
+
+def word(status: str) -> str:
+    """The word of a status, without its reason."""
+    return status.partition(":")[0]
+
+
+def because(what: str, reason: object = "") -> str:
+    """A status with its reason."""
+    return f"{what}: {reason}" if str(reason) else what
+
+
+def current(status: str, otherwise: str = NOT_FOUND) -> str:
+    """A status in the words above, whichever version has written it.
+
+    Parameters
+    ----------
+    status : str
+    otherwise : str
+        The word for a status that is none of those known, which then is its reason; empty where that stays as it is.
+    """
+    first, colon, reason = status.partition(":")
+    if first in BEFORE:
+        return f"{BEFORE[first]}{colon}{reason}"
+    return status if first in WORDS or not otherwise else because(otherwise, status)
+
+
+@dataclass(frozen=True)
+class Translated:
+    """Marks a field with statuses, which are read from files of earlier versions in the words above."""
+
+    otherwise: str = NOT_FOUND
+
+    def read(self, value: str | tuple[str, ...]) -> str | tuple[str, ...]:
+        """One status or several, from a file."""
+        return (
+            current(value, self.otherwise) if isinstance(value, str) else tuple(current(s, self.otherwise) for s in value)
+        )
+
+
+Status = Annotated[str, Translated()]
+Statuses = Annotated[tuple[str, ...], Translated()]
+
+
+def all_complete(statuses: Sequence[str]) -> bool:
+    """Whether every one is "complete"."""
+    return all(status == COMPLETE for status in statuses)
+
+
+def left_undone(statuses: Sequence[str], what: str) -> list[str]:
+    """One line of how many there are that were not run, with the reason of the first; none where all were."""
+    left = [status for status in statuses if word(status) == NOT_RUN]
+    return [f"  interrupted: {len(left)} of {len(statuses)} {what} were {left[0]}"] if left else []
