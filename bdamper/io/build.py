@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, lay_contacts
 from bdamper.io.corner_order import check_corner_order
 from bdamper.io.fe_body import FEBody, Units
-from bdamper.io.from_matrices import constrained_from_matrices, free_from_matrices
+from bdamper.io.from_matrices import Sectors, constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
 from bdamper.io.import_report import ImportReport, frequencies_of
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
@@ -38,8 +38,9 @@ from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters
 from bdamper.reduction.cyclic import match_faces
 from bdamper.reduction.facets import corner_count
-from bdamper.reduction.local_coordinates import LocalSizes
+from bdamper.reduction.local_coordinates import LocalSizes, sampled_waves
 from bdamper.util import validate
+from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
@@ -74,6 +75,7 @@ class BuiltModel:
         save_model(self.model, path)
 
 
+@one_thread
 def build_model(
     blade: FEBody,
     damper: FEBody | None = None,
@@ -147,12 +149,11 @@ def build_model(
     contacts, known = _given_contacts(contacts), _known_frequencies(expected_frequencies)
     _check_bodies(bodies, n_blades, check_units)
     diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
-    ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters)
+    excited = None if engine_order is None else min(engine_order % n_blades, -engine_order % n_blades)
+    pictured = diameters if excited is None else (excited,)  # shapes of the surface make up most of a file
+    ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters, pictured)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes)
-    if engine_order is not None:  # of the excited wave alone: they make up most of a file
-        d = engine_order % n_blades
-        bodies["blade"].pictures = {k: v for k, v in bodies["blade"].pictures.items() if k == min(d, n_blades - d)}
     return _assembled(bodies, laid, places, made, n_blades, known, check_units)
 
 
@@ -284,15 +285,14 @@ def _reduced(
         wanted = Wanted(laid.ports[name], laid.rows[name], nodes, counts[name], damping_ratio)
         part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel)
         if name == "blade" and body.has_matrices:
-            made[name] = constrained_from_matrices(body, wanted, ring, fixed)
+            sectors = Sectors(body, wanted, ring, fixed, kept=() if part is None else sampled_waves(ring.n_blades))
+            made[name] = constrained_from_matrices(sectors)
+            if part is not None:
+                made[name] = with_local_basis(made[name], sectors, laid.interfaces, part, shapes or LocalSizes())
         elif name == "blade":
             made[name] = constrained_from_modes(body, wanted, ring)
         else:
             made[name] = free_from_matrices(body, wanted) if body.has_matrices else free_from_modes(body, wanted)
-        if part is not None:
-            made[name] = with_local_basis(
-                made[name], body, wanted, laid.interfaces, ring, part, shapes or LocalSizes()
-            )
     if laid.ports["ground"]:
         made["ground"] = Body("ground", "ground", laid.ports["ground"])
     return made

@@ -90,9 +90,7 @@ class Modes:
                 raise mismatch(item, f"{m} modal masses > 0", self.modal_mass)
 
 
-def modes_by_diameter(
-    given: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str
-) -> tuple[Modes, ...]:
+def modes_by_diameter(given: Iterable[tuple[int, float, float, NDArray, NDArray]], source: str) -> tuple[Modes, ...]:
     """Modes that a file lists one by one, sorted by nodal diameter and frequency.
 
     Parameters

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,35 +20,82 @@ from bdamper.reduction.free_body import FreeBody
 POSITIVE = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
 
 
-def constrained_from_matrices(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None) -> Body:
+@dataclass
+class Sectors:
+    """The sector at each nodal diameter from matrices; calling it gives one, checked.
+
+    Parameters
+    ----------
+    body : PreparedBody
+    wanted : Wanted
+    ring : Ring
+    fixed : NodeSet, optional
+        Clamped nodes.
+    kept : collection of int
+        Nodal diameters that are asked for more than once: their modes are kept.
+
+    Raises
+    ------
+    ModelError
+        If the sector is not held, or a contact face or location has no rows in the matrices.
+    """
+
+    body: PreparedBody
+    wanted: Wanted
+    ring: Ring
+    fixed: NodeSet | None
+    kept: Collection[int] = ()
+
+    def __post_init__(self) -> None:
+        held = None if self.fixed is None else self.body.node_set(self.fixed, "fixed")
+        self.mask = self.body.fixed(held)
+        _check_reached(self.body, self.wanted, self.mask, held)
+        free = int((~self.mask).sum())
+        if free < 12:
+            raise self.body.error("matrices", "more than a dozen free components", free)
+        self.n_modes = min(self.wanted.n_modes, max(1, (free - 3 * len(self.ring.right)) // 2))
+        self._made: dict[int, CyclicSector] = {}
+
+    def __call__(self, d: int) -> CyclicSector:
+        """The sector at a nodal diameter."""
+        if d in self._made:
+            return self._made[d]
+        body, ring = self.body, self.ring
+        with body.refusing(f"nodal diameter {d}", "fixed nodes alike on both sector faces"):
+            made = CyclicSector(body.structure, ring.left, ring.right, self.mask, ring.n_blades, d)
+        _check_held(body, made, bool(self.mask.any()))
+        if d in self.kept:
+            self._made[d] = made
+        return made
+
+
+def constrained_from_matrices(sectors: Sectors) -> Body:
     """A sector from its matrices at each nodal diameter.
 
     Raises
     ------
     ModelError
-        If the sector is not held, a matrix is not positive definite, or a contact face has no rows in the matrices.
+        If the sector is not held, or a matrix is not positive definite.
     """
-    held = None if fixed is None else body.node_set(fixed, "fixed")
-    mask = body.fixed(held)
-    _check_reached(body, wanted, mask, held)
-    free = int((~mask).sum())
-    if free < 12:
-        raise body.error("matrices", "more than a dozen free components", free)
-    n_modes = min(wanted.n_modes, max(1, (free - 3 * len(ring.right)) // 2))
+    body, wanted, ring, n_modes = sectors.body, sectors.wanted, sectors.ring, sectors.n_modes
+    rotation = rotation_of(body)
+    if rotation is not None:
+        sectors.kept = {0, *sectors.kept}  # for the displacement by rotation
 
     def sector(d: int) -> CyclicSector:
-        with body.refusing(f"nodal diameter {d}", "fixed nodes alike on both sector faces"):
-            made = CyclicSector(body.structure, ring.left, ring.right, mask, ring.n_blades, d)
-        _check_held(body, made, bool(mask.any()))
-        with body.refusing("matrices", POSITIVE):
+        made = sectors(d)
+        if d in ring.pictured:
             body.keep_pictures(d, made.modes(n_modes)[1])
         return made
 
     with body.refusing("matrices", POSITIVE):
         built = constrained_body(
             body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
-            wanted.damping_ratio, ring.diameters, rotation_of(body),
+            wanted.damping_ratio, ring.diameters, rotation,
         )  # fmt: skip
+    for d in sectors.kept:
+        if d in ring.diameters:
+            sectors(d).forget_factors()
     for d, basis in built.bases.items():
         _check_positive(body, d, basis.omega2)
     body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
@@ -66,9 +116,7 @@ def _check_reached(body: PreparedBody, wanted: Wanted, mask: NDArray, held: NDAr
         raise body.error("contact faces", "nodes with rows in the matrices", found)
     for name, node in wanted.locations.items():
         if node in empty:
-            raise body.error(
-                f"location '{name}'", "a node with rows in the matrices", f"node {body.given.numbers[node]}"
-            )
+            raise body.error(f"location '{name}'", "a node with rows in the matrices", f"node {body.given.numbers[node]}")
 
 
 def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:

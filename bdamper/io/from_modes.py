@@ -178,7 +178,8 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
     for d in ring.diameters:
         omega2, shapes, source = _normalised(body, given, d, ring, wanted.n_modes)
         contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
-        body.keep_pictures(d, shapes)
+        if d in ring.pictured:
+            body.keep_pictures(d, shapes)
         bases[d] = ModalBasis(
             omega2=omega2,
             damping_ratio=np.full(len(omega2), wanted.damping_ratio),

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from bdamper.io.from_matrices import Sectors
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
 from bdamper.model.model import Body, Interface
-from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.util.errors import SettingError
 
@@ -43,28 +43,19 @@ def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | 
 
 
 def with_local_basis(
-    made: Body,
-    body: PreparedBody,
-    wanted: Wanted,
-    interfaces: Mapping[str, Interface],
-    ring: Ring,
-    part: BladePart,
-    sizes: LocalSizes,
+    made: Body, sectors: Sectors, interfaces: Mapping[str, Interface], part: BladePart, sizes: LocalSizes
 ) -> Body:
-    """The sector ``made`` with a local basis from its matrices, parameters as in :func:`blade_part`.
+    """The sector ``made`` with a local basis from its matrices.
 
     Raises
     ------
     ModelError
         If the matrices of the blade clamped at its root are not positive definite.
     """
-
-    def sector(d: int) -> CyclicSector:
-        return CyclicSector(body.structure, ring.left, ring.right, part.fixed, ring.n_blades, d)
-
+    body, wanted = sectors.body, sectors.wanted
     with body.refusing("wheel", "a blade that its root holds"):
         local = local_basis(
-            part, sector, wanted.contact, damper_motion(wanted.ports, interfaces), wanted.locations, wanted.damping_ratio,
+            part, sectors, wanted.contact, damper_motion(wanted.ports, interfaces), wanted.locations, wanted.damping_ratio,
             sizes, "set of nodes",
         )  # fmt: skip
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))

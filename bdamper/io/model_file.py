@@ -245,8 +245,7 @@ def _read_model(file: h5py.File) -> Model:
     _check_root(file)
     n_blades = read_integer(file, "n_blades")
     parts: dict[str, Any] = {
-        key: {name: read_part(group, part) for name, group in subgroups(file, key).items()}
-        for key, part in _PARTS.items()
+        key: {name: read_part(group, part) for name, group in subgroups(file, key).items()} for key, part in _PARTS.items()
     }
     return Model(
         n_blades=n_blades,
@@ -317,9 +316,7 @@ def _read_ports(group: h5py.Group, interfaces: Mapping[str, Interface]) -> tuple
     return tuple(ports)
 
 
-def _read_basis(
-    group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]
-) -> ModalBasis:
+def _read_basis(group: h5py.Group, ports: tuple[Port, ...], interfaces: Mapping[str, Interface]) -> ModalBasis:
     check_members(group, ["omega2", "damping_ratio", "modes"], ["locations", "flexibility", "drag", "speed"])
     omega2 = read_array(group, "omega2")
     n_modes = len(omega2)
@@ -327,8 +324,7 @@ def _read_basis(
     names = [f"{interface}.{side}" for interface, side in ports]
     check_members(modes, names, [])
     parts = [
-        read_array(modes, name, "modes", (interfaces[port[0]].n_points, 3, n_modes))
-        for name, port in zip(names, ports)
+        read_array(modes, name, "modes", (interfaces[port[0]].n_points, 3, n_modes)) for name, port in zip(names, ports)
     ]
     locations = {}
     if "locations" in group:

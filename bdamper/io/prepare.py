@@ -88,12 +88,15 @@ class Ring:
         Matching nodes of the face toward -X and of the one toward +X; none for an acyclic structure.
     diameters : tuple of int
         Nodal diameters.
+    pictured : tuple of int
+        Those whose shapes are kept for pictures.
     """
 
     n_blades: int
     left: NDArray
     right: NDArray
     diameters: tuple[int, ...]
+    pictured: tuple[int, ...]
 
 
 @dataclass(frozen=True)
