@@ -26,7 +26,7 @@ from bdamper.effects import hysteresis as cycles
 from bdamper.fatigue import cycle as stresses
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue.material import Material
-from bdamper.peaks import best_margin, marched, optimal
+from bdamper.peaks import best_margin, highest, marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import at_speed
@@ -166,7 +166,7 @@ class Study(Problem, Comparable):
         options: PeakOptions | None = None,
         tolerance: float | None = None,
     ) -> Peak:
-        """The highest peak at one preload; :func:`bdamper.peaks.optimal.highest_peak` explains the arguments.
+        """The highest peak at one preload; :func:`bdamper.peaks.highest.highest_peak` explains the arguments.
 
         With a ``tolerance`` harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
         """
@@ -174,7 +174,7 @@ class Study(Problem, Comparable):
         ways: dict[str, Any] = {"mode": mode, "options": options}
         if tolerance is not None:
             return accuracy_tolerance.peak_to_tolerance(self, preload, frequency, tolerance, **ways)
-        return optimal.highest_peak(self, preload, frequency, **ways)
+        return highest.highest_peak(self, preload, frequency, **ways)
 
     @one_thread
     def optimal_curve(

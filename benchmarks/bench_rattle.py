@@ -26,7 +26,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.peaks.envelope import BUDGET
-from bdamper.peaks.scan import resonance_interval
+from bdamper.peaks.interval import resonance_interval
 from benchmarks import PLAIN
 
 RESULTS = Path(__file__).parent / "results" / "rattle.json"

@@ -21,7 +21,7 @@ from functools import lru_cache
 import numpy as np
 
 import bdamper as bd
-from bdamper.peaks.scan import resonance_interval
+from bdamper.peaks.interval import resonance_interval
 from bdamper.util.ladder import Ladder, Rung
 from benchmarks import PLAIN
 

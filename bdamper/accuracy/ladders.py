@@ -24,7 +24,8 @@ from bdamper.contact.laws import Sampled
 from bdamper.continuation.curve import uninterrupted
 from bdamper.continuation.linear_curve import stuck
 from bdamper.continuation.track import track
-from bdamper.peaks.optimal import highest_peak, peak_interval
+from bdamper.peaks.highest import highest_peak
+from bdamper.peaks.interval import peak_interval
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate

@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
+from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal import highest_peak, search_file
+from bdamper.peaks.optimal import search_file
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
 from bdamper.stability.floquet import with_stability
@@ -239,7 +240,7 @@ def peak_to_tolerance(
 ) -> Peak:
     """The highest peak with as many harmonics as it needs, and the ladder that says so.
 
-    Further arguments are those of :func:`bdamper.peaks.optimal.highest_peak`.
+    Further arguments are those of :func:`bdamper.peaks.highest.highest_peak`.
     """
     preload = problem.check_preload(preload)
 

@@ -40,8 +40,9 @@ class Fold:
     amplitude : float, m
     index : int
         Of the point in the curve.
-    kind : {"fold", "peak", "highest, no peak"}
-        The latter is the largest response at an end of the curve, where it is no maximum.
+    kind : {"fold", "peak", "highest, no peak", "detached"}
+        "highest, no peak" is the largest response at an end of the curve, where it is no maximum, "detached" that of a
+        closed branch.
     """
 
     frequency: float
@@ -104,6 +105,8 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
         Of the highest peak, by source, where they were asked for.
     ladder : Ladder or None
         What more harmonics change of the highest point, where a tolerance was given.
+    closed : tuple of int
+        Branches that close on themselves: no sweep of frequency leads to them, and their points are no ``peak``.
     """
 
     kind: str
@@ -130,6 +133,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
     in_time: Numbers | None = None
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
+    closed: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.frequency)
@@ -192,11 +196,19 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
     def _highest(self) -> int:
         if not len(self):
             raise BdamperError(f"the curve has no points ({self.status}: {self.reason})")
-        return int(np.argmax(self.amplitude))
+        apart = np.isin(self.branch, self.closed)
+        return int(np.argmax(np.where(apart & ~apart.all(), -1.0, self.amplitude)))
+
+    @property
+    def detached(self) -> tuple[Fold, ...]:
+        """The largest response of each closed branch, which does not count for the peak."""
+        on = (np.flatnonzero(self.branch == number) for number in self.closed)
+        tops = [int(i[np.argmax(self.amplitude[i])]) for i in on]
+        return tuple(Fold(float(self.frequency[i]), float(self.amplitude[i]), i, "detached") for i in tops)
 
     @property
     def peak(self) -> Fold:
-        """The largest response, also where it is no maximum (``peak_at_end``): frequency (Hz), amplitude (m) and index."""
+        """The largest response of branches that do not close, also where it is no maximum (``peak_at_end``)."""
         i = self._highest()
         kind = "highest, no peak" if self.peak_at_end else "peak"
         return Fold(float(self.frequency[i]), float(self.amplitude[i]), i, kind)
@@ -252,6 +264,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
             lines.append(f"  {c}")
         if self.stable is not None:
             lines.append(f"  {int((~self.stable).sum())} points unstable ({self.stability_note})")
+        lines += [f"  {part}, of a closed branch" for part in self.detached]
         lines += [f"  left out: {part}" for part in self.left_out]
         lines += [f"  {note}" for note in self.notes]
         if self.kind == "tracking":

@@ -112,9 +112,7 @@ def track(
         return _curve(problem, search, preload, len(ratios))
 
 
-def _search(
-    problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions
-) -> Coverage:
+def _search(problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions) -> Coverage:
     """What is to be followed, with its budget."""
     low, high = TWO_PI * frequency[0], TWO_PI * frequency[1]
     system = problem.system(preload)
@@ -257,6 +255,7 @@ def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Cu
         backward=backward,
         rank_deficiency=np.array([p.rank_deficiency for p in points], int),
         branch=np.array([way.branch for _, way in ordered], int),
+        closed=tuple(sorted({piece.branch for piece in search.pieces if piece.path.status == "closed"})),
         point_kind=tuple(p.kind for p in points),
         preload=preload,
         status=status,

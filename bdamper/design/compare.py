@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import track
-from bdamper.peaks.optimal import optimal_curve, peak_interval, preload_values
+from bdamper.peaks.interval import peak_interval
+from bdamper.peaks.optimal import optimal_curve, preload_values
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.peaks.highest import check_options
 from bdamper.peaks.newton import Family, Peak, PeakOptions
-from bdamper.peaks.optimal import check_options
 from bdamper.peaks.sensitivity import PeakSensitivity, sensitivities
 from bdamper.problem.problem import Problem
 from bdamper.problem.settings import check_result

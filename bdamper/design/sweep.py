@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from bdamper.design.workers import check_executor, run_stored
 from bdamper.model.model import Model
-from bdamper.peaks.optimal import highest_peak, optimal_curve, preload_values
+from bdamper.peaks.highest import highest_peak
+from bdamper.peaks.optimal import optimal_curve, preload_values
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import check_name, study_fingerprint, vary

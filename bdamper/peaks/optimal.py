@@ -10,26 +10,25 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack, closing
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.peaks.envelope import PeakEnvelope
+from bdamper.peaks.highest import check_options
+from bdamper.peaks.interval import linear_peak, peak_interval
 from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
-from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.newton import PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
-from bdamper.peaks.scan import linear_peak, resonance_interval, scan
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import SettingError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.versions import HERE
@@ -161,8 +160,12 @@ def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
         "branch": np.array([-1 if item is None else item[0].number for item in values]),
         "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in values]),
         "status": tuple(_status(known, k) for k in asked),
-        "goes_on": np.array([i > 0 and values[i] is not None and values[i - 1] is not None and
-                             all(on[asked[i - 1] + 1 : k + 1]) for i, k in enumerate(asked)]),
+        "goes_on": np.array(
+            [
+                i > 0 and values[i] is not None and values[i - 1] is not None and all(on[asked[i - 1] + 1 : k + 1])
+                for i, k in enumerate(asked)
+            ]
+        ),
         "peak_preload": np.array([q.parameter for _, q, _ in every]),
         "peak_amplitude": np.array([q.amplitude for _, q, _ in every]),
         "peak_frequency": np.array([q.frequency for _, q, _ in every]),
@@ -199,59 +202,3 @@ def preload_values(preload: Any, n: int) -> NDArray:
         raise validate.unfit("preload", "(low, high) or a longer sequence of increasing values", preload)
     n = validate.whole("n", n, least=2)
     return values if len(values) > 2 else np.geomspace(values[0], values[1], n)
-
-
-def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
-    """The interval (Hz) that is given, or the one around the resonances of a mode."""
-    mode = validate.whole("mode", mode, least=1)
-    if frequency is None:
-        return resonance_interval(problem, mode)
-    return validate.interval("frequency", frequency)
-
-
-def check_options(options: PeakOptions | None) -> None:
-    """Whether the options of a peak are such, or None."""
-    if options is not None:
-        validate.instance("options", options, PeakOptions)
-
-
-@one_thread
-def highest_peak(
-    problem: Problem,
-    preload: float,
-    frequency: tuple[float, float] | None = None,
-    *,
-    mode: int = 1,
-    options: PeakOptions | None = None,
-) -> Peak:
-    """The highest peak at one preload.
-
-    A corner of the curve at which the mean position of the damper drifts is no peak, since the slope does not vanish there;
-    if it is higher, ``scan`` of the peak says so.
-
-    Raises
-    ------
-    BdamperError
-        If no peak was found in the interval.
-    """
-    preload = problem.check_preload(preload)
-    frequency = peak_interval(problem, frequency, mode)
-    check_options(options)
-    meter = CostMeter(time.perf_counter())
-    found = scan(problem, preload, frequency, options=options, meter=meter)
-    if not found.whole:  # a coarse curve may step over what a fine one locates
-        found = scan(problem, preload, frequency, options=options, continuation=ContinuationOptions(), meter=meter)
-    peaks, ending = found.peaks, found.ending
-    if found.above is not None:
-        ending += f"; {found.above}"
-    if not peaks:
-        raise BdamperError(
-            f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
-            f"ended as: {ending}"
-        )
-    cost = meter.read(time.perf_counter())
-    iterations = cost.iterations + sum(p.iterations for p in peaks)
-    return replace(
-        peaks[0], cost=replace(cost, iterations=iterations), scan=ending, settings=problem.record(),
-        model_hash=problem.model.hash,
-    )  # fmt: skip

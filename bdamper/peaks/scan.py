@@ -18,18 +18,22 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.continuation.rattle import open_at_rest, rattles
 from bdamper.continuation.track import track
-from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
+from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, peak_scale, refine_maxima
-from bdamper.peaks.optimal_curve import Limit
 from bdamper.problem.problem import Problem
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
 FROM_WITHIN = ContinuationOptions(
-    tolerance=1e-4, step=0.1, max_step=0.2, max_turn=0.6, patience=45, locate_tolerance=0.1,
-    corner_step=0.1, locate_folds=False,
+    tolerance=1e-4,
+    step=0.1,
+    max_step=0.2,
+    max_turn=0.6,
+    patience=45,
+    locate_tolerance=0.1,
+    corner_step=0.1,
+    locate_folds=False,
 )
 """Settings with which a curve is followed from a known solution.  With those of curves from the ends two curves of the
 shipped disk (9 points, one harmonic, 12 preloads) keep their values, for 4 % fewer and 0.4 % more evaluations."""
@@ -113,53 +117,6 @@ class Scan:
         between = frequency[:-1] + part * np.diff(frequency)
         near = np.abs(between - peak.y[-1]) < np.abs(np.diff(frequency)) + 1e-3 * peak.y[-1]
         return bool(np.any(near & (distance < PASSED * np.linalg.norm(peak.y[n_mean:-1]))))
-
-
-def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
-    """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
-
-    Parameters
-    ----------
-    problem : Problem
-    mode : int
-        1 for the lowest.
-
-    Raises
-    ------
-    SettingError
-        If there is no such mode.
-    """
-    system = problem.system(0.0)
-    basis = system.bases[1]
-    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
-    if np.any(system.springs):  # they tie the modes together
-        elastic = system.linear_modes(None)[0] ** 2
-    if not 1 <= mode <= len(elastic):
-        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
-    free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = problem.stuck_springs(problem.equilibrium(1.0 if problem.carries_load else 0.0))
-    poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
-    above = poles[poles >= free * (1.0 - 1e-9)]
-    stuck = float(above[0]) if len(above) else free
-    margin = 0.1 * free + 0.3 * (stuck - free)
-    return max(0.1 * free, free - margin), stuck + margin
-
-
-def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
-    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
-
-    NaN too for the stuck one at a preload without a static state.
-    """
-    if stuck and not problem.static(preload).converged:
-        return Limit(np.nan, np.nan)
-    system = problem.system(preload if stuck else 0.0)
-    springs = problem.stuck_springs(problem.static(preload)) if stuck else None
-    low, high = (2.0 * np.pi * f for f in frequency)
-    poles = linear_resonances(system, (springs,), *around(low, high))
-    tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
-    within = [top for top in tops if low <= top[0] <= high]
-    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
-    return Limit(omega / (2.0 * np.pi), amplitude)
 
 
 def scan(
@@ -301,9 +258,7 @@ def _maxima(system: HarmonicSystem, curve: Any) -> list[Any]:
             continue
         y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
         j, k = max(i - 1, 0), min(i + 1, len(curve) - 1)
-        chord = np.append(
-            curve.unknowns[k] - curve.unknowns[j], 2.0 * np.pi * (curve.frequency[k] - curve.frequency[j])
-        )
+        chord = np.append(curve.unknowns[k] - curve.unknowns[j], 2.0 * np.pi * (curve.frequency[k] - curve.frequency[j]))
         n = system.n_mean
         scale = peak_scale(system, y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
         chord = chord / scale

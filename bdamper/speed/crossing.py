@@ -27,8 +27,9 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.peaks.follower import PeakFollower
+from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import Peak, PeakOptions, same_peak
-from bdamper.peaks.scan import resonance_interval, scan, scan_from
+from bdamper.peaks.scan import scan, scan_from
 from bdamper.peaks.sensitivity import NoDerivative, sensitivities
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem

@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal import highest_peak
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread

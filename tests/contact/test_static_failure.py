@@ -9,7 +9,7 @@ import pytest
 
 import bdamper as bd
 import bdamper.problem.problem as problem_module
-from bdamper.peaks.scan import linear_peak
+from bdamper.peaks.interval import linear_peak
 from bdamper.util.errors import StaticError
 from tests.plain import plain_study
 

@@ -22,8 +22,8 @@ from bdamper.continuation.follower import Follower
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.design.sweep import OptimalTask, PeakTask
 from bdamper.design.workers import work
-from bdamper.peaks import scan as peakscan
-from bdamper.peaks.optimal import highest_peak, optimal_curve
+from bdamper.peaks.highest import highest_peak
+from bdamper.peaks.optimal import optimal_curve
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util.progress import LongWork
 from tests.models import ground_model, wedge_model
@@ -504,8 +504,8 @@ class TestWarnings:
     def short(self, monkeypatch):
         """Scans that stop early."""
         options = ContinuationOptions(tolerance=1e-7, step=0.1, locate_tolerance=0.05, budget=450)
-        monkeypatch.setattr(peakscan, "coarse_options", lambda: options)
-        monkeypatch.setattr(sys.modules["bdamper.peaks.optimal"], "ContinuationOptions", lambda: options)
+        for name in ("coarse_options", "ContinuationOptions"):
+            monkeypatch.setattr(sys.modules["bdamper.peaks.highest"], name, lambda: options)
 
     def test_a_peak_of_an_incomplete_scan(self, study, short):
         wide = (200.0, 1200.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.peaks.scan import linear_peak
+from bdamper.peaks.interval import linear_peak
 from tests.plain import plain_study
 
 

@@ -1,6 +1,5 @@
 """Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
 
-import sys
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,8 +11,9 @@ from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.peaks import sensitivity
 from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
 from bdamper.peaks.follower import PeakFollower
+from bdamper.peaks.interval import linear_peak, resonance_interval
 from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
-from bdamper.peaks.scan import linear_peak, resonance_interval, scan, scan_from
+from bdamper.peaks.scan import scan, scan_from
 from bdamper.problem.variation import vary
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
@@ -261,9 +261,7 @@ class TestNewtonToThePeak:
     def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
         system = study.system(1000.0)
         c = system.correct(peak.y + 0.1 * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-12, 20)
-        ends = [
-            system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20).y for h in (1e-4, -1e-4)
-        ]
+        ends = [system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20).y for h in (1e-4, -1e-4)]
         difference = np.diff([np.log(abs(system.response(y[:-1])[1])) for y in ends])[0] / -2e-4
         assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(difference, rel=1e-6)
 
@@ -296,8 +294,6 @@ class TestScanFromAKnownSolution:
         assert found.passes(whole[0], study.system(preload).n_mean)
         far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
         assert not found.passes(far, study.system(preload).n_mean)
-
-
 
 
 class TestVary:
@@ -515,8 +511,9 @@ def test_a_picture_marks_what_is_not_known(result):
     mpl.use("Agg")
     gap = np.isin(np.arange(len(result)), [1, 5])
     amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
-    curve = replace(result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch),
-                    goes_on=np.empty(0))
+    curve = replace(
+        result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch), goes_on=np.empty(0)
+    )
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="not verified: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]
@@ -558,21 +555,6 @@ def test_preloads_within_an_amplitude(result):
     assert curve.preloads_within(1e-4) == (100.0, 100.0)
     with pytest.raises(bd.BdamperError, match="amplitude: expected"):
         curve.preloads_within(0.9e-4)
-
-
-def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
-    module, asked = sys.modules["bdamper.peaks.optimal"], []
-    inner = module.scan
-
-    def coarse_steps_over(*args, continuation=None, **options):
-        asked.append(continuation)
-        found = inner(*args, continuation=continuation, **options)
-        return replace(found, peaks=(), ending="incomplete") if continuation is None else found
-
-    monkeypatch.setattr(module, "scan", coarse_steps_over)
-    peak = study.peak(1000.0, INTERVAL)
-    assert asked == [None, bd.ContinuationOptions()] and peak.scan == "complete"
-
 
 
 @pytest.mark.slow

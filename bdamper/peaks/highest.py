@@ -1,0 +1,319 @@
+"""The highest point of a response curve: one definition for peaks, optimal curves, margins and curves along a line.
+
+It is the greatest amplitude of the response over the branches that are *connected* with an end of the interval: at smooth
+maxima, at corners, at folds, where the mean position drifts, and at an end of the interval, which is named as such since it
+is no maximum.  Closed branches do not count; the highest point of each is named in ``detached``.  A branch within the
+interval that does not close fills what the paths from the ends have left, and counts.
+
+Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
+(:func:`bdamper.peaks.newton.find_peak`), others by a corrector at the point itself.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve, uninterrupted
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.track import track
+from bdamper.harmonic_balance.system import OK, HarmonicSystem
+from bdamper.peaks.interval import peak_interval
+from bdamper.peaks.newton import (
+    LOOSEST,
+    Peak,
+    PeakOptions,
+    amplitude_at,
+    coarse_options,
+    find_peak,
+    peak_scale,
+    same_peak,
+)
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost, CostMeter
+from bdamper.util.errors import BdamperError
+
+NEAR = 3e-3
+"""Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
+LEVEL = 1e-6
+"""Relative change of the amplitude up to which points of a curve count as one: the mean position alone moves there."""
+REACH = 0.3
+"""Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve."""
+AT_END = "highest at an end of the interval"
+"""What an ending says where the highest point is no maximum."""
+
+
+@dataclass(frozen=True)
+class Highest:
+    """The highest point of a curve, refined.
+
+    Parameters
+    ----------
+    peak : Peak
+        ``corner`` unless it is a smooth maximum.
+    kind : {"peak", "corner", "drift", "fold", "end"}
+        "end" is an end of the interval, which is no maximum.
+    index : int
+        Of the point of the curve.
+    exact : bool
+        Whether the place is known to the tolerance of the options: not that of a corner that no search has ended at.
+    detached : tuple of Peak
+        Highest points of closed branches, which do not count.
+    """
+
+    peak: Peak
+    kind: str
+    index: int
+    exact: bool = True
+    detached: tuple[Peak, ...] = ()
+
+
+def highest(
+    system: HarmonicSystem,
+    y: NDArray,
+    kinds: Sequence[str],
+    branch: Sequence[int] | NDArray,
+    *,
+    closed: Collection[int] = (),
+    options: PeakOptions | None = None,
+    parameter: float = np.nan,
+) -> Highest:
+    """The highest point of a curve, as the head of this module defines it.
+
+    Parameters
+    ----------
+    system : HarmonicSystem
+        Equations that the curve solves, or what behaves as such along another line than that of frequency.
+    y : (n, n_unknowns + 1) float
+        Points of the curve, in the order of their paths: unknowns and frequency in rad/s.
+    kinds : sequence of str
+        Of the points, as ``Curve.point_kind`` has them.
+    branch : (n,) int
+        Points of one branch follow each other.
+    closed : collection of int
+        Branches that close on themselves.
+    options : PeakOptions
+        How exactly maxima are refined.
+    parameter : float
+        Noted in the peaks.
+
+    Raises
+    ------
+    BdamperError
+        If there is no point on a branch that counts.
+    """
+    options, branch = options or PeakOptions(), np.asarray(branch)
+    re, im = system.response_parts
+    amplitude = np.hypot(y[:, :-1] @ re, y[:, :-1] @ im)
+    search = _Refined(system, y, kinds, branch, amplitude, options, parameter)
+    tops = _tops(amplitude, kinds, branch)
+    counted = [i for i in tops if branch[i] not in closed]
+    if not counted:
+        raise BdamperError("the response curve has no point that is connected with an end of the interval")
+    best: Highest | None = None
+    for i in counted:
+        if best is not None and amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
+            break
+        found = search.at(i)
+        if best is None or found.peak.amplitude > best.peak.amplitude:
+            best = found
+    assert best is not None
+    apart = [next(i for i in tops if branch[i] == number) for number in sorted(closed)]
+    return replace(best, detached=tuple(search.at(i).peak for i in apart))
+
+
+def highest_of_curve(system: HarmonicSystem, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
+    """The highest point of a tracking curve with its system; see :func:`highest`."""
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
+    return highest(
+        system, y, curve.point_kind, curve.branch, closed=curve.closed, options=options, parameter=curve.preload
+    )  # fmt: skip
+
+
+def maxima(
+    system: HarmonicSystem, curve: Curve, share: float = 0.0, *, options: PeakOptions | None = None
+) -> tuple[Peak, ...]:
+    """All maxima of a tracking curve within its interval from a share of the highest on, each once, the highest first."""
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
+    search = _Refined(system, y, curve.point_kind, curve.branch, curve.amplitude, options or PeakOptions(), curve.preload)
+    found: list[Peak] = []
+    for i in _tops(curve.amplitude, curve.point_kind, curve.branch):
+        if curve.amplitude[i] < share * curve.amplitude.max():
+            break
+        top = search.at(i)
+        if top.kind != "end" and not any(same_peak(top.peak, other) for other in found):
+            found.append(top.peak)
+    return tuple(sorted(found, key=lambda p: -p.amplitude))
+
+
+def _tops(amplitude: NDArray, kinds: Sequence[str], branch: NDArray) -> list[int]:
+    """Points no lower than those beside them on their branch, one of each plateau, the highest first."""
+    out: list[int] = []
+    for number in np.unique(branch):
+        on = np.flatnonzero(branch == number)
+        level = np.abs(np.diff(amplitude[on])) <= LEVEL * amplitude[on[1:]]
+        plateaus = np.split(on, np.flatnonzero(~level) + 1)
+        height = np.array([-np.inf, *(amplitude[part].max() for part in plateaus), -np.inf])
+        for part, top in zip(plateaus, (height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])):
+            if top:
+                named = (i for kind in ("drift", "maximum") for i in part if kinds[i] == kind)
+                out.append(int(next(named, part[amplitude[part].argmax()])))
+    return sorted(out, key=lambda i: -amplitude[i])
+
+
+@dataclass(frozen=True)
+class _Refined:
+    """Refines points of one curve; parameters are those of :func:`highest`."""
+
+    system: HarmonicSystem
+    y: NDArray
+    kinds: Sequence[str]
+    branch: NDArray
+    amplitude: NDArray
+    options: PeakOptions
+    parameter: float
+
+    def at(self, i: int) -> Highest:
+        """A top of the curve: the smooth maximum beside it, or the point itself."""
+        y, n = self.y[i], len(self.y)
+        first = i == 0 or self.branch[i - 1] != self.branch[i]
+        last = i == n - 1 or self.branch[i + 1] != self.branch[i]
+        tangent, scale = self._direction(i - (not first), i + (not last), y)
+        low, high = self.y[:, -1].min(), self.y[:, -1].max()
+        if (first or last) and y[-1] in (low, high):
+            return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
+        if self.kinds[i] == "drift":
+            return Highest(self._point(y, tangent, scale), "drift", i)
+        for options in (self.options, replace(self.options, tolerance=max(self.options.tolerance, LOOSEST))):
+            found = find_peak(
+                self.system, y, tangent=tangent, scale=scale, options=options, parameter=self.parameter, reach=REACH
+            )  # fmt: skip
+            good = found.converged and found.amplitude >= (1.0 - LEVEL) * self.amplitude[i]
+            if good and low <= found.y[-1] <= high:
+                return Highest(found, "corner" if found.corner else "peak", i)
+        kind = "fold" if self.kinds[i] == "fold" else "corner"
+        return Highest(self._point(y, tangent, scale), kind, i, exact=False)
+
+    def _direction(self, before: int, after: int, y: NDArray) -> tuple[NDArray, NDArray]:
+        """Direction of the curve in scaled unknowns, of unit length, from two of its points, and the units."""
+        chord = self.y[after] - self.y[before]
+        scale = peak_scale(self.system, y, max(abs(float(chord[-1])), 1e-6 * y[-1]))
+        chord = chord / scale
+        if np.linalg.norm(chord[self.system.n_mean :]) > 0.0:
+            chord[: self.system.n_mean] = 0.0
+        size = float(np.linalg.norm(chord))
+        return (chord / size, scale) if size > 0.0 else (np.eye(len(y))[-1], scale)
+
+    def _point(self, y: NDArray, normal: NDArray, scale: NDArray) -> Peak:
+        """A point of a curve as a peak without slope, corrected to the tolerance where that can be met."""
+        c = self.system.correct(y, normal, scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
+        good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
+        at = c.y if good else y
+        nothing = np.zeros(len(y))
+        return Peak(
+            self.parameter, float(at[-1] / (2.0 * np.pi)), amplitude_at(self.system, at), at, nothing, scale, 0.0, -np.inf,
+            np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, True,
+        )  # fmt: skip
+
+
+class Found(NamedTuple):
+    """The response over frequency at one preload, and its highest point; None where nothing was found."""
+
+    curve: Curve
+    top: Highest | None
+    cost: Cost
+
+    @property
+    def ending(self) -> str:
+        """ "complete", otherwise how the curve ended; named too is a highest point that is no maximum."""
+        how = "complete" if self.curve.complete else f"{self.curve.status} ({self.curve.reason})"
+        return f"{how}, {AT_END}" if self.top is not None and self.top.kind == "end" else how
+
+
+def found_at(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    *,
+    options: PeakOptions | None = None,
+    budget: int | None = None,
+) -> Found:
+    """The whole curve at a preload, followed coarsely, and its highest point.
+
+    Where the coarse curve is not complete, or no search has ended at its highest point, it is followed again with the
+    default settings.
+
+    Parameters
+    ----------
+    problem : Problem
+    preload : float, N
+    frequency : (low, high), Hz
+    options : PeakOptions
+    budget : int, optional
+        Evaluations that each curve may take.
+
+    Raises
+    ------
+    InterruptedCurve
+        On Ctrl-C.
+    """
+    meter = CostMeter(time.perf_counter())
+    system, top = None, None
+    for continuation in (coarse_options(), ContinuationOptions()):
+        continuation = continuation if budget is None else replace(continuation, budget=budget)
+        curve = uninterrupted(track(problem, preload, frequency, options=continuation))
+        meter.add(curve.cost)
+        if len(curve):
+            if system is None:
+                system = problem.system(preload)
+                meter.watch(system)
+            top = highest_of_curve(system, curve, options=options)
+            meter.count(top.peak.iterations)
+        if curve.complete and top is not None and top.exact:
+            break
+    return Found(curve, top, meter.read(time.perf_counter()))
+
+
+@one_thread
+def highest_peak(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float] | None = None,
+    *,
+    mode: int = 1,
+    options: PeakOptions | None = None,
+) -> Peak:
+    """The highest point of the response at one preload (:mod:`bdamper.peaks.highest`).
+
+    ``corner`` says that it is no smooth maximum, ``scan`` whether it is an end of the interval.
+
+    Raises
+    ------
+    BdamperError
+        If no response was found in the interval.
+    """
+    preload = problem.check_preload(preload)
+    frequency = peak_interval(problem, frequency, mode)
+    check_options(options)
+    found = found_at(problem, preload, frequency, options=options)
+    if found.top is None:
+        raise BdamperError(
+            f"no peak found at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz; the response curve "
+            f"ended as: {found.ending}"
+        )
+    return replace(
+        found.top.peak, cost=found.cost, scan=found.ending, settings=problem.record(), model_hash=problem.model.hash
+    )
+
+
+def check_options(options: PeakOptions | None) -> None:
+    """Whether the options of a peak are such, or None."""
+    if options is not None:
+        validate.instance("options", options, PeakOptions)

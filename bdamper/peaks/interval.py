@@ -1,0 +1,66 @@
+"""Where a resonance lies: the interval around that of a mode, and linear resonances without contact and all of it stuck."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
+from bdamper.peaks.optimal_curve import Limit
+from bdamper.problem.problem import Problem
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+
+def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
+    """Frequency interval (Hz) that spans the free and the stuck resonance of one mode of the constrained bodies.
+
+    Parameters
+    ----------
+    problem : Problem
+    mode : int
+        1 for the lowest.
+
+    Raises
+    ------
+    SettingError
+        If there is no such mode.
+    """
+    system = problem.system(0.0)
+    basis = system.bases[1]
+    elastic = np.sort(basis.omega2[(basis.omega2 > 0.0) & (basis.mass == 1.0)])
+    if np.any(system.springs):  # they tie the modes together
+        elastic = system.linear_modes(None)[0] ** 2
+    if not 1 <= mode <= len(elastic):
+        raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
+    free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
+    springs = problem.stuck_springs(problem.equilibrium(1.0 if problem.carries_load else 0.0))
+    poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
+    above = poles[poles >= free * (1.0 - 1e-9)]
+    stuck = float(above[0]) if len(above) else free
+    margin = 0.1 * free + 0.3 * (stuck - free)
+    return max(0.1 * free, free - margin), stuck + margin
+
+
+def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:
+    """The highest resonance of the free or of the stuck structure in an interval (Hz), NaN if there is none.
+
+    NaN too for the stuck one at a preload without a static state.
+    """
+    if stuck and not problem.static(preload).converged:
+        return Limit(np.nan, np.nan)
+    system = problem.system(preload if stuck else 0.0)
+    springs = problem.stuck_springs(problem.static(preload)) if stuck else None
+    low, high = (2.0 * np.pi * f for f in frequency)
+    poles = linear_resonances(system, (springs,), *around(low, high))
+    tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]
+    within = [top for top in tops if low <= top[0] <= high]
+    omega, amplitude = max(within, key=lambda top: top[1], default=(np.nan, np.nan))
+    return Limit(omega / (2.0 * np.pi), amplitude)
+
+
+def peak_interval(problem: Problem, frequency: tuple[float, float] | None, mode: int = 1) -> tuple[float, float]:
+    """The interval (Hz) that is given, or the one around the resonances of a mode."""
+    mode = validate.whole("mode", mode, least=1)
+    if frequency is None:
+        return resonance_interval(problem, mode)
+    return validate.interval("frequency", frequency)

@@ -1,0 +1,107 @@
+"""The one definition of the highest point of a curve: what counts, what is named, and that all who ask get the same."""
+
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.peaks.highest import AT_END, _tops, highest, highest_of_curve, maxima
+from bdamper.peaks.newton import coarse_options
+from tests.plain import plain_study
+
+INTERVAL = (250.0, 400.0)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.track(1000.0, INTERVAL, options=coarse_options())
+
+
+def test_tops_are_found_on_each_branch_and_plateaus_count_once():
+    amplitude = np.array([1.0, 3.0, 2.0, 4.0, 4.0 * (1 + 1e-7), 1.0, 2.0, 5.0])
+    kinds = ("end", "maximum", "regular", "regular", "drift", "end", "end", "end")
+    assert _tops(amplitude, kinds, np.array([0] * 6 + [1] * 2)) == [7, 4, 1]
+    assert _tops(amplitude[::-1].copy(), kinds[::-1], np.array([1] * 2 + [0] * 6)) == [0, 3, 6]
+
+
+def test_a_coarse_curve_is_refined_to_what_a_fine_one_has(study, curve):
+    found = highest_of_curve(study.system(1000.0), curve)
+    fine = study.track(1000.0, INTERVAL, options=bd.ContinuationOptions(tolerance=1e-10)).peak
+    assert found.kind == "peak" and found.exact and not found.peak.corner and found.detached == ()
+    assert found.peak.amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+    assert found.peak.frequency == pytest.approx(fine.frequency, rel=1e-7)
+    assert abs(found.peak.slope) < 1e-7
+    assert maxima(study.system(1000.0), curve)[0].amplitude == pytest.approx(fine.amplitude, rel=1e-9)
+
+
+def test_a_closed_branch_is_named_and_never_counted(study, curve):
+    """The points around the peak as a branch of their own: left alone it counts, closed it is detached."""
+    system, top = study.system(1000.0), curve.peak.index
+    around = np.abs(np.arange(len(curve)) - top) < 4
+    y = np.column_stack([curve.unknowns, 2.0 * np.pi * curve.frequency])
+    branch = np.where(around, 1, np.where(np.arange(len(curve)) < top, 0, 2))
+    counted = highest(system, y, curve.point_kind, branch)
+    assert counted.peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-3) and not counted.detached
+    found = highest(system, y, curve.point_kind, branch, closed=(1,))
+    assert found.peak.amplitude <= 1.01 * curve.amplitude[~around].max() < 0.99 * curve.peak.amplitude
+    assert [p.amplitude for p in found.detached] == [counted.peak.amplitude]
+    apart = replace(curve, branch=branch, closed=(1,))
+    assert apart.peak.amplitude == curve.amplitude[~around].max() and apart.detached[0].index == top
+    assert f"detached: {curve.peak.amplitude:.6g} m" in str(apart)
+    with pytest.raises(bd.BdamperError, match="connected"):
+        highest(system, y, curve.point_kind, branch, closed=(0, 1, 2))
+    assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
+
+
+def test_an_end_of_the_interval_counts_and_is_named(study):
+    peak = study.peak(1000.0, (250.0, 270.0))
+    curve = study.track(1000.0, (250.0, 270.0))
+    assert curve.peak_at_end and peak.corner and peak.scan == f"complete, {AT_END}"
+    assert peak.frequency == pytest.approx(270.0, rel=1e-12)
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+    with pytest.raises(bd.SettingError, match="corner"):
+        study.peak_sensitivities(peak, ["preload"])
+
+
+def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
+    module, asked = sys.modules["bdamper.peaks.highest"], []
+    inner = module.track
+
+    def coarse_is_lost(*args, options):
+        asked.append(options.tolerance)
+        found = inner(*args, options=options)
+        return replace(found, status="incomplete") if options.tolerance > 1e-8 else found
+
+    monkeypatch.setattr(module, "track", coarse_is_lost)
+    peak = study.peak(1000.0, INTERVAL)
+    assert asked == [coarse_options().tolerance, bd.ContinuationOptions().tolerance] and peak.scan == "complete"
+
+
+def test_where_rounding_keeps_newton_from_the_tolerance_the_peak_is_that_of_the_curve():
+    """Once "higher at a maximum without a smooth peak": the residual stays at 3e-10, three times the tolerance."""
+    study = bd.Study(
+        bd.reference_model("paper_disk"), bd.Excitation("tip"), 5, contact_stiffness="residual_modes", single_basis=True,
+        harmonics=5, friction_coefficient=0.6,
+    )  # fmt: skip
+    peak, curve = study.peak(950.0), study.track(950.0, (290.0, 330.0))
+    assert peak.scan == "complete" and curve.complete
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
+    assert peak.frequency == pytest.approx(curve.peak.frequency, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_among_folds_a_search_does_not_leave_the_curve():
+    """Uphill from a lower maximum Newton's method meets a branch 4 % higher that breaks off on both sides."""
+    study = bd.Study(
+        bd.reference_model("bladed_disk", 24), bd.Excitation("tip", "tangential"), 10, harmonics=2, friction_coefficient=0.6
+    )  # fmt: skip
+    peak, curve = study.peak(65.6), study.track(65.6, (231.1673, 412.9133))
+    assert peak.scan == "complete"
+    assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-7)
