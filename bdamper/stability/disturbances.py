@@ -45,8 +45,9 @@ from bdamper.model.coupling import HarmonicBasis
 
 TWO_PI = 2.0 * np.pi
 STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
-PHASE, LEVEL, BEND = 0.8, 0.9, 1.0
-"""Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next."""
+SMOOTH = 0.9
+"""Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next.  With 0.8
+and 1.0 36 points of six curves have the same counts, with 3 % more and 3 % fewer places."""
 MOST_PLACES = 20_000
 ACROSS = 16
 """Places on the part of the path that runs away from the line."""
@@ -90,7 +91,7 @@ class WaveDisturbances:
             np.concatenate([getattr(b, name) for b in bases.values()]) for name in ("mass", "damping", "omega2")
         )
         x, _, _ = system.contact(np.asarray(u))
-        pieces, events = _cycles(system, x)
+        pieces, events = cycles(system, x)
         self._blocks = np.split(np.arange(len(self.l)), np.cumsum([len(b.omega2) for b in bases.values()])[:-1])
         self.steady = _steady(pieces, G, [int(l) for l in bases], self._blocks)
         point, axis, begin, self._length, factor = events
@@ -204,8 +205,13 @@ class WaveDisturbances:
     def _distance(self, exponent: NDArray, rate: float, band: float) -> NDArray:
         """To the line, and from the right half plane to the path across as well."""
         aside, over = exponent.real - rate, np.abs(exponent.imag) - band
-        return np.asarray(np.where(aside > 0.0, np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
-                                   np.hypot(aside, np.maximum(over, 0.0))))
+        return np.asarray(
+            np.where(
+                aside > 0.0,
+                np.minimum(np.hypot(aside, np.maximum(over, 0.0)), np.abs(over)),
+                np.hypot(aside, np.maximum(over, 0.0)),
+            )
+        )
 
     def _matters(self, exponent: NDArray, rate: float, band: float) -> NDArray:
         aside = exponent.real - rate
@@ -278,11 +284,11 @@ class WaveDisturbances:
             gap = np.diff(path)
             width, change = np.abs(gap), np.diff(value)
             change.imag = _wrapped(change.imag)
-            rough = (np.abs(change.imag) > PHASE) | (np.abs(change.real) > LEVEL)
+            rough = (np.abs(change.imag) > SMOOTH) | (np.abs(change.real) > SMOOTH)
             # the derivative bends where a root without an estimate, or two, are no further than a place from the next
             slope = change / gap
             ahead, behind = np.append(slope[1:], slope[-1]), np.append(slope[0].conj(), slope[:-1])
-            rough |= np.abs(ahead - behind) * width > BEND
+            rough |= np.abs(ahead - behind) * width > SMOOTH
             # intervals grow by no more than a factor, so that none hides what its neighbours begin to show
             rough[1:] |= width[1:] > 10.0 * width[:-1]
             rough[:-1] |= width[:-1] > 10.0 * width[1:]
@@ -347,9 +353,7 @@ def _wrapped(phase: NDArray) -> NDArray:
 NORMAL = 0  # kinds of contact stiffness: kn v v; 1, 2: kt u_d u_d; 3, 4: mu kn u_d v
 
 
-def _steady(
-    pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: list[NDArray]
-) -> NDArray:
+def _steady(pieces: tuple[NDArray, ...], G: NDArray, orders: list[int], blocks: list[NDArray]) -> NDArray:
     """(n, n) complex G^H B G without memory; B from the Fourier coefficients of each piece of the cycle.
 
     ``1/2 pi int_a^b exp(-i d theta)`` for the differences d of two orders.
@@ -390,7 +394,7 @@ def slope_at(x: NDArray, theta: float) -> NDArray:
     return np.asarray(x @ b)
 
 
-def _cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
+def cycles(system: HarmonicSystem, x: NDArray) -> tuple[tuple[NDArray, ...], tuple[NDArray, ...]]:
     """What the contacts do in the cycle.
 
     Returns

@@ -54,12 +54,13 @@ from scipy.linalg import expm
 from bdamper.contact.laws import LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.problem.problem import Problem
-from bdamper.stability.disturbances import SLIP_MINUS, SLIP_PLUS, STICK, TWO_PI, slope_at
-from bdamper.stability.in_time import STABLE, TOLERANCE, UNDECIDED, InTimeJudge
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.stability.disturbances import TWO_PI, cycles
+from bdamper.stability.in_time import COUNTS, InTimeJudge, SectorMap
+from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
+from bdamper.stability.time_integration import Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -111,70 +112,8 @@ def has_one_real_basis(system: HarmonicSystem) -> bool:
     return True
 
 
-@dataclass(frozen=True)
-class _Direction:
-    """The cycle of one slider: states by segment, as functions of the angle."""
-
-    point: int
-    axis: int
-    starts: NDArray
-    states: NDArray
-
-    def state_at(self, theta: float) -> int:
-        i = int(np.searchsorted(self.starts, theta % TWO_PI, side="right")) - 1
-        return int(self.states[i])
-
-
-def _directions(system: HarmonicSystem, x: NDArray) -> tuple[list[_Direction], list[NDArray]]:
-    """Cycles of all directions with friction, and for each point the angles and states of the normal contact."""
-    p = system.points
-    out, normal = [], []
-    for i in range(system.n_points):
-        parts = segments(x[i], p.kt[i], float(p.kn[i]), float(p.mu[i]), float(p.n0[i]), p.slider[i], int(p.law[i]))
-        for axis in range(2):
-            if p.mu[i] > 0.0 and p.kt[i, axis] > 0.0 and parts[axis]:
-                out.append(_Direction(i, axis, *_unrolled(parts[axis])))
-        normal.append(_contact_changes(x[i, 2], float(p.kn[i]), float(p.n0[i])))
-    return out, normal
-
-
-def _unrolled(parts: list[tuple[float, float, int]]) -> tuple[NDArray, NDArray]:
-    """Starts in [0, 2 pi), ascending and beginning with 0, and the state that follows each."""
-    starts = np.array([a % TWO_PI for a, _, _ in parts])
-    states = np.array([s for *_, s in parts])
-    order = np.argsort(starts, kind="stable")
-    starts, states = starts[order], states[order]
-    if starts[0] > 0.0:
-        starts, states = np.append(0.0, starts), np.append(states[-1], states)
-    return starts, states
-
-
-def _contact_changes(v: NDArray, kn: float, n0: float) -> NDArray:
-    """Angles at which n0 + kn v changes its sign."""
-    g = kn * v
-    g[0] += n0
-    h = len(g) // 2
-    if g[0] >= np.hypot(g[1::2], g[2::2]).sum() or g[0] <= -np.hypot(g[1::2], g[2::2]).sum():
-        return np.zeros(0)
-    z = np.zeros(2 * h + 1, complex)
-    z[h] = g[0]
-    l = np.arange(1, h + 1)
-    z[h + l] = 0.5 * (g[1::2] - 1j * g[2::2])
-    z[h - l] = z[h + l].conj()
-    r = np.roots(np.trim_zeros(z[::-1], "f"))
-    theta = np.sort(np.angle(r[np.abs(np.abs(r) - 1.0) < 1e-7]) % TWO_PI)
-    return theta
-
-
-def _basis(theta: float, h: int) -> NDArray:
-    l = np.arange(1, h + 1)
-    out = np.ones(2 * h + 1)
-    out[1::2], out[2::2] = np.cos(l * theta), np.sin(l * theta)
-    return out
-
-
 def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
-    """Monodromy matrix of (q, q', moving sliders) over one period from the angle 0.
+    """Monodromy matrix of (q, q', sliders that are set) over one period from the angle 0.
 
     Parameters
     ----------
@@ -186,71 +125,29 @@ def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
     Returns
     -------
     (2 n + m, 2 n + m) float
-        m sliders that are set within the period, in the order of points and directions.
+        One slider for each of the m parts of the cycle in which one sticks that was set at their beginning.
     """
-    p = system.points
-    n = len(system.bases[0].omega2)
-    x, _, _ = system.contact(np.asarray(u))
-    G = np.asarray(system.bases[0].G).real
-    directions, lifts = _directions(system, x)
-    moving = [d for d in directions if (d.states != STICK).any()]
-    fixed = [d for d in directions if (d.states == STICK).all()]
-    m = len(moving)
-    events = np.unique(np.concatenate([d.starts for d in moving] + list(lifts) + [np.zeros(1)]))
-    # events that coincide to rounding are one
-    events = events[np.append(True, np.diff(events) > 1e-13)]
-    mass = system.bases[0].mass
-    linear = np.diag(system.bases[0].omega2)
-    for d in fixed:
-        linear = linear + p.kt[d.point, d.axis] * np.outer(G[d.point, d.axis], G[d.point, d.axis])
-    at_zero = _basis(0.0, system.n_harmonics)
-    for i, lift in enumerate(lifts):
-        if len(lift) or p.n0[i] + p.kn[i] * (x[i, 2] @ at_zero) <= 0.0:
-            continue
-        linear = linear + p.kn[i] * np.outer(G[i, 2], G[i, 2])
-
+    basis, n = system.bases[0], len(system.bases[0].omega2)
+    G = np.asarray(basis.G).real
+    (point, kind, a, b, weight), (at, axis, begin, length, factor) = cycles(system, system.contact(np.asarray(u))[0])
+    force, motion = (G[point, np.array(axes)[kind]] for axes in ((2, 0, 1, 0, 1), (2, 0, 1, 2, 2)))
+    hold, m = system.points.kt[at, axis, None] * G[at, axis], len(at)
+    angles = np.unique(np.concatenate([[0.0], *(x % TWO_PI for x in (a, b, begin, begin + length))]))
+    angles = angles[np.append(True, np.diff(angles) > 1e-13)]  # events that coincide to rounding are one
+    first = np.abs(angles[:, None] - begin % TWO_PI).argmin(axis=0)
     M = np.eye(2 * n + m)
-    before = [d.state_at(-1e-14 + TWO_PI) for d in moving]
-    for k, theta in enumerate(events):
-        end = events[k + 1] if k + 1 < len(events) else TWO_PI
+    for k, (theta, end) in enumerate(zip(angles, np.append(angles[1:], TWO_PI))):
+        for j in np.flatnonzero(first == k):  # the slider is set
+            M[2 * n + j] = (G[at[j], axis[j]] + factor[j] * G[at[j], 2]) @ M[:n]
         middle = 0.5 * (theta + end)
-        A = np.zeros((2 * n + m, 2 * n + m))
+        now, sticks = (middle - a) % TWO_PI < b - a, (middle - begin) % TWO_PI < length
+        K = np.diag(basis.omega2) + (force[now] * weight[now, None]).T @ motion[now]
+        A = np.zeros((2 * n + sticks.sum(),) * 2)
         A[:n, n : 2 * n] = np.eye(n)
-        A[n : 2 * n, n : 2 * n] = -np.diag(system.bases[0].damping)
-        stiffness = linear.copy()
-        b = _basis(middle, system.n_harmonics)
-        for i, lift in enumerate(lifts):
-            if len(lift) and p.n0[i] + p.kn[i] * (x[i, 2] @ b) > 0.0:
-                stiffness += p.kn[i] * np.outer(G[i, 2], G[i, 2])
-        for j, d in enumerate(moving):
-            g, kt = G[d.point, d.axis], p.kt[d.point, d.axis]
-            r = p.mu[d.point] * p.kn[d.point] / kt
-            now = d.state_at(middle)
-            if now == STICK and before[j] != STICK:  # the slider is set
-                factor = {SLIP_PLUS: -r, SLIP_MINUS: r}.get(before[j])
-                if factor is None:
-                    slope = slope_at(x[d.point], theta)
-                    factor = -slope[d.axis] / slope[2] if slope[2] != 0.0 else 0.0
-                row = np.zeros(2 * n + m)
-                row[:n] = g + factor * G[d.point, 2]
-                M[2 * n + j] = row @ M
-            if now == STICK:
-                stiffness += kt * np.outer(g, g)
-                A[n : 2 * n, 2 * n + j] = kt * g
-            elif now in (SLIP_PLUS, SLIP_MINUS):
-                sign = 1.0 if now == SLIP_PLUS else -1.0
-                stiffness += sign * p.mu[d.point] * p.kn[d.point] * np.outer(g, G[d.point, 2])
-            before[j] = now
-        A[n : 2 * n, :n] = -stiffness
-        A[n : 2 * n] /= mass[:, None]
-        active = [int(j) for j in range(m) if before[j] == STICK]
-        keep = np.concatenate([np.arange(2 * n), 2 * n + np.array(active, int)])
-        step = expm(A[np.ix_(keep, keep)] * ((end - theta) / omega))
-        M[keep] = step @ M[keep]
-    # a slider that does not stick at the end of the period is no part of the state
-    for j, state in enumerate(before):
-        if state != STICK:
-            M[2 * n + j] = 0.0
+        A[n : 2 * n] = np.hstack([-K, -np.diag(basis.damping), hold[sticks].T]) / basis.mass[:, None]
+        keep = np.append(np.arange(2 * n), 2 * n + np.flatnonzero(sticks))
+        M[keep] = expm(A * ((end - theta) / omega)) @ M[keep]
+    M[2 * n + np.flatnonzero(~sticks)] = 0.0  # what does not stick at the end of the period is no part of the state
     return M
 
 
@@ -284,24 +181,11 @@ def shooting_monodromy(
     x, F, shares = system.contact(np.asarray(u))
     rests = shares[:, [0, 2]] > 1.0 - 1e-12
     ring = Ring(system, 1, 0, rests, u)
-    n = ring.n_coordinates
-    n_steps = n_steps or max(256, ring.steps_for(omega, 0.05))
-    q, v = ring.state(u, omega, 0.0)
-    kt = np.where(rests, system.points.kt, 1.0)
-    w = np.where(rests, x[:, :2, 0] - F[:, :2, 0] / np.where(kt > 0.0, kt, 1.0), ring.initial_slider(u, omega, n_steps))
-    size = difference * max(float(np.abs(q).max()), 1e-300)
-    state = np.append(np.full(2 * n, True), ~rests.ravel())  # of all that is marched
-    scale = np.concatenate([np.full(n, size), np.full(n, size * omega), np.full(w.size, size)])
-    scale[2 * n :] *= np.abs(system.bases[0].G).max()
-    total = int(state.sum())
-    moved = np.diag(scale)[state]
-    start = np.concatenate([q[:n], v[:n], w.ravel()]) + np.vstack([np.zeros((1, len(scale))), moved, -moved])
-    zero = np.zeros((len(start), n))
-    given = np.hstack([start[:, :n], zero]), np.hstack([start[:, n : 2 * n], zero]), start[:, 2 * n :].reshape(-1, *w.shape)
-    marched = ring.march(Motion(*given), omega, n_steps).motion
-    end = np.hstack([marched.q[:, :n], marched.v[:, :n], marched.w.reshape(len(start), -1)])[:, state]
-    differences = (end[1 : total + 1] - end[total + 1 :]) / (2.0 * scale[state, None])
-    return differences.T, end[0] - start[0, state]
+    sector = SectorMap(ring, omega, n_steps or max(256, ring.steps_for(omega, 0.05)))
+    start = ring.start(u, omega, sector.steps)
+    kt = np.where(rests & (system.points.kt > 0.0), system.points.kt, 1.0)
+    start = start._replace(w=np.where(rests, x[:, :2, 0] - F[:, :2, 0] / kt, start.w))
+    return sector.linearised(start, ~rests, difference)
 
 
 def stability_of_points(
@@ -457,10 +341,11 @@ def _judged_in_time(judge: InTimeJudge, curve: Curve, every_point: bool) -> Curv
         judge, lambda i: _positive_determinant(system, curve.unknowns[i], judge.omega[i]), moving, branch
     )
     assert curve.stable is not None
-    stable = np.where(verdicts == UNDECIDED, curve.stable, verdicts == STABLE)
+    open_ = verdicts == COUNTS[UNDECIDED]
+    stable = np.where(open_, curve.stable, verdicts == COUNTS[AGREES])
     note = (
-        f"motion in time, amplitude kept to {100.0 * TOLERANCE:g} %: {len(judge.known)} of {len(curve)} points judged, "
-        f"{int((~moving).sum())} rest, {int((verdicts == UNDECIDED).sum())} undecided; {watch.read()['seconds']:.3g} s"
+        f"motion in time, amplitude kept to {100.0 * BOUNDS.tolerance:g} %: {len(judge.known)} of {len(curve)} points "
+        f"judged, {int((~moving).sum())} rest, {int(open_.sum())} undecided; {watch.read()['seconds']:.3g} s"
         + (", interrupted by the user" if judge.interrupted else "")
     )
     ratios = np.where(moving, judge.ratios(verdicts, curve.branch), 1.0)

@@ -3,10 +3,9 @@
 Harmonic balance gives a motion of ``H`` harmonics; the motion that the equations have next to it in time
 (:mod:`bdamper.stability.time_integration`) has a sequence of stick, slip and separation of its own.  Two ways lead to it.
 
-**Marching.**  The motion is started at the solution with a disturbance of :data:`KICK` in its velocities and marched.  A
-damper without damping of its own chatters at many points next to separated peaks, without any period; what counts there is
-the amplitude to which this leads, averaged over many periods.  The point is stable if that is within :data:`TOLERANCE` of
-its own.
+**Marching.**  The motion is started at the solution with a disturbance of :data:`KICK` in its velocities and marched until
+:func:`~bdamper.stability.march.judged` decides.  A damper without damping of its own chatters at many points next to
+separated peaks, without any period; what counts there is the amplitude to which this leads, averaged over many periods.
 
 **Shooting.**  In a travelling wave sector ``k`` is where its neighbour ``k + s`` was ``T/N`` before (``s`` times the nodal
 diameter of the wave on ``N`` sectors leaves 1 over ``N``).  So a travelling wave is a fixed point of
@@ -19,7 +18,8 @@ finds the fixed point of ``(q, q', w)``, and the eigenvalues ``mu`` of its Jacob
 multipliers are of first order in the step: within 0.01 on the shipped disk at the step used.
 
 So growth that is too slow to show in a short march is found: a motion that seems to stay, with a multiplier outside the
-unit circle, is marched until a part of the disturbance (:data:`SHARE`) would have grown to twice the tolerance.
+unit circle, is marched until a part of the disturbance (:data:`SHARE`) would have grown to twice the tolerance, if that
+comes within the longest march.
 """
 
 from __future__ import annotations
@@ -29,39 +29,26 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import root
 
 from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, March
+from bdamper.stability.time_integration import ACCURACY, Motion, Ring, ring_and_steps
 from bdamper.stability.wave import Verdict
 from bdamper.util.progress import LongWork, each
 
-TOLERANCE = 0.05
-"""Largest relative distance of the amplitude in time from that of a stable solution."""
 KICK = 0.01
 """Disturbance of the velocities, relative to them."""
-ACCURACY = 0.5
-"""Step times the highest frequency of the closed contacts.  A fifth of it moves the amplitude of periodic motions of the
-shipped disk by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter from 3.39 to 3.14."""
-NEAR = 0.01
-"""Multipliers within this distance of the unit circle are not trusted alone."""
 SHARE = 0.02
-"""Part of the disturbance that counts as lying in what grows.  At three points between folds of the shipped disk at 2 kN
-nine of ten random disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
-WINDOW = 40
-"""Periods over which amplitudes are averaged at a time."""
-FEWEST, MOST = 6, 25
-"""Windows of a march."""
-OPEN = 1e-3
-"""The same over a period, where the other sliders are free; 1e-4 to 3e-4 on the shipped disk."""
-ITERATIONS = 6
-"""Derivatives of the map on the way to a periodic motion; between them Broyden's method, at a fifth of the price."""
+"""Part of the disturbance that counts as lying in what grows.  At three points between folds nine of ten random
+disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
+FEWEST = 3 * BOUNDS.settled
+"""Periods of any march; after 160 of them the means of three motions that leave were 0.70, 0.77 and 1.01 of the solution
+that come to 0.41, 0.38 and 0.41."""
 DIFFERENCE = 1e-6
 """Disturbances of differences, relative to the state."""
-REGULAR = 1e-3
-"""Spread of the amplitudes above which a motion is irregular and has no multipliers to ask for."""
 CLOSED = 1e-7
 """Change of a periodic motion over the map, relative to its size."""
-STABLE, UNSTABLE, UNDECIDED = range(3)
 
 
 class SectorMap:
@@ -69,27 +56,30 @@ class SectorMap:
 
     Parameters
     ----------
-    system : HarmonicSystem
+    ring : Ring
     omega : float, rad/s
-    n_blades, engine_order : int
-    like : (n_unknowns,) float
-        A solution nearby.
-    accuracy : float
-        Step times highest frequency.
+    steps : int
+        Of a period, at least.
     """
 
-    def __init__(
-        self, system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, like: NDArray,
-        accuracy: float = ACCURACY,
-    ) -> None:  # fmt: skip
-        self.ring = ring = Ring(system, n_blades, engine_order, like=like)
-        self.omega = omega
-        self.part = math.ceil(max(256, ring.steps_for(omega, accuracy)) / ring.n)
+    def __init__(self, ring: Ring, omega: float, steps: int) -> None:
+        self.ring, self.omega, self.part = ring, omega, math.ceil(steps / ring.n)
         self.steps = self.part * ring.n
         self.turn = pow(ring.wave, -1, ring.n) if ring.n > 1 else 0
         diameter = np.concatenate([np.full(s.stop - s.start, d) for d, (_, s, *_) in zip(ring.families, ring.blocks)])
         self._phase = np.exp(-2j * np.pi * diameter * self.turn / ring.n)
         self._kept = np.flatnonzero(np.concatenate([np.ones_like(ring.real), ~ring.real]))
+        # motion of contact points by a unit of coordinates, so that sliders count like these
+        self._reach = max(float(np.abs(basis.G).max(initial=0.0)) for basis in ring.system.bases)
+
+    @classmethod
+    def of(
+        cls, system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, like: NDArray,
+        accuracy: float = ACCURACY,
+    ) -> SectorMap:  # fmt: skip
+        """All sectors of a structure in steps for a solution (n_unknowns,) nearby."""
+        ring, steps = ring_and_steps(system, omega, n_blades, engine_order, like=like, accuracy=accuracy)
+        return cls(ring, omega, steps)
 
     def __call__(self, motion: Motion) -> Motion:
         """Of one motion or a batch."""
@@ -128,15 +118,16 @@ class SectorMap:
         after = self.pack(self(self.unpack(np.vstack([z + moved, z - moved]), like, sliders)), sliders)
         return np.asarray((after[: len(z)] - after[len(z) :]).T / (2.0 * small))
 
-    @property
-    def _reach(self) -> float:
-        """Motion of contact points by a unit of coordinates, so that sliders count like these."""
-        return max(float(np.abs(basis.G).max(initial=0.0)) for basis in self.ring.system.bases)
+    def linearised(self, motion: Motion, moving: NDArray, difference: float = DIFFERENCE) -> tuple[NDArray, NDArray]:
+        """Derivative (n, n) of the map at a motion, and the change (n,) of that; other sliders stay out of the state."""
+        sliders = np.flatnonzero(np.broadcast_to(moving, motion.w.shape).ravel())
+        z = self.pack(motion, sliders)
+        return self._derivative(z, difference * np.abs(z).max(), motion, sliders), self._off(z, motion, sliders)
 
     def periodic(self, start: Motion, moving: NDArray) -> tuple[Motion, NDArray] | None:
         """The periodic motion next to another, and its multipliers (n,) complex over a period, largest first.
 
-        None where Newton's method does not come to one, or where other sliders move in it.
+        None where Powell's method does not come to one, or where other sliders move in it.
 
         Parameters
         ----------
@@ -147,34 +138,17 @@ class SectorMap:
         sliders = np.flatnonzero(np.broadcast_to(moving, start.w.shape).ravel())
         z = self.pack(start, sliders)
         eye, size = np.eye(len(z)), float(np.abs(z).max())
-        off = self._off(z, start, sliders)
-        distances = [float(np.abs(off).max()) / size]
-        made = since = 0
-        A = eye
-        while not distances[-1] <= CLOSED:
-            if not distances[-1] < 1.0:
-                return None
-            if made == 0 or (since > 3 and distances[-1] > 0.3 * distances[-4]):
-                if made == ITERATIONS:
-                    return None
-                try:
-                    A = np.linalg.inv(eye - self._derivative(z, DIFFERENCE * size, start, sliders))
-                except np.linalg.LinAlgError:
-                    return None
-                made, since = made + 1, 0
-            step = A @ off
-            z, before = z + step, off
-            off = self._off(z, start, sliders)
-            change = A @ (before - off)
-            if change @ step != 0.0:
-                A = A + np.outer(step - change, step @ A) / (step @ change)  # Broyden's update
-            distances.append(float(np.abs(off).max()) / size)
-            since += 1
-        found = self.unpack(z, start, sliders)
-        end = self.ring.march(found, self.omega, self.steps).motion
-        if np.abs(self.pack(end, sliders) - z).max() > OPEN * size:
+        solved = root(
+            lambda z: self._off(z, start, sliders), z, method="hybr", options={"xtol": CLOSED},
+            jac=lambda z: self._derivative(z, DIFFERENCE * size, start, sliders) - eye,
+        )  # fmt: skip
+        if not np.abs(solved.fun).max() <= CLOSED * size:
             return None
-        J = self._derivative(z, DIFFERENCE * size, start, sliders)
+        found, z = self.unpack(solved.x, start, sliders), solved.x
+        end = self.ring.march(found, self.omega, self.steps).motion
+        if np.abs(self.pack(end, sliders) - z).max() > BOUNDS.repeats * size:
+            return None
+        J, _ = self.linearised(found, moving)
         live = np.flatnonzero(np.abs(J).max(axis=0) > 0.0)  # a slider that is slipping or open has no memory
         values = np.linalg.eigvals(J[np.ix_(live, live)]) ** self.ring.n
         return found, values[np.argsort(-np.abs(values))]
@@ -186,7 +160,7 @@ class InTime:
 
     Parameters
     ----------
-    verdict : {STABLE, UNSTABLE, UNDECIDED}
+    verdict : {"agrees", "does not agree", "undecided"}
     ratio : float
         Amplitude of the motion in time over that of the solution, averaged.
     spread : float
@@ -197,7 +171,7 @@ class InTime:
         Largest modulus of a multiplier of the periodic motion next to it; NaN where none was looked for or found.
     """
 
-    verdict: int
+    verdict: str
     ratio: float
     spread: float
     periods: int
@@ -219,23 +193,23 @@ def judge_in_time(
     seed : int
         Of the disturbance.
     """
-    sector = SectorMap(system, omega, n_blades, engine_order, u)
+    sector = SectorMap.of(system, omega, n_blades, engine_order, u)
     expected = float(np.abs(system.response(np.asarray(u)[None])[0, 1]))
     if not expected > 0.0:
         return InTime(UNDECIDED, math.nan, math.nan, 0)
     start = sector.ring.start(u, omega, sector.steps)
     found = marched(sector, disturbed(sector.ring, start, seed), expected)
-    if found.verdict != STABLE or found.spread > REGULAR:
+    if found.verdict != AGREES or found.spread > BOUNDS.repeats:
         return found
     _, _, shares = system.contact(np.asarray(u))
     periodic = sector.periodic(start, shares[:, [0, 2]] < 1.0 - 1e-12)
     if periodic is None:
         return found
     largest = float(np.abs(periodic[1]).max(initial=0.0))
-    if largest > 1.0 + NEAR:
-        windows = math.ceil(math.log(2.0 * TOLERANCE / (SHARE * KICK)) / math.log(largest) / WINDOW)
-        if windows * WINDOW > found.periods:
-            found = marched(sector, disturbed(sector.ring, start, seed), expected, windows)
+    if largest > 1.0:  # asked only of what grows within a march
+        periods = math.ceil(math.log(2.0 * BOUNDS.tolerance / (SHARE * KICK)) / math.log(largest))
+        if found.periods < periods <= BOUNDS.most:
+            found = marched(sector, disturbed(sector.ring, start, seed), expected, periods)
     return replace(found, largest=largest)
 
 
@@ -246,41 +220,28 @@ def disturbed(ring: Ring, motion: Motion, seed: int) -> Motion:
     return motion._replace(v=motion.v + KICK * np.linalg.norm(motion.v) / np.linalg.norm(kick) * kick)
 
 
-def marched(sector: SectorMap, motion: Motion, expected: float, fewest: int = FEWEST) -> InTime:
-    """March until the mean amplitude is known to be within the tolerance or not.
-
-    It is that of the second half of the windows, uncertain by twice its standard error and the change from the first to the
-    second half of these.
+def marched(sector: SectorMap, start: Motion, expected: float, fewest: int = FEWEST) -> InTime:
+    """March until it is clear whether the motion keeps to an amplitude.
 
     Parameters
     ----------
     sector : SectorMap
-    motion : Motion
+    start : Motion
     expected : float, m
         Amplitude of the solution.
     fewest : int
-        Windows before anything counts as stable.
+        Periods of the march at least.
     """
-    ratios: list[float] = []
-    for n in range(1, MOST + 1):
-        found = sector.ring.march(motion, sector.omega, sector.steps, WINDOW)
-        motion = found.motion
-        if sector.ring.unsolved:
-            return InTime(UNDECIDED, math.nan, math.nan, n * WINDOW)
-        if not np.isfinite(motion.q).all():
-            return InTime(UNSTABLE, math.inf, math.inf, n * WINDOW)
-        amplitudes = np.abs(found.harmonics[:, 1]) / expected
-        ratios.append(float(amplitudes.mean()))
-        if n < 3:
-            continue
-        late, spread = np.array(ratios[n // 2 :]), float(amplitudes.std())
-        if np.abs(np.array(ratios[-3:]) - 1.0).min() > 3.0 * TOLERANCE:
-            return InTime(UNSTABLE, ratios[-1], spread, n * WINDOW)
-        off, halves = abs(late.mean() - 1.0) - TOLERANCE, np.array_split(late, 2)
-        unsure = 2.0 * late.std(ddof=1) / math.sqrt(len(late)) + abs(halves[1].mean() - halves[0].mean())
-        if n >= FEWEST and abs(off) > unsure and (off > 0.0 or n >= min(fewest, MOST)):
-            return InTime(UNSTABLE if off > 0.0 else STABLE, float(late.mean()), spread, n * WINDOW)
-    return InTime(UNDECIDED, float(late.mean()), spread, n * WINDOW)
+    march = March(sector.ring, sector.steps, sector.omega, start)
+    if march.until_judged(expected, fewest=fewest):
+        raise KeyboardInterrupt
+    verdict, _ = march.judged(expected)
+    late = march.amplitude[-BOUNDS.settled :] / expected
+    return InTime(verdict, float(late.mean()), float(late.std()), len(march.harmonics))
+
+
+COUNTS = {verdict: i for i, verdict in enumerate((AGREES, DIFFERS, UNDECIDED))}
+"""Verdicts as numbers of growing disturbances."""
 
 
 class InTimeJudge:
@@ -311,9 +272,9 @@ class InTimeJudge:
                     next(self._bar)
             self.interrupted |= work.interrupted
             if self.interrupted:
-                return Verdict((UNDECIDED,), math.nan)
+                return Verdict((COUNTS[UNDECIDED],), math.nan)
         found = self.known[i]
-        return Verdict((found.verdict,), abs(found.ratio - 1.0) - TOLERANCE)
+        return Verdict((COUNTS[found.verdict],), abs(found.ratio - 1.0) - BOUNDS.tolerance)
 
     def ratios(self, verdicts: NDArray, branch: NDArray) -> NDArray:
         """(n,) amplitude in time over that of the solution; 1 where nothing slips or opens, by interpolation between stable
@@ -328,6 +289,6 @@ class InTimeJudge:
             if own.any():
                 inside = inside[(inside >= judged[own].min()) & (inside <= judged[own].max())]
                 out[inside] = np.interp(inside, judged[own], ratio[own])
-        out[verdicts != STABLE] = np.nan
-        out[judged] = np.where(verdicts[judged] == UNDECIDED, np.nan, ratio)
+        out[verdicts != COUNTS[AGREES]] = np.nan
+        out[judged] = np.where(verdicts[judged] == COUNTS[UNDECIDED], np.nan, ratio)
         return out

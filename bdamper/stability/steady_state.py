@@ -1,14 +1,9 @@
 """Steady response by time integration, where harmonic balance has no solution or an unstable one.
 
-The equations of all sectors (:mod:`bdamper.stability.time_integration`) are marched from a state, and each period ``k`` of
-the excitation has response amplitudes of its own,
-
-    X_l(k) = 2/T int_kT^(k+1)T x(t) exp(-i l omega t) dt        (half of that for l = 0).
-
-If they stay the same the response is periodic; if they repeat after some periods it is subharmonic; otherwise, as for a
+The equations of all sectors are marched from a state (:mod:`bdamper.stability.march`).  If the response amplitudes of the
+periods stay the same the response is periodic; if they repeat after some periods it is subharmonic; otherwise, as for a
 damper that rattles in its seat, it is irregular and is described by a mean and a range.  Both are those of the second half
-of the periods.  If the means of the last two quarters differ by ``d``, a transient is left: one that falls by a factor
-``p`` from one quarter to the next still changes the mean by ``d p/(1 - p)``, with the ``p`` of the slowest mode.
+of the periods.
 
 :func:`settle` takes a problem and a curve; :func:`march_until_settled` takes the equations and a state.
 """
@@ -25,26 +20,18 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
-from bdamper.stability.time_integration import TWO_PI, Motion, Ring, ring_and_steps
+from bdamper.stability.disturbances import TWO_PI
+from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
+from bdamper.stability.time_integration import Motion
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import Plottable, draw
-from bdamper.util.progress import each, passes_interrupts_on
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
-ACCURACY = 0.5
-"""Step times the highest frequency of the closed contacts; a fifth of it changes amplitudes on the shipped disk (20 periods
-at 500 N) by 1 %."""
-REPEATS = 1e-3
-"""Largest relative change of the amplitudes up to which they count as repeated."""
-MOST_REPEATED = 4
-"""Largest number of periods after which a repetition is looked for."""
-STILL = 0.01
-"""Relative change still to come below which a response has settled."""
-FEWEST = 16
+FEWEST = BOUNDS.look
 """Least number of periods from which a mean and a range are taken."""
 
 
@@ -105,12 +92,12 @@ class SettledResponse(Plottable, Tabular):
     @property
     def mean(self) -> float:
         """Amplitude of the harmonic of the excitation, m, mean over the second half of the periods."""
-        return float(_second_half(self.amplitude).mean())
+        return float(second_half(self.amplitude).mean())
 
     @property
     def range(self) -> tuple[float, float]:
         """Smallest and largest of these amplitudes, m."""
-        last = _second_half(self.amplitude)
+        last = second_half(self.amplitude)
         return float(last.min()), float(last.max())
 
     @property
@@ -131,7 +118,7 @@ class SettledResponse(Plottable, Tabular):
     def __str__(self) -> str:
         low, high = self.range
         n = len(self.harmonics)
-        kind = f"{KINDS[self.repeats_after]} response"
+        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic") + " response"
         return (
             f"time integration at {self.frequency:.6g} Hz, preload {self.preload:g} N: {kind}\n"
             f"  |X1| {self.mean:.4g} m on average, {low:.4g} to {high:.4g} m over the last {n - n // 2} of {n} periods\n"
@@ -141,38 +128,6 @@ class SettledResponse(Plottable, Tabular):
     def mark(self, ax: Any) -> Any:
         """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_settled`)."""
         return draw(self, "mark", ax)
-
-
-KINDS = {None: "irregular", 1: "periodic"} | {n: f"{n}-periodic" for n in range(2, MOST_REPEATED + 1)}
-
-
-def memory_of(ring: Ring, omega: float) -> float:
-    """Periods in which a transient of the least damped mode falls to 1/e; of free bodies contacts take energy alone."""
-    rates = ring.damping[ring.omega2 > 0.0]
-    return float(omega / (np.pi * max(rates.min(initial=np.inf), 1e-9 * omega)))
-
-
-def _second_half(x: NDArray) -> NDArray:
-    return x[len(x) // 2 :]
-
-
-def to_come(amplitude: NDArray, memory: float) -> float:
-    """Relative change still to come: the last two quarters differ by a transient that falls to 1/e in so many periods."""
-    before, last = np.array_split(_second_half(amplitude), 2)
-    change = float((last.mean() - before.mean()) / max(float(last.mean()), 1e-300))
-    left = np.exp(-len(last) / memory)
-    return change * left / (1.0 - left)
-
-
-def repeats_after(harmonics: NDArray) -> int | None:
-    """Least number of periods after which the amplitudes (n_periods, n_harmonics + 1) repeat, over the last quarter."""
-    x = harmonics[:, 1:]
-    last = np.arange(len(x) - max(1, len(x) // 4), len(x))
-    size = max(float(np.linalg.norm(x[last], axis=1).max()), 1e-300)
-    for n in range(1, MOST_REPEATED + 1):
-        if last[0] >= n and np.linalg.norm(x[last] - x[last - n], axis=1).max() <= REPEATS * size:
-            return n
-    return None
 
 
 def march_until_settled(
@@ -217,62 +172,39 @@ def march_until_settled(
     """
     periods = validate.whole("periods", periods, least=FEWEST)
     watch = Stopwatch()
-    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY,
-        None if isinstance(start, Motion) else start)
-    motion = _fitting(ring, start) if isinstance(start, Motion) else ring.start(start, omega, n)
-    found: list[NDArray] = []
-    stopped = False
-    try:
-        for _ in each(range(periods), progress, "marching", "period"):
-            motion, amplitudes, *_ = ring.march(motion, omega, n)
-            found.append(amplitudes[0])
-            if not np.isfinite(motion.q).all():
-                raise BdamperError(f"the march overflows in period {len(found)}: raise steps_per_period")
-    except KeyboardInterrupt:
-        if len(found) < FEWEST or passes_interrupts_on():
-            raise
-        stopped = True
-    harmonics = np.array(found)
-    memory = memory_of(ring, omega)
-    change = to_come(np.abs(harmonics[:, 1]), memory)
+    march = March.of(system, omega, n_blades, engine_order, start, steps_per_period)
+    stopped = march.run(periods, progress)
+    if march.overflowed:
+        raise BdamperError(f"the march overflows in period {len(march.harmonics)}: raise steps_per_period")
+    if stopped and len(march.harmonics) < FEWEST:
+        raise KeyboardInterrupt
+    change, ring = to_come(march.amplitude, march.memory), march.ring
+    status = "interrupted" if stopped else UNDECIDED if ring.unsolved else _status(change)
     return SettledResponse(
         frequency=omega / TWO_PI,
         preload=preload,
-        harmonics=harmonics,
-        memory=memory,
-        steps_per_period=n,
+        harmonics=np.array(march.harmonics),
+        memory=march.memory,
+        steps_per_period=march.steps,
         sectors=ring.n,
-        status=_status(ring, stopped, change),
-        reason=ring.unsolved or _reason(change, memory),
-        motion=motion,
+        status=status,
+        reason=ring.unsolved or _reason(change, march.memory),
+        motion=march.motion,
         cost=replace(ring.cost, **watch.read()),
         model_hash=model_hash,
     )
 
 
-def _status(ring: Ring, stopped: bool, change: float) -> str:
-    if stopped or ring.unsolved:
-        return "interrupted" if stopped else "undecided"
-    return "settled" if abs(change) <= STILL else "still moving"
+def _status(change: float) -> str:
+    return "settled" if abs(change) <= BOUNDS.drift else "still moving"
 
 
 def _reason(change: float, memory: float) -> str:
     """What is still to come, and the periods until that is little."""
     text = f"estimated change of the mean still to come {100.0 * change:+.2g} %, memory {memory:.3g} periods"
-    if abs(change) <= STILL:
+    if abs(change) <= BOUNDS.drift:
         return text
-    return f"{text}; some {int(np.ceil(memory * np.log(abs(change) / STILL) / 10.0)) * 10} more would settle it"
-
-
-def _fitting(ring: Ring, motion: Motion) -> Motion:
-    """The motion itself, if it is one of this structure."""
-    shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, 2)
-    if (motion.q.shape, motion.w.shape) != shapes:
-        raise SettingError(
-            f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
-            f"{motion.q.shape} and {motion.w.shape}"
-        )
-    return motion
+    return f"{text}; some {int(np.ceil(memory * np.log(abs(change) / BOUNDS.drift) / 10.0)) * 10} more would settle it"
 
 
 @one_thread

@@ -30,21 +30,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.laws import LAW_BONDED, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
+from bdamper.stability.disturbances import TWO_PI
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 
-TWO_PI = 2.0 * np.pi
+ACCURACY = 0.5
+"""Step times the highest frequency of the closed contacts (2 is the limit of stability).  A fifth of it moves the amplitude
+of periodic motions by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter by 7 %."""
 QUICK = 200.0
 """Coordinates whose own frequency is so many times that of the excitation count as without mass: of what they move by,
 the third harmonic is off by 2e-4, and on the shipped disk (residual modes, 356.9 Hz, 500 N) ten periods end 1e-4 from
 those with mass, in steps 1.6 to 2.6 times as long."""
 MOST_PERIODS = 100
-"""Periods of a given motion within which sliders must settle; those of the coupled laws need many."""
+"""Periods of a given motion within which sliders must settle: two, but many under the coupled laws."""
 
 
 class Motion(NamedTuple):
@@ -125,7 +128,6 @@ class Ring:
         self.held = np.broadcast_to(bonded if held is None else bonded | held, (system.n_points, 2))
         self.system = system
         self.cost = Cost()
-        self.coupled = bool(np.isin(arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT)).any())
         self.n = n_blades // gcd(n_blades, engine_order) if engine_order else 1
         self.wave = engine_order // gcd(n_blades, engine_order) if engine_order else 0  # nodal diameter on self.n sectors
         self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
@@ -160,6 +162,8 @@ class Ring:
         weight = np.where(heavy, self.mass, 1.0)
         self.omega2 = np.where(heavy, self.stiffness / weight, 0.0)
         self.damping = np.where(heavy, np.concatenate([system.bases[l].damping for l, *_ in self.blocks]) / weight, 0.0)
+        self.least_damping = float(self.damping[self.omega2 > 0.0].min(initial=np.inf))
+        """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness of its own."""
         self.core = self._core()
         self.effort = np.zeros(3, int)
         """Instants at which coordinates without mass were solved for, evaluations for them, instants at which in vain."""
@@ -253,7 +257,7 @@ class Ring:
         x, _, _ = self.system.contact(np.asarray(u))
         size = max(2.0 * float(np.abs(x[:, :2, 1:]).sum(axis=2).max(initial=0.0)), 1e-300)
         q = np.array([self.state(u, omega, k * TWO_PI / omega / n_steps)[0] for k in range(n_steps)])
-        for _ in range(MOST_PERIODS if self.coupled else 2):
+        for _ in range(MOST_PERIODS):
             before = w.copy()
             self.core.follow(q, w)
             if np.abs(w - before).max(initial=0.0) <= 1e-9 * size:
@@ -347,14 +351,9 @@ def _same_basis(a: HarmonicBasis, b: HarmonicBasis, conjugate: bool) -> bool:
 
 
 def ring_and_steps(
-    system: HarmonicSystem,
-    omega: float,
-    n_blades: int,
-    engine_order: int,
-    steps: int | None,
-    accuracy: float,
-    like: NDArray | None = None,
-) -> tuple[Ring, int]:
+    system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, steps: int | None = None,
+    like: NDArray | None = None, accuracy: float = ACCURACY,
+) -> tuple[Ring, int]:  # fmt: skip
     """What is marched, and the steps per period: those given, or such that step times highest frequency is ``accuracy``.
 
     Cubic springs are as stiff as in the solution ``like``, if one is given.

@@ -2,7 +2,7 @@
 
 The equations of all sectors (:mod:`bdamper.stability.time_integration`) are marched while the frequency of the excitation
 goes linearly in time from one end of an interval to the other.  Each turn of the excitation has response amplitudes of its
-own, as in :mod:`bdamper.stability.steady_state`.  Where several stable solutions exist, the sweep stays on the one on which
+own (:mod:`bdamper.stability.march`).  Where several stable solutions exist, the sweep stays on the one on which
 it is until that ends, and then jumps; what is unstable it leaves.
 
 A transient of the least damped mode, whose half bandwidth is ``b = zeta f``, falls to 1/e within ``1/(2 pi b)``.  The rate
@@ -14,7 +14,6 @@ frequencies of their jumps are compared instead.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -24,7 +23,9 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve, track
 from bdamper.problem.problem import Problem
-from bdamper.stability.time_integration import TWO_PI, Motion, Ring, ring_and_steps
+from bdamper.stability.disturbances import TWO_PI
+from bdamper.stability.march import BOUNDS, March
+from bdamper.stability.time_integration import ring_and_steps
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -35,20 +36,16 @@ from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
 
-ACCURACY = 0.5
-"""Step times the highest frequency of the closed contacts."""
 RATE = 0.1
 """Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
-SETTLING = 5.0
-"""Memories that are marched at the first frequency before the sweep begins: a transient falls below a hundredth."""
+SETTLING = np.ceil(-np.log(BOUNDS.drift))
+"""Memories that are marched at the first frequency before the sweep begins, until a transient has settled."""
 JUMP = 0.2
 """Relative change of the amplitude within one memory that counts as a jump; without one a linear resonance makes RATE/2."""
 AFTER_JUMP = 4.0
 """Memories after a jump within which amplitudes are not compared."""
 NEAR = 1e-4
 """Half the relative width of the interval in which the first solution is sought."""
-PIECE = 20
-"""Turns of the excitation between two looks at Ctrl-C."""
 
 
 class Jump(NamedTuple):
@@ -313,8 +310,8 @@ def sweep_in_time(
     ends = (low, high) if up else (high, low)
     problem, u, begin = _start(problem, preload, ends[0], start, index)
     blades, order = problem.model.n_blades, int(problem.engine_order)
-    ring, n = ring_and_steps(problem.system(preload), TWO_PI * low, blades, order, steps_per_period, ACCURACY, u)
-    least = float(ring.damping[ring.omega2 > 0.0].min(initial=np.inf))  # rad/s, full bandwidth
+    ring, n = ring_and_steps(problem.system(preload), TWO_PI * low, blades, order, steps_per_period, u)
+    least = ring.least_damping
     if not 0.0 < least < np.inf:
         raise SettingError("sweep_in_time: expected damping in every mode of the structure, found a mode without")
     memory, usual = 2.0 / least, RATE * least**2 / (8.0 * np.pi)
@@ -326,11 +323,11 @@ def sweep_in_time(
     )  # fmt: skip
     plans = [max(1, round(0.5 * (low + high) * (high - low) / (rate * factor))) for factor in (1, 2)[: 1 + check]]
     settling = max(1, round(SETTLING * memory * ends[0]))
-    parts = _marched(ring, ring.start(u, TWO_PI * begin, n), n, ends, settling, plans, progress)
-    if not parts or not parts[0]:
+    parts = _marched(March(ring, n, TWO_PI * begin, u), ends, settling, plans, progress)
+    if not parts:
         raise KeyboardInterrupt
     them, empty = zip((1, 2), parts, plans), replace(empty, reason=ring.unsolved)
-    sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them if part)
+    sweep, *beside = (_filled(empty, factor, part, planned, ends) for factor, part, planned in them)
     return replace(sweep, beside=tuple(beside), cost=replace(ring.cost, **watch.read()))
 
 
@@ -359,39 +356,20 @@ def _start(
     return problem, start.unknowns[i], float(start.frequency[i])
 
 
-def _marched(
-    ring: Ring, motion: Motion, n: int, ends: tuple[float, float], settling: int, plans: list[int], progress: bool
-) -> list[list[NDArray]]:
+def _marched(march: March, ends: tuple[float, float], settling: int, plans: list[int], progress: bool) -> list[NDArray]:
     """Harmonics of the turns of each sweep, from the motion that has settled at the first frequency."""
-    parts: list[list[NDArray]] = []
+    first, last = TWO_PI * ends[0], TWO_PI * ends[1]
+    sweeps: list[March] = []
     with LongWork(), counter(progress, settling + sum(plans), 0, "marching", "turn") as count:
-        for _, settled in _turned(ring, motion, n, (ends[0], ends[0]), settling, count):
-            motion = settled
+        march.sweep((first, first), settling, count)
         for planned in plans:
-            parts.append([])
-            parts[-1].extend(harmonics for harmonics, _ in _turned(ring, motion, n, ends, planned, count))
-    return parts
+            sweeps.append(March(march.ring, march.steps, first, march.motion))
+            sweeps[-1].sweep((first, last), planned, count)
+    return [np.array(sweep.harmonics) for sweep in sweeps if sweep.harmonics]
 
 
-def _turned(
-    ring: Ring, motion: Motion, n: int, ends: tuple[float, float], turns: int, count: Callable[[], Any]
-) -> Iterator[tuple[NDArray, Motion]]:
-    """Harmonics of some turns after the other, and the motion after them; omega^2 is linear in the angle."""
-    square = np.linspace((TWO_PI * ends[0]) ** 2, (TWO_PI * ends[1]) ** 2, turns + 1)
-    for first in range(0, turns, PIECE):
-        last = min(first + PIECE, turns)
-        marched = ring.march(motion, float(np.sqrt(square[first])), n, last - first, omega_end=float(np.sqrt(square[last])))
-        motion = marched.motion
-        if not np.isfinite(motion.q).all():
-            raise BdamperError(f"the march overflows near {np.sqrt(square[last]) / TWO_PI:g} Hz: raise steps_per_period")
-        for _ in range(last - first):
-            count()
-        yield marched.harmonics, motion
-
-
-def _filled(empty: TimeSweep, factor: int, parts: list[NDArray], turns: int, ends: tuple[float, float]) -> TimeSweep:
+def _filled(empty: TimeSweep, factor: int, harmonics: NDArray, turns: int, ends: tuple[float, float]) -> TimeSweep:
     """The result of the turns that were marched out of those that were meant to be."""
-    harmonics = np.concatenate(parts)
     done = len(harmonics)
     along = (np.arange(done) + 0.5) / turns
     out = replace(

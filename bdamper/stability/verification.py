@@ -1,24 +1,8 @@
 """Whether marching in time agrees with a harmonic-balance solution.
 
-All sectors are marched (:mod:`bdamper.stability.time_integration`) from the solution, and the amplitude of each period (of
-the harmonic of the excitation) is compared with the solution's.  After every 16 periods :func:`judged` looks whether that
-decides:
-
-* **Left.**  Farther than twice the tolerance in each of the last 32 periods, and the last 16 no nearer than the 16 before:
-  the motion does not agree.
-* **Settled.**  The mean of 16 periods has changed by less than 1 % within 80 periods, and no faster in their second half
-  than in the first.  It agrees if the mean of these 80 is within the tolerance, and nine periods of ten within twice that;
-  what the slowest mode may still add must not change the answer.  A growth that shows only after hundreds of periods is
-  beyond this, as it is beyond a test.
-* **Wanders.**  Farther than that in the last 80 periods, by more than what the slowest mode leaves of the distance in the
-  80 before: it does not agree.
-
-Otherwise the march goes on, and ends undecided after so many periods.
-
-Measured on the shipped disk (nine points, unit tractions): the 50 points of ``benchmarks/bench_in_time.py`` (200, 500 and
-2000 N, one and three harmonics, half of them near peaks and folds) are decided after 48 to 336 periods, in 0.2 to 2.9 s
-(median 0.6), each as the marches there end, which have half the step, start disturbed and last up to 960 periods.  With
-residual modes 12 points took 3 to 14 s.
+All sectors are marched (:mod:`bdamper.stability.march`) from the solution, and the amplitude of each period (of the
+harmonic of the excitation) is compared with the solution's, until :func:`~bdamper.stability.march.judged` decides or so
+many periods are over.  A growth that shows only after hundreds of periods is beyond this, as it is beyond a test.
 """
 
 from __future__ import annotations
@@ -32,21 +16,14 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
-from bdamper.stability.steady_state import ACCURACY, memory_of, to_come
-from bdamper.stability.time_integration import TWO_PI, ring_and_steps
+from bdamper.stability.disturbances import TWO_PI
+from bdamper.stability.march import BOUNDS, March
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.plotting import Plottable
-from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular
-
-AGREES, DIFFERS, UNDECIDED = "agrees", "does not agree", "undecided"
-LOOK = 16
-"""Periods between two looks, and those over which a mean is taken."""
-SETTLED_WITHIN, DRIFT = 80, 0.01
-"""Periods over which a settled amplitude changes by less than this share."""
 
 
 @brief
@@ -123,49 +100,6 @@ class Verification(Plottable, Tabular):
         )
 
 
-def judged(amplitude: NDArray, expected: float, tolerance: float, memory: float) -> tuple[str, str]:
-    """Verdict and reason from the amplitudes (n_periods,) marched so far; "undecided" asks for more of them.
-
-    Parameters
-    ----------
-    amplitude : (n_periods,) float, m
-    expected : float, m
-    tolerance : float
-    memory : float
-        Periods in which a transient of the least damped mode falls to 1/e.
-    """
-    off = amplitude / max(expected, 1e-300) - 1.0
-    n = len(off)
-    last = float(off[-LOOK:].mean())
-    if not np.isfinite(amplitude).all():
-        return UNDECIDED, "the march left the range of numbers"
-    if n < 3 * LOOK:
-        return UNDECIDED, f"{100.0 * last:+.2g} % in the mean of {min(n, LOOK)} periods; at least {3 * LOOK} decide"
-    away = np.abs(off[-2 * LOOK :])
-    if (away > 2.0 * tolerance).all() and abs(last) >= abs(float(off[-2 * LOOK : -LOOK].mean())):
-        return DIFFERS, f"{100.0 * last:+.2g} %, and no way back within {LOOK} periods"
-    if n < SETTLED_WITHIN + LOOK:
-        return UNDECIDED, f"{100.0 * last:+.2g} % so far; {SETTLED_WITHIN + LOOK} periods show whether it has settled"
-    then, between, now = (float(off[n - k - LOOK : n - k].mean()) for k in (SETTLED_WITHIN, SETTLED_WITHIN // 2, 0))
-    drift = (now - then) / max(1.0 + then, 1e-300)
-    grows = abs(now - between) > max(1.2 * abs(between - then), 0.1 * DRIFT)
-    recent, earlier = off[-SETTLED_WITHIN:], off[-2 * SETTLED_WITHIN : -SETTLED_WITHIN]
-    stays = float(np.quantile(np.abs(recent), 0.9)) <= 2.0 * tolerance
-    within = abs(float(recent.mean())) <= tolerance
-    spread = f"{100.0 * recent.min():+.2g} to {100.0 * recent.max():+.2g} %"
-    if abs(drift) < DRIFT and not grows and (not stays or within == (abs(last + to_come(amplitude, memory)) <= tolerance)):
-        span = f", {spread}" if np.ptp(recent) > DRIFT else ""
-        text = f"{100.0 * float(recent.mean()):+.2g} % in the mean of {SETTLED_WITHIN} periods{span}"
-        return AGREES if stays and within else DIFFERS, text
-    decayed = min(1.0, 1.1 * np.exp(-SETTLED_WITHIN / memory)) * np.abs(earlier).max()
-    if n >= 2 * SETTLED_WITHIN and not stays and np.abs(recent).max() > decayed:
-        return DIFFERS, f"wanders, {spread} within {SETTLED_WITHIN} periods"
-    return UNDECIDED, (
-        f"{100.0 * last:+.2g} %, changed by {100.0 * drift:+.2g} % within {SETTLED_WITHIN} periods; a transient takes "
-        f"{memory:.3g} periods to fall to 1/e"
-    )
-
-
 def verify_solution(
     system: HarmonicSystem,
     u: NDArray,
@@ -173,8 +107,8 @@ def verify_solution(
     n_blades: int,
     engine_order: int,
     *,
-    tolerance: float = 0.05,
-    periods: int = 1000,
+    tolerance: float = BOUNDS.tolerance,
+    periods: int = BOUNDS.most,
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> Verification:
@@ -202,48 +136,34 @@ def verify_solution(
     periods = validate.whole("periods", periods, least=1)
     tolerance = validate.number("tolerance", tolerance, above=0.0, most=1.0)
     watch = Stopwatch()
-    ring, n = ring_and_steps(system, omega, n_blades, engine_order, steps_per_period, ACCURACY, u)
-    motion = before = ring.start(u, omega, n)
+    march = March.of(system, omega, n_blades, engine_order, u, steps_per_period)
+    ring, n = march.ring, march.steps
     expected = np.asarray(system.response(np.asarray(u)[None])[0])
-    memory = memory_of(ring, omega)
-    found: list[NDArray] = []
-    verdict, reason = UNDECIDED, ""
-    with LongWork() as work, counter(progress, periods, 0, "marching", "period") as count:
-        while len(found) < periods and verdict == UNDECIDED and np.isfinite(motion.q).all():
-            marched = ring.march(motion, omega, n)
-            before, motion = motion, marched.motion
-            found.append(marched.harmonics[0])
-            count()
-            if len(found) % LOOK == 0 or len(found) == periods:
-                verdict, reason = judged(np.abs(np.array(found)[:, 1]), float(abs(expected[1])), tolerance, memory)
-    if work.interrupted and not found:
+    interrupted = march.until_judged(float(abs(expected[1])), tolerance, periods, progress=progress)
+    if not march.harmonics:
         raise KeyboardInterrupt
-    amplitude = np.abs(np.array(found)[:, 1])
-    if verdict == UNDECIDED:
-        verdict, reason = judged(amplitude, float(abs(expected[1])), tolerance, memory)
-    if ring.unsolved:
-        verdict, reason = UNDECIDED, ring.unsolved
+    verdict, reason = march.judged(float(abs(expected[1])), tolerance)
     row = ring.response_row()
     with np.errstate(invalid="ignore", over="ignore"):  # where the march left the range of numbers
-        response = ring.march(before, omega, n, trace=True).trace @ row
-        drift = float(abs(row @ (motion.q - before.q)))
+        response = ring.march(march.before, omega, n, trace=True).trace @ row
+        drift = float(abs(row @ (march.motion.q - march.before.q)))
     size = max(float(np.abs(response).max()), 1e-300)
     return Verification(
         frequency=omega / TWO_PI,
         expected=expected,
-        settled=found[-1],
+        settled=march.harmonics[-1],
         time=TWO_PI / omega * np.arange(n) / n,
         response=response,
-        amplitude=amplitude,
+        amplitude=march.amplitude,
         verdict=verdict,
         tolerance=tolerance,
         reason=reason,
-        periods=len(found),
+        periods=len(march.harmonics),
         steps_per_period=n,
         sectors=ring.n,
         drift=drift / size,
         cost=replace(ring.cost, **watch.read()),
-        interrupted=work.interrupted,
+        interrupted=interrupted,
     )
 
 
@@ -253,8 +173,8 @@ def verify(
     curve: Curve,
     index: int | None = None,
     *,
-    tolerance: float = 0.05,
-    periods: int = 1000,
+    tolerance: float = BOUNDS.tolerance,
+    periods: int = BOUNDS.most,
     steps_per_period: int | None = None,
     progress: bool = False,
 ) -> Verification:

@@ -20,7 +20,6 @@ from bdamper.contact.laws import (
 )
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
-from bdamper.stability.floquet import _contact_changes
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 
@@ -94,12 +93,23 @@ class State:
                 lift = tuple(p.n0[i] + p.kn[i] * v > 0.0)
             else:
                 cycle = [_turned([s for *_, s in part]) for part in parts]
-                lift = len(_contact_changes(x[2].copy(), float(p.kn[i]), float(p.n0[i])))
+                lift = _contact_changes(x[2], float(p.kn[i]), float(p.n0[i]))
             out.append((cycle, lift if law in (LAW_SEPARABLE, LAW_NORMAL, LAW_COUPLED) else 0))
         return out
 
     def evaluate(self, h):
         return self.system.evaluate(self.at(h), self.omega)
+
+
+def _contact_changes(v, kn, n0):
+    """How often n0 + kn v changes its sign in the cycle."""
+    h = len(v) // 2
+    z = np.zeros(2 * h + 1, complex)
+    z[h] = n0 + kn * v[0]
+    z[h + 1 :] = 0.5 * kn * (v[1::2] - 1j * v[2::2])
+    z[:h] = z[: h : -1].conj()
+    roots = np.roots(np.trim_zeros(z[::-1], "f"))
+    return int((np.abs(np.abs(roots) - 1.0) < 1e-7).sum())
 
 
 def _turned(states):

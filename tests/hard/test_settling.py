@@ -9,7 +9,8 @@ from scipy.integrate import solve_ivp
 
 import bdamper as bd
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
-from bdamper.stability.steady_state import FEWEST, march_until_settled, repeats_after, to_come
+from bdamper.stability.march import repeats_after, to_come
+from bdamper.stability.steady_state import FEWEST, march_until_settled
 from bdamper.stability.time_integration import Ring
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
@@ -156,11 +157,11 @@ def test_goes_where_there_is_no_solution(study, curve):
 def test_ctrl_c_keeps_what_is_there(study, curve, monkeypatch):
     march, called = Ring.march, []
 
-    def pressed(ring, *given):
+    def pressed(ring, *given, **named):
         called.append(ring)
         if len(called) == FEWEST + 3:
             raise KeyboardInterrupt
-        return march(ring, *given)
+        return march(ring, *given, **named)
 
     monkeypatch.setattr(Ring, "march", pressed)
     found = study.settle(curve, 300.0, periods=100, steps_per_period=400)

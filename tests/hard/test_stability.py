@@ -7,8 +7,8 @@ import pytest
 
 import bdamper as bd
 from bdamper.contact.laws import LAW_COUPLED
-from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.stability.floquet import _directions, monodromy, multipliers, shooting_monodromy, stability_of_points
+from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.stability.floquet import monodromy, multipliers, shooting_monodromy, stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
 from bdamper.stability.verification import verify_solution
 from tests.event_march import Marcher
@@ -27,12 +27,13 @@ def prepared(system, y, n_steps=96):
     u, omega = y[:-1], y[-1]
     marcher = Marcher(system, omega, n_steps)
     x, _, _ = system.contact(u)
-    cycles = {(d.point, d.axis): d for d in _directions(system, x)[0]}
+    p = system.points
+    cycles = [segments(x[i], p.kt[i], p.kn[i], p.mu[i], p.n0[i], p.slider[i], p.law[i])[d] for i, d in marcher.pairs]
     closed = system.points.n0 + system.points.kn * (x[:, 2, 0] + x[:, 2, 1::2].sum(axis=1)) > 0.0
-    states = [cycles[pair].state_at(0.0) for pair in marcher.pairs]
+    states = [next(s for a, b, s in parts if -a % (2.0 * np.pi) < b - a) for parts in cycles]
     sliders = Ring(system, 1, 0).initial_slider(u, omega, 4096)[0]
     z = marcher.start(u, states, np.array([sliders[pair] for pair in marcher.pairs]))
-    moving = [(cycles[pair].states != 0).any() for pair in marcher.pairs]
+    moving = [any(s for *_, s in parts) for parts in cycles]
     return marcher, z, closed, states, [j for j, state in enumerate(states) if state == 0 and moving[j]]
 
 

@@ -8,12 +8,12 @@ import pytest
 import bdamper as bd
 from bdamper.contact.laws import LAW_BONDED
 from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.stability import in_time
 from bdamper.stability.floquet import multipliers, stability_of_points
 from bdamper.stability.in_time import judge_in_time
+from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, judged
 from bdamper.stability.steady_state import march_until_settled
 from bdamper.stability.time_integration import Ring
-from bdamper.stability.verification import AGREES, DIFFERS, UNDECIDED, judged, verify_solution
+from bdamper.stability.verification import verify_solution
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
@@ -164,7 +164,7 @@ def test_an_unmet_contact_condition_is_told(monkeypatch):
         march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
     ):
         assert found.reason == ring.unsolved and UNDECIDED in str(found)
-    assert judge_in_time(system, u, omega, 1, 0).verdict == in_time.UNDECIDED
+    assert judge_in_time(system, u, omega, 1, 0).verdict == UNDECIDED
 
 
 def test_a_march_that_overflows_is_no_response(monkeypatch):
@@ -278,7 +278,7 @@ def test_without_a_mean_the_wave_alone_is_marched():
     found = study.verify(curve, 0)
     assert found.verdict == AGREES and abs(found.settled[0]) < 1e-3 * abs(found.settled[1])
     judged = judge_in_time(study.system(400.0), curve.unknowns[0], 2 * np.pi * curve.frequency[0], 8, 2)
-    assert judged.verdict == in_time.STABLE and judged.spread < in_time.REGULAR
+    assert judged.verdict == AGREES and judged.spread < BOUNDS.repeats
 
 
 def test_modal_coordinates_may_have_any_mass():

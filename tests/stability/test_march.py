@@ -281,7 +281,7 @@ def test_coordinates_far_above_the_excitation_count_as_without_mass():
     system = structure()
     own = np.sqrt(np.concatenate([b.omega2 / b.mass for b in system.bases]))
     middle = np.sort(own)[9:11].mean()
-    ring, _ = ring_and_steps(system, middle / QUICK, *ALL_SECTORS.values(), steps=None, accuracy=0.5)
+    ring, _ = ring_and_steps(system, middle / QUICK, *ALL_SECTORS.values())
     np.testing.assert_array_equal(ring.mass == 0.0, own > middle)
 
 

@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.stability import time_sweep
+from bdamper.stability.march import BOUNDS
 from bdamper.stability.time_integration import Ring
 
 F0, ZETA = 10.0, 0.01
@@ -106,17 +107,17 @@ def interrupting(monkeypatch, calls):
 
 def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     whole = linear.sweep_in_time(0.0, BAND)
-    settling = -(-round(time_sweep.SETTLING * whole.memory * BAND[0]) // time_sweep.PIECE)
+    settling = -(-round(time_sweep.SETTLING * whole.memory * BAND[0]) // BOUNDS.look)
     interrupting(monkeypatch, settling + 3)
     found = linear.sweep_in_time(0.0, BAND)
-    assert (found.status, len(found), found.beside) == ("interrupted", 3 * time_sweep.PIECE, ())
+    assert (found.status, len(found), found.beside) == ("interrupted", 3 * BOUNDS.look, ())
     assert f"{len(found)} of {len(whole)} turns" in str(found)
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
     monkeypatch.undo()
-    interrupting(monkeypatch, settling + -(-len(whole) // time_sweep.PIECE) + 2)
+    interrupting(monkeypatch, settling + -(-len(whole) // BOUNDS.look) + 2)
     found = linear.sweep_in_time(0.0, BAND)
-    assert found.complete and found.faster.interrupted and len(found.faster) == 2 * time_sweep.PIECE
+    assert found.complete and found.faster.interrupted and len(found.faster) == 2 * BOUNDS.look
     monkeypatch.undo()
     interrupting(monkeypatch, 1)
     with pytest.raises(KeyboardInterrupt):
