@@ -15,7 +15,7 @@ class Counts(NamedTuple):
     factorisations: int
     least_norm: int
 
-class Corrected(NamedTuple):
+class Solved(NamedTuple):
     status: int
     iterations: int
     residual: float
@@ -23,16 +23,9 @@ class Corrected(NamedTuple):
     last_step: float
     condition: float
     rank: int
-    shares: tuple[float, float, float]
     orientation: int
-
-class Peak(NamedTuple):
-    status: int
-    iterations: int
-    residual: float
     slope: float
     curvature: float
-    rank: int
     shares: tuple[float, float, float]
 
 class Wheel:
@@ -60,7 +53,51 @@ class Wheel:
     ) -> int: ...
     def solve(self, factored: int, r: NDArray, x: NDArray) -> None: ...
 
-class System:
+class _Equations:
+    @property
+    def n_unknown(self) -> int: ...
+    @property
+    def cost(self) -> Counts: ...
+    def evaluate(
+        self,
+        y: NDArray[np.float64],
+        r: NDArray[np.float64],
+        J: NDArray[np.float64] | None = None,
+        C: NDArray[np.float64] | None = None,
+    ) -> int: ...
+    def solve(
+        self,
+        y: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        tolerance: float,
+        max_iterations: int,
+        line_search: bool = False,
+        reach: float = 0.0,
+        row: NDArray[np.float64] | None = None,
+        re: NDArray[np.float64] | None = None,
+        im: NDArray[np.float64] | None = None,
+        curvature: float = 0.0,
+        place_tolerance: float = 0.0,
+        max_step: float = 0.0,
+    ) -> Solved: ...
+    def bordered(
+        self,
+        y: NDArray[np.float64],
+        row: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        b: NDArray[np.float64],
+        transposed: bool = False,
+    ) -> tuple[int, float, int, int]: ...
+    def contact(
+        self,
+        y: NDArray[np.float64],
+        X: NDArray[np.float64],
+        F: NDArray[np.float64],
+        share: NDArray[np.float64],
+    ) -> int: ...
+
+class Sector(_Equations):
     def __init__(
         self,
         n_mode: NDArray[np.intc],
@@ -79,61 +116,20 @@ class System:
         evaluation: int = 0,
         n_time: int = 0,
         load: NDArray[np.float64] | None = None,
-        nodes: tuple[System, ...] | None = None,
+        nodes: tuple[Sector, ...] | None = None,
         squares: NDArray[np.float64] | None = None,
         order: float = 0.0,
+        row_scale: NDArray[np.float64] | None = None,
     ) -> None: ...
-    @property
-    def n_unknown(self) -> int: ...
-    @property
-    def cost(self) -> Counts: ...
-    def evaluate(
+
+class Eased(_Equations):
+    def __init__(
         self,
-        u: NDArray[np.float64],
+        sector: Sector,
         omega: float,
-        r: NDArray[np.float64],
-        J: NDArray[np.float64] | None = None,
-        r_omega: NDArray[np.float64] | None = None,
-    ) -> int: ...
-    def correct(
-        self,
-        y: NDArray[np.float64],
-        normal: NDArray[np.float64],
-        scale: NDArray[np.float64],
-        row_scale: NDArray[np.float64],
-        tangent: NDArray[np.float64],
-        tolerance: float,
-        max_iterations: int,
-        line_search: bool = False,
-        least_norm: bool = True,
-        rank_tolerance: float = 1e-14,
-        ramp: NDArray[np.float64] | None = None,
-        omega: float | None = None,
+        ramp: NDArray[np.float64],
         support: NDArray[np.float64] | None = None,
-        reach: float = 0.0,
-    ) -> Corrected: ...
-    def peak(
-        self,
-        y: NDArray[np.float64],
-        tangent: NDArray[np.float64],
-        scale: NDArray[np.float64],
-        row_scale: NDArray[np.float64],
-        re: NDArray[np.float64],
-        im: NDArray[np.float64],
-        tolerance: float,
-        max_iterations: int,
-        curvature: float,
-        place_tolerance: float,
-        max_step: float,
-    ) -> Peak: ...
-    def contact(
-        self,
-        u: NDArray[np.float64],
-        X: NDArray[np.float64],
-        F: NDArray[np.float64],
-        share: NDArray[np.float64],
-        omega: float = 0.0,
-    ) -> int: ...
+    ) -> None: ...
 
 def kernels() -> tuple[str, ...]: ...
 def kernel() -> str: ...

@@ -241,7 +241,7 @@ def _differences(system: object, u: np.ndarray, omega: float, r: np.ndarray, h: 
     for k in range(len(u)):
         v = u.copy()
         v[k] += h
-        system.core.evaluate(v, omega, moved)  # type: ignore[attr-defined]
+        system.core.evaluate(np.append(v, omega), moved)  # type: ignore[attr-defined]
         J[:, k] = (moved - r) / h
     return J
 

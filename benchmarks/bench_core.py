@@ -65,9 +65,9 @@ class Case:
             u[modes * (2 * l - 1) : modes * (2 * l + 1)] /= l**2
         self.u = u * self._half_slip(u)
 
-    def system(self, evaluation: int = 0, n_time: int = 0, law: int = SEPARABLE) -> _core.System:
+    def system(self, evaluation: int = 0, n_time: int = 0, law: int = SEPARABLE) -> _core.Sector:
         arrays = {**self.arrays, "law": np.full(self.points, law, np.intc)}
-        return _core.System(**arrays, evaluation=evaluation, n_time=n_time)
+        return _core.Sector(**arrays, evaluation=evaluation, n_time=n_time)
 
     def _half_slip(self, u: NDArray) -> float:
         """Factor on u at which half of the points slip or open."""
@@ -76,18 +76,16 @@ class Case:
         low, high = 1e-4, 1e4
         for _ in range(40):
             middle = np.sqrt(low * high)
-            system.contact(middle * u, X, F, share)
+            system.contact(np.append(middle * u, 0.7), X, F, share)
             if ((share[:, 1] > 0) | (share[:, 3] > 0) | (share[:, 4] > 0)).mean() > 0.5:
                 high = middle
             else:
                 low = middle
         return 1.001 * high
 
-    def seconds(self, system: _core.System, jacobian: bool = True) -> float:
-        r, J = np.empty(self.n), np.empty((self.n, self.n))
-        if jacobian:
-            return best(lambda: system.evaluate(self.u, 0.7, r, J))
-        return best(lambda: system.evaluate(self.u, 0.7, r))
+    def seconds(self, system: _core.Sector, jacobian: bool = True) -> float:
+        y, r, J = np.append(self.u, 0.7), np.empty(self.n), np.empty((self.n, self.n))
+        return best(lambda: system.evaluate(y, r, J) if jacobian else system.evaluate(y, r))
 
     def floor(self) -> float:
         """Seconds of the modal matrix products alone."""

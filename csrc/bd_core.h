@@ -12,14 +12,18 @@
 #endif
 #include <numpy/arrayobject.h>
 
+#include "bd_dense.h"
 #include "bd_family.h"
-#include "bd_newton.h"
+#include "bd_solver.h"
 #include "bd_time.h"
 #include "bd_wheel.h"
 
+#include <pythread.h>
+
 typedef struct {
     bd_lapack lapack;
-    PyTypeObject *counts, *corrected, *peak; /* struct sequences */
+    PyTypeObject *counts, *solved; /* struct sequences */
+    PyTypeObject *sector;
 } core_state;
 
 /* ---- arguments (bd_core_arguments.c) ---- */
@@ -62,11 +66,27 @@ PyObject *core_kernel_names(void);
 /* 0, with an exception, for a status that stands for wrong arguments or lack of memory. */
 int core_check_status(bd_status status);
 
+/* ---- equations (bd_core_equations.c) ---- */
+
+/* What every type of equations is: they differ in their constructors alone, and share methods and destructor. */
+typedef struct core_equations {
+    PyObject_HEAD bd_equations *equations; /* owned */
+    bd_hbm *hbm;                           /* that evaluates the contact */
+    struct core_equations *inner;          /* what they wrap, whose lock they take; NULL if none */
+    PyThread_type_lock lock;
+} core_equations;
+
+/* An object without equations yet; NULL with an exception. */
+core_equations *core_equations_new(PyTypeObject *type, core_equations *inner);
+void core_equations_dealloc(PyObject *self);
+extern PyMethodDef core_equations_methods[];
+extern PyGetSetDef core_equations_getset[];
+
 /* ---- parts of the module ---- */
 
-extern PyType_Spec core_system_spec; /* bd_core_system.c */
-extern PyType_Spec core_ring_spec;   /* bd_core_time.c */
-extern PyType_Spec core_wheel_spec;  /* bd_core_wheel.c */
+extern PyType_Spec core_sector_spec, core_eased_spec; /* bd_core_sector.c */
+extern PyType_Spec core_ring_spec;                    /* bd_core_time.c */
+extern PyType_Spec core_wheel_spec;                   /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
 PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwargs);

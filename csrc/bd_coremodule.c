@@ -115,11 +115,14 @@ static int core_exec(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     if (PyArray_ImportNumPyAPI() < 0 || find_lapack(&state->lapack) < 0) return -1;
     if (core_add_results(module, state) < 0) return -1;
-    PyType_Spec *const spec[] = {&core_system_spec, &core_ring_spec, &core_wheel_spec};
+    PyType_Spec *const spec[] = {&core_sector_spec, &core_eased_spec, &core_ring_spec, &core_wheel_spec};
     for (size_t i = 0; i < sizeof spec / sizeof *spec; ++i) {
         PyObject *type = PyType_FromModuleAndSpec(module, spec[i], NULL);
         const int failed = type ? PyModule_AddType(module, (PyTypeObject *)type) : -1;
-        Py_XDECREF(type);
+        if (spec[i] == &core_sector_spec)
+            state->sector = (PyTypeObject *)type;
+        else
+            Py_XDECREF(type);
         if (failed) return -1;
     }
     return 0;
@@ -128,16 +131,16 @@ static int core_exec(PyObject *module) {
 static int core_traverse(PyObject *module, visitproc visit, void *arg) {
     const core_state *state = PyModule_GetState(module);
     Py_VISIT(state->counts);
-    Py_VISIT(state->corrected);
-    Py_VISIT(state->peak);
+    Py_VISIT(state->solved);
+    Py_VISIT(state->sector);
     return 0;
 }
 
 static int core_clear(PyObject *module) {
     core_state *state = PyModule_GetState(module);
     Py_CLEAR(state->counts);
-    Py_CLEAR(state->corrected);
-    Py_CLEAR(state->peak);
+    Py_CLEAR(state->solved);
+    Py_CLEAR(state->sector);
     return 0;
 }
 

@@ -29,7 +29,7 @@ typedef enum {
     BD_NOT_FINITE = 4,    /* the evaluation gave a NaN or an infinity */
     BD_BAD_ARGUMENT = 5,
     BD_NO_MEMORY = 6,
-    BD_BAD_STATE = 7 /* called before what it needs */
+    BD_BAD_STATE = 7 /* asked in the wrong order: no factorisation of the point evaluated last */
 } bd_status;
 
 static inline int bd_n_coef(int n_harm) { return 2 * n_harm + 1; }

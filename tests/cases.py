@@ -113,7 +113,7 @@ def random_arrays(
     massless: int = 0,
     constraint_points: int = 0,
 ) -> dict:
-    """Arguments of ``_core.System``; the last modes are massless, the last points frictionless stops with a gap."""
+    """Arguments of ``_core.Sector``; the last modes are massless, the last points frictionless stops with a gap."""
     n_mode = np.array(n_mode, np.intc)
     total = int(n_mode.sum())
     unknowns = int(n_mode[0] + 2 * n_mode[1:].sum())
@@ -163,6 +163,6 @@ def evaluate_system(system, u, omega):
     """Residual, Jacobian and frequency derivative; outputs pre-filled with NaN."""
     n = system.n_unknown
     r, J, r_omega = np.full(n, np.nan), np.full((n, n), np.nan), np.full(n, np.nan)
-    status = system.evaluate(np.ascontiguousarray(u, float), float(omega), r, J, r_omega)
+    status = system.evaluate(np.append(u, omega), r, J, r_omega)
     assert status == 0
     return r, J, r_omega

@@ -25,9 +25,11 @@ C_LEVELS = [
     {"bd_coulomb"},
     {"bd_contact"},
     {"bd_hbm"},
-    {"bd_newton", "bd_wheel", "bd_family"},
+    {"bd_equations", "bd_wheel", "bd_family"},
+    {"bd_dense", "bd_solver"},
     {"bd_core"},
-    {"bd_core_arguments", "bd_core_system", "bd_core_contact", "bd_core_time", "bd_core_wheel", "bd_coremodule"},
+    {"bd_core_arguments", "bd_core_equations", "bd_core_sector", "bd_core_contact", "bd_core_time", "bd_core_wheel",
+     "bd_coremodule"},
 ]
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [

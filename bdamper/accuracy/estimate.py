@@ -283,7 +283,7 @@ def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float,
     for samples, out in zip((n, 2 * n), r):
         dense = replace(problem, evaluation=Sampled(samples))
         dense.share_static_states(problem)
-        dense.system(preload).core.evaluate(np.ascontiguousarray(y[:-1]), float(y[-1]), out)
+        dense.system(preload).core.evaluate(np.ascontiguousarray(y), out)
     e = estimate_change(exact, y, (4.0 * r[1] - r[0]) / 3.0)
     return e.amplitude, e.frequency, 2 * n
 

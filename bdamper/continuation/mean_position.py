@@ -55,8 +55,7 @@ def notes(
 def neutral_directions(system: HarmonicSystem, coordinates: Sequence[Coordinate], y: NDArray) -> list[str]:
     """Names of the mean coordinates that dominate the null space of the mean part of the Jacobian."""
     n = system.n_mean
-    J, _ = system.derivatives(y)
-    columns = J[:, :n]
+    columns = system.evaluate_at(y)[1][:, :n]
     size = np.abs(columns).max(axis=0)
     size = np.where(size > 1e-13 * size.max(), size, size.max())
     _, s, vt = np.linalg.svd(columns / size)

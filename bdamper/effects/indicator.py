@@ -143,7 +143,7 @@ def estimate_change(system: HarmonicSystem, y: NDArray, residual: NDArray | None
     change = -(right @ dual)
     new = y + step * columns
     again = np.empty(n)
-    if not new[-1] > 0.0 or system.core.evaluate(np.ascontiguousarray(new[:-1]), float(new[-1]), again) != OK:
+    if not new[-1] > 0.0 or system.core.evaluate(new, again) != OK:
         return Estimate(np.nan, np.nan, np.inf, y)
     missed = (np.append(again, 0.0) * rows) @ dual
     return Estimate(float(change[0]), float(change[1]), float(np.abs(missed).max()), new)

@@ -29,6 +29,7 @@ from bdamper.contact.laws import (
     check_evaluation,
 )
 from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.conditions import Condition, Fixed, Plane, for_core
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import end_if_asked
@@ -72,6 +73,8 @@ class Correction:
         core has not evaluated it.
     orientation : int
         Sign of det [J; tangent], which stays the same along a curve, corners included; 0 if it is not known.
+    slope, curvature : float
+        Of a stationary point: what vanishes there, and its derivative along the curve.
     """
 
     status: int
@@ -83,6 +86,8 @@ class Correction:
     rank_deficiency: int
     shares: tuple[float, float, float] = (math.nan, math.nan, math.nan)
     orientation: int = 0
+    slope: float = math.nan
+    curvature: float = math.nan
 
 
 class HarmonicSystem:
@@ -142,14 +147,15 @@ class HarmonicSystem:
             "force": self.force,
             "load": np.ascontiguousarray(points.n0 if points.load is None else points.load, float),
         }
-        self._evaluation: dict[str, Any] = {"evaluation": mode, "n_time": n_time}
-        self.core = _core.System(**self.arrays, **self._evaluation)
-        self.n_unknowns = self.core.n_unknown
+        self.n_unknowns = len(self.force)
         self.n_mean = int(self.n_mode[0])
         self.n_points = len(points.kn)
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
-        self._parameter: dict[str, Any] = {}
+        self._fixed: dict[str, Any] = {"evaluation": mode, "n_time": n_time, "row_scale": self.row_scale}
+        self.core: _core.Sector | _core.Eased = _core.Sector(**self.arrays, **self._fixed)
+        self.supported = False
+        """Whether the parameter fades a support out (:meth:`supported_by`)."""
         self.most_evaluations = math.inf
         """Evaluations of the core in all after which no correction is begun (:meth:`within`)."""
         self.watched: list[tuple[float, float, NDArray]] = []
@@ -178,11 +184,6 @@ class HarmonicSystem:
         """Whether the budget of evaluations is used up."""
         return self.most_evaluations < math.inf and self.core.cost.evaluations >= self.most_evaluations
 
-    @property
-    def supported(self) -> bool:
-        """Whether the parameter fades a support out (:meth:`supported_by`)."""
-        return "support" in self._parameter
-
     def slices(self, harmonic: int) -> tuple[slice, slice]:
         """Places of the cosine and sine amplitudes of one harmonic (for 0: of the mean, and an empty one)."""
         n = self.n_mode
@@ -205,15 +206,18 @@ class HarmonicSystem:
             [self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1
         )
 
-    def excitation_ramp(self, omega: float) -> HarmonicSystem:
+    def excitation_ramp(self, omega: float, support: NDArray | None = None) -> HarmonicSystem:
         """The same equations with a factor on the excitation of harmonics as the parameter, at fixed omega.
 
-        The core is shared; the last entry of a point ``y`` is then the factor.
+        The last entry of a point ``y`` is then the factor, which also fades out the linear force ``support``
+        (n_unknowns, n_unknowns), if there is one.
         """
+        assert isinstance(self.core, _core.Sector)
         out = copy(self)
         ramp = self.force.copy()
         ramp[: self.n_mean] = 0.0
-        out._parameter = {"ramp": ramp, "omega": float(omega)}
+        out.core = _core.Eased(self.core, float(omega), ramp, support)
+        out.supported = support is not None
         out.watched = []
         return out
 
@@ -239,9 +243,7 @@ class HarmonicSystem:
             else:
                 support[c[free], s[free]] = drag * l * omega**2
                 support[s[free], c[free]] = -drag * l * omega**2
-        out = self.excitation_ramp(omega)
-        out._parameter["support"] = support
-        return out
+        return self.excitation_ramp(omega, support)
 
     def with_force(self, force: NDArray) -> HarmonicSystem:
         """The same equations under another modal force."""
@@ -258,38 +260,68 @@ class HarmonicSystem:
     def _with(self, **arrays: NDArray) -> HarmonicSystem:
         out = copy(self)
         out.arrays = {**self.arrays, **arrays}
-        out.core = _core.System(**out.arrays, **self._evaluation)
+        out.core = _core.Sector(**out.arrays, **self._fixed)
         return out
 
-    def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
-        """Jacobian and derivative with respect to the parameter at a point."""
-        n, omega = self.n_unknowns, self._parameter.get("omega", y[-1])
-        r, J, r_omega = np.empty(n), np.empty((n, n)), np.empty(n)
-        if self.core.evaluate(np.ascontiguousarray(y[:-1], float), float(omega), r, J, r_omega) != OK:
+    def evaluate_at(self, y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """Residual, Jacobian and derivative with respect to the parameter at a point."""
+        n = self.n_unknowns
+        r, J, C = np.empty(n), np.empty((n, n)), np.empty(n)
+        if self.core.evaluate(np.ascontiguousarray(y, float), r, J, C) != OK:
             raise FloatingPointError("the residual is not finite at this point")
-        if self._parameter:
-            by_factor = -self._parameter["ramp"]
-            if self.supported:
-                J += (1.0 / y[-1] - 1.0) * self._parameter["support"]
-                by_factor = by_factor - self._parameter["support"] @ y[:-1] / y[-1] ** 2
-            return J, by_factor
-        return J, r_omega
+        return r, J, C
 
     def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
         """Residual, Jacobian and derivative with respect to omega."""
-        n = self.n_unknowns
-        r, J, r_omega = np.empty(n), np.empty((n, n)), np.empty(n)
-        status = self.core.evaluate(np.ascontiguousarray(u, float), float(omega), r, J, r_omega)
-        if status != OK:
-            raise FloatingPointError("the residual is not finite at this point")
-        return r, J, r_omega
+        return self.evaluate_at(np.append(u, omega))
 
     def residual(self, y: NDArray) -> NDArray:
         """Residual alone at a point."""
         r = np.empty(self.n_unknowns)
-        if self.core.evaluate(np.ascontiguousarray(y[:-1], float), float(y[-1]), r) != OK:
+        if self.core.evaluate(np.ascontiguousarray(y, float), r) != OK:
             raise FloatingPointError("the residual is not finite at this point")
         return r
+
+    def solve(
+        self,
+        y: NDArray,
+        condition: Condition,
+        scale: NDArray,
+        tolerance: float,
+        max_iterations: int,
+        line_search: bool = False,
+        reach: float = 0.0,
+    ) -> Correction:
+        """Newton's method to where the equations and one condition hold.
+
+        Parameters
+        ----------
+        y : (n_unknowns + 1,) float
+            Guess.
+        condition : Plane, Fixed, Fold or Peak
+        scale : (n_unknowns + 1,) float
+            Units of the unknowns.
+        tolerance : float
+            On the largest residual, relative to excitation and static load.
+        max_iterations : int
+        line_search : bool
+            Halve a step that does not reduce the residual; for ``Plane`` and ``Fixed``.
+        reach : float
+            It ends without having converged where a Newton step is longer, in scaled unknowns, if that is not 0.
+        """
+        end_if_asked()
+        y = np.array(y, float)
+        tangent, arguments = for_core(condition, self.n_unknowns, self.response_parts)
+        if self.spent:
+            return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
+        if self.most_evaluations < math.inf:
+            left = int(self.most_evaluations) - self.core.cost.evaluations
+            max_iterations = min(max_iterations, 1 + left // (LINE_SEARCH_TRIALS if line_search else 1))
+        c = self.core.solve(y, tangent, scale, tolerance, max_iterations, line_search, reach, **arguments)
+        return Correction(
+            c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation, c.slope,
+            c.curvature,
+        )  # fmt: skip
 
     def correct(
         self,
@@ -301,25 +333,14 @@ class HarmonicSystem:
         line_search: bool = False,
         reach: float = 0.0,
     ) -> Correction:
-        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns.
+        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
+        return self.solve(y, Plane(normal), scale, tolerance, max_iterations, line_search, reach)
 
-        It ends without having converged where a Newton step is longer than ``reach`` in scaled unknowns, if that is not 0.
-        """
-        end_if_asked()
-        y = np.array(y, float)
-        tangent = np.zeros_like(y)
-        if self.spent:
-            return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
-        if self.most_evaluations < math.inf:
-            left = int(self.most_evaluations) - self.core.cost.evaluations
-            max_iterations = min(max_iterations, 1 + left // (LINE_SEARCH_TRIALS if line_search else 1))
-        c = self.core.correct(
-            y, normal, scale, self.row_scale, tangent, tolerance, max_iterations, line_search, reach=reach,
-            **self._parameter,
-        )  # fmt: skip
-        return Correction(
-            c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation
-        )
+    def correct_at(
+        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
+    ) -> Correction:
+        """Newton at a fixed frequency."""
+        return self.solve(np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search)
 
     @cached_property
     def response_parts(self) -> tuple[NDArray, NDArray]:
@@ -331,54 +352,12 @@ class HarmonicSystem:
         im[c], im[s] = row.imag, -row.real
         return re, im
 
-    def peak(
-        self,
-        y: NDArray,
-        tangent: NDArray,
-        scale: NDArray,
-        curvature: float,
-        tolerance: float,
-        place_tolerance: float,
-        max_iterations: int,
-        max_step: float,
-    ) -> tuple[Correction, float, float]:
-        """Newton to the peak of the first harmonic of the response near a point of the curve.
-
-        Parameters
-        ----------
-        y, tangent, scale : (n_unknowns + 1,) float
-            ``tangent`` of unit length in scaled unknowns, an estimate.
-        curvature : float
-            Estimate of the second derivative of ln(amplitude) along the curve, negative.
-        tolerance, place_tolerance : float
-            On the residual, and on the distance to the peak in scaled unknowns.
-
-        Returns
-        -------
-        Correction, slope and curvature of ln(amplitude)
-        """
-        y, tangent = np.array(y, float), np.array(tangent, float)
-        p = self.core.peak(
-            y, tangent, scale, self.row_scale, *self.response_parts, tolerance, max_iterations, curvature, place_tolerance,
-            max_step,
-        )  # fmt: skip
-        correction = Correction(p.status, y, tangent, p.iterations, p.residual, 0.0, len(y) - p.rank, p.shares)
-        return correction, p.slope, p.curvature
-
-    def correct_at(
-        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
-    ) -> Correction:
-        """Newton at a fixed frequency."""
-        normal = np.zeros(self.n_unknowns + 1)
-        normal[-1] = 1.0
-        return self.correct(np.append(u, omega), normal, scale, tolerance, max_iterations, line_search)
-
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""
         n_coef = 2 * self.n_harmonics + 1
         X, F = np.empty((self.n_points, 3, n_coef)), np.empty((self.n_points, 3, n_coef))
         share = np.empty((self.n_points, 5))
-        if self.core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+        if self.core.contact(np.append(u, 1.0), X, F, share) != OK:
             raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
 
@@ -472,8 +451,8 @@ class HarmonicSystem:
         share = np.empty((self.n_points, 5))
         for end, far in enumerate((-np.inf, np.inf)):
             w = np.where(one_d[:, None], far, self.arrays["w"])
-            core = _core.System(**{**self.arrays, "w": w}, **self._evaluation)
-            if core.contact(np.ascontiguousarray(u, float), X, F, share) != OK:
+            core = _core.Sector(**{**self.arrays, "w": w}, **self._fixed)
+            if core.contact(np.append(u, 1.0), X, F, share) != OK:
                 raise FloatingPointError("the contact forces are not finite at this point")
             rests = one_d[:, None] & (share[:, [0, 2]] > 1.0 - 1e-9)
             kt = np.where(rests, self.arrays["kt"], 1.0)

@@ -10,9 +10,9 @@ component of ``t``; in terms of ``t`` the condition stays regular where the curv
 has its maximum just there.
 
 From a near guess, Newton's method to the curve with a secant along it converges to the peak
-(:meth:`HarmonicSystem.peak`).  If it fails, :func:`find_peak` follows the curve uphill until ``phi`` changes its sign, and
-searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a corner of the curve ``phi``
-may jump through zero: then the search ends at the corner.
+(:class:`~bdamper.harmonic_balance.conditions.Peak`).  If it fails, :func:`find_peak` follows the curve uphill until ``phi``
+changes its sign, and searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a corner
+of the curve ``phi`` may jump through zero: then the search ends at the corner.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.harmonic_balance import conditions
 from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
 from bdamper.util import validate
 from bdamper.util.cost import Cost
@@ -492,16 +493,14 @@ def _newton_to_peak(
     reach: float,
 ) -> Peak:
     """The peak by Newton's method, which converges if the guess is near enough."""
-    c, slope, curvature = system.peak(
-        guess, tangent, scale, curvature, options.tolerance, options.position_tolerance, options.max_iterations,
-        0.5 * options.max_step,
-    )  # fmt: skip
+    peak = conditions.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
+    c = system.solve(guess, peak, scale, options.tolerance, options.max_iterations)
     vibration = slice(system.n_mean, None)
     status = STATUS_TEXT[c.status]
     if c.status == OK and norm2(((c.y - guess) / scale)[vibration]) > min(reach, options.max_step):
         status = FAR
     return Peak(
-        parameter, float(c.y[-1] / (2.0 * np.pi)), amplitude_at(system, c.y), c.y, c.tangent, scale, slope, curvature,
+        parameter, float(c.y[-1] / (2.0 * np.pi)), amplitude_at(system, c.y), c.y, c.tangent, scale, c.slope, c.curvature,
         np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, False, status,
     )  # fmt: skip
 

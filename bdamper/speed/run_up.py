@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
+from bdamper.harmonic_balance.conditions import Condition, Plane
 from bdamper.harmonic_balance.system import DIVERGED, NOT_CONVERGED, NOT_FINITE, OK, Correction, HarmonicSystem, norm2
 from bdamper.peaks.newton import Peak, amplitude_at, refine_maxima
 from bdamper.problem.at_speed import Conditions
@@ -164,16 +165,12 @@ class RunUpSystem(HarmonicSystem):
 
     # ---- what continuation and search for a peak ask of equations ----
 
-    def evaluate(self, u: NDArray, omega: float) -> tuple[NDArray, NDArray, NDArray]:
+    def evaluate_at(self, y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Residual, Jacobian and derivative along the line with respect to the frequency omega = EO Omega."""
-        speed = omega / self.order
+        speed = float(y[-1]) / self.order
         system, rate = self.made_at(speed)
-        r, J, r_omega = system.evaluate(u, omega)
-        return r, J, r_omega + self._speed_rate(system, rate, u, speed, TERMS) / self.order
-
-    def derivatives(self, y: NDArray) -> tuple[NDArray, NDArray]:
-        """Jacobian and derivative along the line at a point."""
-        return self.evaluate(y[:-1], float(y[-1]))[1:]
+        r, J, r_omega = system.evaluate_at(y)
+        return r, J, r_omega + self._speed_rate(system, rate, y[:-1], speed, TERMS) / self.order
 
     def residual(self, y: NDArray) -> NDArray:
         """Residual alone at a point."""
@@ -184,17 +181,20 @@ class RunUpSystem(HarmonicSystem):
         system = self.made_at(float(y[-1]) / self.order)[0]
         return float(abs(system.response(y[:-1])[1]))
 
-    def correct(
+    def solve(
         self,
         y: NDArray,
-        normal: NDArray,
+        condition: Condition,
         scale: NDArray,
         tolerance: float,
         max_iterations: int,
         line_search: bool = False,
         reach: float = 0.0,
     ) -> Correction:
-        """Newton to the curve within the plane through ``y`` normal to ``normal`` in scaled unknowns."""
+        """Newton to the curve within a plane; no search of its own for a fold or the highest point."""
+        if not isinstance(condition, Plane):
+            return Correction(NOT_CONVERGED, np.array(y, float), np.zeros(len(y)), 0, np.nan, 0.0, 0)
+        normal = condition.normal
         start, y, n = y, np.array(y, float), self.n_unknowns
         border = np.append(np.zeros(n), 1.0)
         residual, status = np.nan, NOT_CONVERGED
@@ -204,7 +204,7 @@ class RunUpSystem(HarmonicSystem):
             if not 0.9 * low < y[-1] < 1.1 * high:  # beyond the range of the polynomials
                 return Correction(DIVERGED, y, tangent, iteration, residual, 0.0, 0)
             try:
-                r, J, r_omega = self.evaluate(y[:-1], float(y[-1]))
+                r, J, r_omega = self.evaluate_at(y)
             except FloatingPointError:
                 return Correction(NOT_FINITE, y, tangent, iteration, residual, 0.0, 0)
             residual = float(np.abs(r * self.row_scale).max())
@@ -229,10 +229,6 @@ class RunUpSystem(HarmonicSystem):
         """Shares of the cycle at a point."""
         system = self.made_at(float(y[-1]) / self.order)[0]
         return HarmonicSystem.correct_at(system, y[:-1], float(y[-1]), np.ones(len(y)), 1e300, 1).shares
-
-    def peak(self, y: NDArray, tangent: NDArray, *_: Any) -> tuple[Correction, float, float]:
-        """No search of its own: that along the curve finds the highest point."""
-        return Correction(NOT_CONVERGED, np.array(y, float), np.array(tangent, float), 0, np.nan, 0.0, 0), np.nan, np.nan
 
 
 def _amplitude(force: NDArray, harmonic: int) -> NDArray:

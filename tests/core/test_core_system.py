@@ -29,7 +29,7 @@ def test_residual_is_that_of_the_oracle(name):
     rng = np.random.default_rng(1)
     for _ in range(4):
         arrays = random_arrays(rng, **LAYOUTS[name])
-        system = _core.System(**arrays)
+        system = _core.Sector(**arrays)
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         r, _, _ = evaluate_system(system, u, omega)
         expected = oracle.residual(u, omega, for_oracle(arrays))
@@ -42,7 +42,7 @@ def test_residual_is_that_of_the_oracle(name):
 def test_sampled_residual_is_that_of_the_oracle(evaluation):
     rng = np.random.default_rng(2)
     arrays = random_arrays(rng, (2, 3, 0, 2), 4, constraint_points=1)
-    system = _core.System(**arrays, evaluation=evaluation, n_time=96)
+    system = _core.Sector(**arrays, evaluation=evaluation, n_time=96)
     u = rng.normal(size=system.n_unknown)
     r, _, _ = evaluate_system(system, u, 0.8)
 
@@ -59,7 +59,7 @@ def test_derivatives(name):
     compared = 0
     for _ in range(40):
         arrays = random_arrays(rng, **LAYOUTS[name])
-        system = _core.System(**arrays)
+        system = _core.Sector(**arrays)
         u, omega = rng.normal(size=system.n_unknown), rng.uniform(0.3, 2.0)
         _, J, r_omega = evaluate_system(system, u, omega)
         coarse, fine = (
@@ -82,21 +82,21 @@ def test_derivatives(name):
 def test_outputs_may_be_left_out():
     rng = np.random.default_rng(4)
     arrays = random_arrays(rng, (2, 3, 2), 3)
-    system = _core.System(**arrays)
+    system = _core.Sector(**arrays)
     u = rng.normal(size=system.n_unknown)
     r, _, _ = evaluate_system(system, u, 1.1)
     alone = np.full_like(r, np.nan)
-    assert system.evaluate(u, 1.1, alone) == 0
+    assert system.evaluate(np.append(u, 1.1), alone) == 0
     np.testing.assert_array_equal(alone, r)
 
 
 def test_contact_gives_the_forces_in_the_residual():
     rng = np.random.default_rng(5)
     arrays = random_arrays(rng, (2, 3, 2), 4, constraint_points=1)
-    system = _core.System(**arrays)
+    system = _core.Sector(**arrays)
     u = rng.normal(size=system.n_unknown)
     X, F, share = np.full((4, 3, 5), np.nan), np.full((4, 3, 5), np.nan), np.full((4, 5), np.nan)
-    assert system.contact(u, X, F, share) == 0
+    assert system.contact(np.append(u, 1.0), X, F, share) == 0
     o = for_oracle(arrays)
     np.testing.assert_allclose(X, oracle.motion(u, o["n_mode"], o["G"], o["shift"]), rtol=0, atol=1e-13)
     for p in range(4):
@@ -107,7 +107,7 @@ def test_contact_gives_the_forces_in_the_residual():
 def test_arguments_are_copied():
     rng = np.random.default_rng(6)
     arrays = random_arrays(rng, (2, 3), 3)
-    system = _core.System(**arrays)
+    system = _core.Sector(**arrays)
     u = rng.normal(size=system.n_unknown)
     before = evaluate_system(system, u, 1.0)[0]
     for value in arrays.values():
@@ -153,82 +153,89 @@ def changed(name, index, value):
         ("shift", changed("shift", 8, np.nan), ValueError),
         ("force", np.zeros(7), ValueError),
         ("force", changed("force", 0, np.inf), ValueError),
+        ("row_scale", np.ones(7), ValueError),
+        ("row_scale", np.zeros(8), ValueError),
         ("evaluation", 3, ValueError),
         ("evaluation", -1, ValueError),
     ],
 )
 def test_wrong_arguments_are_named(name, value, error):
     with pytest.raises(error, match=rf"^{name}: expected"):
-        _core.System(**{**GOOD, name: value})
+        _core.Sector(**{**GOOD, name: value})
 
 
 def test_sizes_are_checked():
     with pytest.raises(ValueError, match=r"^n_time: expected 8 to"):
-        _core.System(**GOOD, evaluation=1, n_time=4)
+        _core.Sector(**GOOD, evaluation=1, n_time=4)
     with pytest.raises(ValueError, match="number of harmonics: expected 1 to 64, found 0"):
-        _core.System(**{**GOOD, "n_mode": np.array([2], np.intc)})
+        _core.Sector(**{**GOOD, "n_mode": np.array([2], np.intc)})
     with pytest.raises(ValueError, match=r"^n_mode: expected 1 to 30000 unknowns"):
-        _core.System(**{**GOOD, "n_mode": np.zeros(2, np.intc)})
+        _core.Sector(**{**GOOD, "n_mode": np.zeros(2, np.intc)})
 
 
 @pytest.mark.parametrize(
     ("place", "name", "value"),
     [
-        (0, "u", np.zeros(7)),
-        (0, "u", np.zeros(8, np.float32)),
-        (2, "r", np.zeros(9)),
-        (2, "r", np.zeros(16)[::2]),
-        (3, "J", np.zeros((8, 7))),
-        (3, "J", np.zeros((8, 8)).T[::-1]),
-        (4, "r_omega", np.zeros((8, 1))),
-        (4, "r_omega", "text"),
+        (0, "y", np.zeros(8)),
+        (0, "y", np.zeros(9, np.float32)),
+        (1, "r", np.zeros(9)),
+        (1, "r", np.zeros(16)[::2]),
+        (2, "J", np.zeros((8, 7))),
+        (2, "J", np.zeros((8, 8)).T[::-1]),
+        (3, "C", np.zeros((8, 1))),
+        (3, "C", "text"),
     ],
 )
 def test_wrong_arrays_of_evaluate_are_named(place, name, value):
-    arguments = [np.zeros(8), 1.0, np.zeros(8), np.zeros((8, 8)), np.zeros(8)]
-    system = _core.System(**GOOD)
+    arguments = [np.ones(9), np.zeros(8), np.zeros((8, 8)), np.zeros(8)]
+    system = _core.Sector(**GOOD)
     assert system.evaluate(*arguments) == 0
     arguments[place] = value
     with pytest.raises((TypeError, ValueError), match=rf"^{name}: expected"):
         system.evaluate(*arguments)
 
 
-CORRECT = {
-    "y": np.zeros(9), "normal": np.ones(9), "scale": np.ones(9), "row_scale": np.ones(8), "tangent": np.zeros(9),
-    "tolerance": 1e-9, "max_iterations": 10, "ramp": np.ones(8), "omega": 1.0, "support": np.eye(8),
+SOLVE = {
+    "y": np.ones(9), "tangent": np.zeros(9), "scale": np.ones(9), "tolerance": 1e-9, "max_iterations": 10,
+    "row": np.ones(9),
 }  # fmt: skip
 PEAK = {
-    "y": np.zeros(9), "tangent": np.ones(9) / 3, "scale": np.ones(9), "row_scale": np.ones(8), "re": np.ones(8),
-    "im": np.zeros(8), "tolerance": 1e-9, "max_iterations": 10, "curvature": -1.0, "place_tolerance": 1e-6, "max_step": 0.1,
+    "y": np.ones(9), "tangent": np.ones(9) / 3, "scale": np.ones(9), "re": np.ones(8), "im": np.zeros(8), "tolerance": 1e-9,
+    "max_iterations": 10, "curvature": -1.0, "place_tolerance": 1e-6, "max_step": 0.1,
 }  # fmt: skip
-EVALUATE = {"u": np.zeros(8), "omega": 1.0, "r": np.zeros(8), "J": np.zeros((8, 8)), "r_omega": np.zeros(8)}
-CONTACT = {"u": np.zeros(8), "X": np.zeros((3, 3, 3)), "F": np.zeros((3, 3, 3)), "share": np.zeros((3, 5))}
-METHODS = {"correct": CORRECT, "peak": PEAK, "evaluate": EVALUATE, "contact": CONTACT}
+FOLD = {name: value for name, value in PEAK.items() if name not in ("re", "im")}
+EVALUATE = {"y": np.ones(9), "r": np.zeros(8), "J": np.zeros((8, 8)), "C": np.zeros(8)}
+BORDERED = {"y": np.ones(9), "row": np.ones(9), "scale": np.ones(9), "b": np.ones((2, 9))}
+CONTACT = {"y": np.ones(9), "X": np.zeros((3, 3, 3)), "F": np.zeros((3, 3, 3)), "share": np.zeros((3, 5))}
+CALLS = {"solve": SOLVE, "peak": PEAK, "fold": FOLD, "evaluate": EVALUATE, "bordered": BORDERED, "contact": CONTACT}
+METHODS = {name: name for name in CALLS} | {"peak": "solve", "fold": "solve"}
 OUTPUTS = {
-    "correct": ("y", "tangent"),
+    "solve": ("y", "tangent"),
     "peak": ("y", "tangent"),
-    "evaluate": ("r", "J", "r_omega"),
+    "fold": ("y", "tangent"),
+    "evaluate": ("r", "J", "C"),
+    "bordered": ("b",),
     "contact": ("X", "F", "share"),
 }
 
 
-def call(method, arguments):
+def call(name, arguments):
     """One method with copies of its arguments; contact takes them by place only."""
-    function = getattr(_core.System(**GOOD), method)
-    return function(*arguments.values()) if method == "contact" else function(**arguments)
+    function = getattr(_core.Sector(**GOOD), METHODS[name])
+    return function(*arguments.values()) if name == "contact" else function(**arguments)
 
 
 def sharing():
     """Every output of every method with every other array."""
     for method, outputs in OUTPUTS.items():
-        arrays = [name for name, value in METHODS[method].items() if isinstance(value, np.ndarray)]
+        arrays = [name for name, value in CALLS[method].items() if isinstance(value, np.ndarray)]
         for i, first in enumerate(arrays):
             yield from ((method, first, second) for second in arrays[i + 1 :] if first in outputs or second in outputs)
 
 
 @pytest.mark.parametrize(("method", "first", "second"), list(sharing()))
 def test_outputs_that_share_memory_are_refused(method, first, second):
-    arguments = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in METHODS[method].items()}
+    arguments = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in CALLS[method].items()}
     assert call(method, dict(arguments)) is not None
     a, b = arguments[first], arguments[second]
     memory = np.zeros(a.size + b.size - 1)  # they have one number in common
@@ -244,22 +251,21 @@ def test_outputs_that_share_memory_are_refused(method, first, second):
 
 
 def test_inputs_may_share_memory_and_outputs_may_touch():
-    system, memory = _core.System(**GOOD), np.zeros(17)
-    assert system.evaluate(memory[:8], 1.0, memory[8:16]) == 0
+    system, memory = _core.Sector(**GOOD), np.ones(17)
+    assert system.evaluate(memory[:9], memory[9:]) == 0
     same = np.full(9, 0.5)
     peak = {k: v.copy() if isinstance(v, np.ndarray) else v for k, v in PEAK.items()}
-    assert system.peak(**{**peak, "scale": same, "row_scale": same[:8], "re": same[:8]}).status >= 0
+    assert system.solve(**{**peak, "scale": same, "re": same[:8]}).status >= 0
 
 
 @pytest.mark.parametrize(
     ("method", "name", "value", "expected"),
     [
-        ("correct", "tolerance", np.nan, "a finite positive number, found nan"),
-        ("correct", "tolerance", 0.0, "a finite positive number, found 0.0"),
-        ("correct", "rank_tolerance", np.nan, "a finite non-negative number, found nan"),
-        ("correct", "reach", -1.0, "a finite non-negative number, found -1.0"),
-        ("correct", "max_iterations", -1, "at least 0, found -1"),
-        ("correct", "omega", None, "a number beside ramp, found None"),
+        ("solve", "tolerance", np.nan, "a finite positive number, found nan"),
+        ("solve", "tolerance", 0.0, "a finite positive number, found 0.0"),
+        ("solve", "reach", -1.0, "a finite non-negative number, found -1.0"),
+        ("solve", "max_iterations", -1, "at least 0, found -1"),
+        ("fold", "curvature", np.nan, "a finite number, found nan"),
         ("peak", "tolerance", np.inf, "a finite positive number, found inf"),
         ("peak", "max_iterations", -1, "at least 0, found -1"),
         ("peak", "curvature", 0.0, "a finite negative number, found 0.0"),
@@ -270,64 +276,69 @@ def test_inputs_may_share_memory_and_outputs_may_touch():
 )
 def test_wrong_numbers_are_named(method, name, value, expected):
     with pytest.raises(ValueError, match=f"^{name}: expected {expected}$"):
-        call(method, {**METHODS[method], name: value})
+        call(method, {**CALLS[method], name: value})
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-@pytest.mark.parametrize("name", ["scale", "row_scale"])
-@pytest.mark.parametrize("method", ["correct", "peak"])
+@pytest.mark.parametrize(
+    ("method", "name"), [(m, "scale") for m in ("solve", "peak", "fold", "bordered")] + [("sector", "row_scale")]
+)
 def test_wrong_scales_are_named(method, name, value):
-    scale = METHODS[method][name].copy()
+    scale = np.ones(9 if name == "scale" else 8)
     scale[3] = value
     found = re.escape(str(value))
     with pytest.raises(ValueError, match=f"^{name}: expected finite positive numbers, found {found} at flat index 3$"):
-        call(method, {**METHODS[method], name: scale})
+        _core.Sector(**GOOD, row_scale=scale) if name == "row_scale" else call(method, {**CALLS[method], name: scale})
 
 
 @pytest.mark.parametrize(
     ("method", "name"),
-    [(method, name) for method, names in (("correct", ("normal", "ramp", "support")), ("peak", ("tangent", "re", "im")))
-     for name in names],
+    [("solve", "row"), ("bordered", "row"), ("peak", "tangent"), ("peak", "re"), ("peak", "im"), ("fold", "tangent")],
 )
 def test_arrays_that_are_not_finite_are_named(method, name):
-    value = METHODS[method][name].copy()
+    value = CALLS[method][name].copy()
     value.flat[2] = np.nan
     with pytest.raises(ValueError, match=f"^{name}: expected finite numbers, found nan at flat index 2$"):
-        call(method, {**METHODS[method], name: value})
+        call(method, {**CALLS[method], name: value})
 
 
-@pytest.mark.parametrize("name", ["support", "omega"])
-def test_an_argument_without_effect_is_refused(name):
-    alone = {k: v for k, v in CORRECT.items() if k not in ("ramp", "omega", "support")}
-    assert call("correct", alone).status >= 0
-    with pytest.raises(ValueError, match=f"^{name}: expected beside ramp only, without which it has no effect$"):
-        call("correct", {**alone, name: CORRECT[name]})
+def test_an_argument_without_effect_is_refused():
     with pytest.raises(ValueError, match=r"^n_time: expected none beside evaluation 0 \(exact\), found 64$"):
-        _core.System(**GOOD, n_time=64)
+        _core.Sector(**GOOD, n_time=64)
+
+
+@pytest.mark.parametrize("name", ["y", "tangent", "scale", "row"])
+def test_wrong_arrays_of_solve_are_named(name):
+    with pytest.raises(ValueError, match=rf"^{name}: expected shape \(9,\), found \(3,\)"):
+        _core.Sector(**GOOD).solve(**{**SOLVE, name: np.zeros(3)})
 
 
 @pytest.mark.parametrize(
-    ("place", "name"), [(0, "y"), (1, "normal"), (2, "scale"), (3, "row_scale"), (4, "tangent")]
+    ("name", "value", "error", "expected"),
+    [
+        ("sector", GOOD, TypeError, "must be bdamper._core.Sector"),
+        ("omega", np.nan, ValueError, "^omega: expected a finite number, found nan"),
+        ("ramp", np.zeros(2), ValueError, r"^ramp: expected shape \(8,\)"),
+        ("ramp", np.full(8, np.nan), ValueError, "^ramp: expected finite numbers"),
+        ("support", np.zeros((8, 2)), ValueError, r"^support: expected shape \(8, 8\)"),
+        ("support", np.full((8, 8), np.inf), ValueError, "^support: expected finite numbers"),
+    ],
 )
-def test_wrong_arrays_of_correct_are_named(place, name):
-    system = _core.System(**GOOD)
-    arguments = [np.zeros(9), np.ones(9), np.ones(9), np.ones(8), np.zeros(9)]
-    arguments[place] = np.zeros(3)
-    with pytest.raises(ValueError, match=rf"^{name}: expected shape \({8 if name == 'row_scale' else 9},\), found \(3,\)"):
-        system.correct(*arguments, 1e-9, 10)
-    arguments[place] = np.ones(8 if name == "row_scale" else 9)
-    with pytest.raises(ValueError, match=r"^ramp: expected shape"):
-        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(2))
-    with pytest.raises(ValueError, match=r"^support: expected shape \(8, 8\)"):
-        system.correct(*arguments, 1e-9, 10, ramp=np.zeros(8), omega=1.0, support=np.zeros((8, 2)))
+def test_wrong_arguments_of_eased_equations_are_named(name, value, error, expected):
+    good = {"sector": _core.Sector(**GOOD), "omega": 1.0, "ramp": np.ones(8), "support": np.eye(8)}
+    _core.Eased(**good)
+    with pytest.raises(error, match=expected):
+        _core.Eased(**{**good, name: value})
 
 
 def test_a_point_that_is_not_finite_is_a_status():
-    system = _core.System(**GOOD)
-    u, r = np.zeros(8), np.zeros(8)
-    u[3] = np.nan
-    assert system.evaluate(u, 1.0, r) == 4
-    assert system.evaluate(np.zeros(8), np.inf, r) == 4
+    system = _core.Sector(**GOOD)
+    y, r = np.ones(9), np.full(8, 7.0)
+    y[3] = np.nan
+    assert system.evaluate(y, r) == 4
+    y[3], y[-1] = 0.0, np.inf
+    assert system.evaluate(y, r) == 4
+    assert (r == 7.0).all()  # not what another call left
     study = plain_study(models.wedge_model(1), bd.Excitation("tip"), engine_order=2)
     equations = study.system(10.0)
     with pytest.raises(FloatingPointError, match="contact forces are not finite"):
@@ -358,7 +369,7 @@ def test_threads_give_the_serial_results(shared):
     rng = np.random.default_rng(8)
     arrays = random_arrays(rng, (3, 4, 3), 300)  # long enough for the threads to meet
     n_threads, n_states = 4, 12
-    systems = [_core.System(**arrays)] * n_threads if shared else [_core.System(**arrays) for _ in range(n_threads)]
+    systems = [_core.Sector(**arrays)] * n_threads if shared else [_core.Sector(**arrays) for _ in range(n_threads)]
     states = rng.normal(size=(n_states, systems[0].n_unknown))
     serial = [evaluate_system(systems[0], u, 0.9) for u in states]
     found = [[None] * n_states for _ in range(n_threads)]
@@ -376,7 +387,7 @@ def test_threads_give_the_serial_results(shared):
 
 def test_corrector_in_threads_gives_the_serial_results():
     rng = np.random.default_rng(9)
-    system = _core.System(**random_arrays(rng, (2, 3), 6))
+    system = _core.Sector(**random_arrays(rng, (2, 3), 6))
     n = system.n_unknown
     at_frequency = np.append(np.zeros(n), 1.0)
     starts = rng.normal(size=(12, n + 1)) * 0.1
@@ -384,7 +395,7 @@ def test_corrector_in_threads_gives_the_serial_results():
 
     def solve(k):
         y, tangent = starts[k].copy(), np.zeros(n + 1)
-        out = system.correct(y, at_frequency, np.ones(n + 1), np.ones(n), tangent, 1e-10, 40, True)
+        out = system.solve(y, tangent, np.ones(n + 1), 1e-10, 40, True, row=at_frequency)
         return out.status, y, tangent
 
     serial = [solve(k) for k in range(12)]
@@ -402,9 +413,9 @@ def test_corrector_in_threads_gives_the_serial_results():
 
 
 def test_cost_is_counted():
-    system = _core.System(**GOOD)
+    system = _core.Sector(**GOOD)
     evaluate_system(system, np.zeros(8), 1.0)
-    system.evaluate(np.zeros(8), 1.0, np.zeros(8))
+    system.evaluate(np.ones(9), np.zeros(8))
     cost = system.cost
     assert (cost.evaluations, cost.jacobians, cost.factorisations, cost.least_norm) == (2, 1, 0, 0)
     assert cost.contact > 0.0
@@ -416,19 +427,19 @@ def test_cost_is_counted():
 def test_processor_time_is_that_of_the_work():
     """A System that waits for another thread's call costs no processor time."""
     rng = np.random.default_rng(10)
-    system = _core.System(**random_arrays(rng, (3, 4, 3), 300))
+    system = _core.Sector(**random_arrays(rng, (3, 4, 3), 300))
     n = system.n_unknown
-    u = rng.normal(size=n)
+    y = rng.normal(size=n + 1)
     begin = time.thread_time()
     for _ in range(20):
-        system.evaluate(u, 0.9, np.empty(n), np.empty((n, n)))
+        system.evaluate(y, np.empty(n), np.empty((n, n)))
     assert 0.5 < system.cost.processor / (time.thread_time() - begin) <= 1.0
     before = system.cost.processor
     began = time.process_time()
 
     def work(i):
         for _ in range(20):
-            system.evaluate(u, 0.9, np.empty(n), np.empty((n, n)))
+            system.evaluate(y, np.empty(n), np.empty((n, n)))
 
     run_together(work, 4)
     assert system.cost.processor - before <= 1.05 * (time.process_time() - began)

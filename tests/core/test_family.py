@@ -50,13 +50,13 @@ def mixed(nodes, omega):
 
 
 def family(nodes, **evaluation):
-    systems = tuple(_core.System(**node, **evaluation) for node in nodes)
-    return _core.System(**nodes[1], **evaluation, nodes=systems, squares=SPEEDS**2, order=ORDER)
+    systems = tuple(_core.Sector(**node, **evaluation) for node in nodes)
+    return _core.Sector(**nodes[1], **evaluation, nodes=systems, squares=SPEEDS**2, order=ORDER)
 
 
 def evaluated(core, u, omega):
     r, J, d = np.empty(UNKNOWNS), np.empty((UNKNOWNS, UNKNOWNS)), np.empty(UNKNOWNS)
-    assert core.evaluate(u, omega, r, J, d) == 0
+    assert core.evaluate(np.append(u, omega), r, J, d) == 0
     return r, J, d
 
 
@@ -73,7 +73,7 @@ def test_residual_and_jacobian_are_those_of_the_arrays_at_the_speed(law, evaluat
     nodes = arrays(law, 0.1)
     u = size * np.random.default_rng(1).standard_normal(UNKNOWNS)
     for omega in (3.3, 4.0):
-        plain = _core.System(**mixed(nodes, omega), **evaluation)
+        plain = _core.Sector(**mixed(nodes, omega), **evaluation)
         for one, other in zip(evaluated(family(nodes, **evaluation), u, omega)[:2], evaluated(plain, u, omega)[:2]):
             np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-11 * np.abs(other).max())
 
@@ -89,7 +89,7 @@ def test_the_derivative_along_the_line_is_that_of_differences(law, evaluation, a
     exact = evaluated(family(nodes, **evaluation), u, 3.7)[2]
 
     def difference(h):
-        beside = [evaluated(_core.System(**mixed(nodes, w), **evaluation), u, w)[0] for w in (3.7 + h, 3.7 - h)]
+        beside = [evaluated(_core.Sector(**mixed(nodes, w), **evaluation), u, w)[0] for w in (3.7 + h, 3.7 - h)]
         return (beside[0] - beside[1]) / (2.0 * h)
 
     errors = [float(np.abs(difference(h) - exact).max()) for h in (3e-4, 1e-4, 3e-5, 1e-5)]
@@ -100,8 +100,8 @@ def test_motion_and_forces_of_a_family_are_those_of_the_frequency():
     nodes = arrays(LAW_SEPARABLE, 0.1)
     u = np.random.default_rng(3).standard_normal(UNKNOWNS)
     found, expected = ([np.empty((POINTS, 3, 7)), np.empty((POINTS, 3, 7)), np.empty((POINTS, 5))] for _ in range(2))
-    assert family(nodes).contact(u, *found, 3.9) == 0
-    assert _core.System(**mixed(nodes, 3.9)).contact(u, *expected) == 0
+    assert family(nodes).contact(np.append(u, 3.9), *found) == 0
+    assert _core.Sector(**mixed(nodes, 3.9)).contact(np.append(u, 3.9), *expected) == 0
     for one, other in zip(found, expected):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11)
 
@@ -111,7 +111,7 @@ def test_nothing_depends_on_the_call_before():
     u = np.random.default_rng(4).standard_normal(UNKNOWNS)
     before = evaluated(core, u, 3.6)
     evaluated(core, 0.5 * u, 4.1)
-    core.evaluate(u, np.nan, np.empty(UNKNOWNS))
+    core.evaluate(np.append(u, np.nan), np.empty(UNKNOWNS))
     for one, other in zip(before, evaluated(core, u, 3.6)):
         np.testing.assert_array_equal(one, other)
 
@@ -122,21 +122,21 @@ def test_beyond_the_nodes_there_are_no_equations():
     u, r = np.zeros(UNKNOWNS), np.empty(UNKNOWNS)
     width = SPEEDS[-1] ** 2 - SPEEDS[0] ** 2
     for square, status in ((1.0 - 0.04 * width, 0), (1.0 - 0.06 * width, 4), (1.96 + 0.06 * width, 4)):
-        assert core.evaluate(u, ORDER * np.sqrt(square), r) == status
+        assert core.evaluate(np.append(u, ORDER * np.sqrt(square)), r) == status
 
 
 def test_nodes_that_do_not_fit_are_refused():
     nodes = arrays(LAW_SEPARABLE, 0.1)
-    systems = tuple(_core.System(**node) for node in nodes)
-    other = _core.System(**arrays(LAW_NORMAL, 0.1)[0])
-    infinite = _core.System(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
+    systems = tuple(_core.Sector(**node) for node in nodes)
+    other = _core.Sector(**arrays(LAW_NORMAL, 0.1)[0])
+    infinite = _core.Sector(**(nodes[0] | {"w": np.full((POINTS, 2), np.inf)}))
     for given in ((*systems[:3], other), (*systems[:3], infinite), (*systems[:3], family(nodes)), (*systems[:3], None)):
-        with pytest.raises(ValueError, match="nodes: expected Systems of the same sizes and contact laws"):
-            _core.System(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
+        with pytest.raises(ValueError, match="nodes: expected Sectors of the same sizes and contact laws"):
+            _core.Sector(**nodes[0], nodes=given, squares=SPEEDS**2, order=ORDER)
     with pytest.raises(ValueError, match="at speeds of which no two are the same"):
-        _core.System(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)
-    with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Systems"):
-        _core.System(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)
+        _core.Sector(**nodes[0], nodes=systems, squares=np.array([1.0, 1.0, 2.0, 3.0]), order=ORDER)
+    with pytest.raises(TypeError, match="nodes: expected a tuple of two or more Sectors"):
+        _core.Sector(**nodes[0], nodes=systems[:1], squares=SPEEDS[:1], order=ORDER)
     for wrong in ({"squares": -SPEEDS}, {"squares": SPEEDS, "order": 0.0}):
         with pytest.raises(ValueError, match="expected"):
-            _core.System(**nodes[0], **({"nodes": systems, "order": ORDER} | wrong))
+            _core.Sector(**nodes[0], **({"nodes": systems, "order": ORDER} | wrong))

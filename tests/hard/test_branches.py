@@ -319,16 +319,16 @@ def test_support_is_drag_on_the_vibration_and_spring_on_the_mean_of_free_bodies(
     arrays["stiffness"] = arrays["stiffness"] + share * spring * omega**2 * np.concatenate(
         [free[0], *(0.0 * f for f in free[1:])]
     )
-    other = _core.System(**arrays)
+    other = _core.Sector(**arrays)
     n = system.n_unknowns
     y = np.append(1e-5 * np.random.default_rng(0).normal(size=n), part)
     r, J = np.empty(n), np.empty((n, n))
-    assert other.evaluate(y[:-1], omega, r, J) == OK
-    got, by_part = held.derivatives(y)
+    assert other.evaluate(np.append(y[:-1], omega), r, J) == OK
+    _, got, by_part = held.evaluate_at(y)
     np.testing.assert_allclose(got, J, rtol=0, atol=1e-12 * np.abs(J).max())
     # with respect to the parameter: differences of the residual
-    support = held.derivatives(np.append(y[:-1], 0.5))[0] - system.evaluate(y[:-1], omega)[1]
-    ramp = system.excitation_ramp(omega).derivatives(y)[1]
+    support = held.evaluate_at(np.append(y[:-1], 0.5))[1] - system.evaluate(y[:-1], omega)[1]
+    ramp = system.excitation_ramp(omega).evaluate_at(y)[2]
     assert np.abs(ramp).max() > 0.0
     h = 1e-6
     slope = (1.0 / (part + h) - 1.0 / (part - h)) / (2.0 * h) * support @ y[:-1] + ramp

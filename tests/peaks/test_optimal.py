@@ -8,6 +8,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
+from bdamper.harmonic_balance.conditions import Peak as PeakThere
 from bdamper.peaks import sensitivity
 from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
 from bdamper.peaks.follower import PeakFollower
@@ -247,14 +248,14 @@ class TestNewtonToThePeak:
         side = rng.standard_normal(len(peak.y))
         side -= (side @ peak.tangent) * peak.tangent
         guess = peak.y + (away[0] * peak.tangent + away[1] * side / np.linalg.norm(side)) * peak.scale
-        c, slope, curvature = system.peak(guess, peak.tangent, peak.scale, 2.0 * peak.curvature, 1e-10, 1e-8, 15, 0.2)
+        c = system.solve(guess, PeakThere(peak.tangent, 2.0 * peak.curvature, 1e-8, 0.2), peak.scale, 1e-10, 15)
         assert c.status == 0
         assert c.residual <= 1e-10
-        assert abs(slope / curvature) <= 1e-8
+        assert abs(c.slope / c.curvature) <= 1e-8
         assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
-        assert curvature == pytest.approx(peak.curvature, rel=1e-2)
+        assert c.curvature == pytest.approx(peak.curvature, rel=1e-2)
         # the tangent spans the null space of the Jacobian
-        J, r_omega = system.derivatives(c.y)
+        _, J, r_omega = system.at(c.y)
         t = c.tangent * peak.scale
         assert np.linalg.norm(J @ t[:-1] + r_omega * t[-1]) < 1e-9 * np.linalg.norm(r_omega * t[-1])
 
@@ -275,7 +276,8 @@ class TestNewtonToThePeak:
         chord = np.append(curve.unknowns[i + 1], 2 * np.pi * curve.frequency[i + 1]) - y
         system = study.system(18.94)
         scale = peak_scale(system, y, abs(chord[-1]))
-        c, _, _ = system.peak(y, chord / scale / np.linalg.norm(chord / scale), scale, -1.0, 1e-10, 1e-8, 15, 0.1)
+        chord = chord / scale
+        c = system.solve(y, PeakThere(chord / np.linalg.norm(chord), -1.0, 1e-8, 0.1), scale, 1e-10, 15)
         assert c.status != 0 or abs(system.response(c.y[:-1])[1]) > 1.01 * a[i]
 
 

@@ -1,0 +1,99 @@
+"""What is asked of a point beside the equations: one condition for the one free parameter.
+
+A linear one is a plane in scaled unknowns; a stationary one holds where something has no slope along the curve, which
+Newton's method on the curve and a secant along it find together (``csrc/bd_solver.c``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane through the guess.
+
+    Parameters
+    ----------
+    normal : (n_unknowns + 1,) float
+        In scaled unknowns; the tangent that is found points along it.
+    """
+
+    normal: NDArray
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """The parameter stays where the guess has it."""
+
+
+@dataclass(frozen=True)
+class Fold:
+    """The parameter is stationary along the curve.
+
+    Parameters
+    ----------
+    tangent : (n_unknowns + 1,) float
+        Estimate of the direction of the curve, of unit length in scaled unknowns.
+    curvature : float
+        Estimate of the derivative along the curve of the tangent's last entry; its sign is that of the fold.
+    tolerance : float
+        On the distance to the fold, in scaled unknowns.
+    max_step : float
+        Along the curve at a time, in scaled unknowns.
+    """
+
+    tangent: NDArray
+    curvature: float
+    tolerance: float
+    max_step: float
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The amplitude of the first harmonic of the response has a maximum along the curve.
+
+    Parameters
+    ----------
+    tangent : (n_unknowns + 1,) float
+        Estimate of the direction of the curve, of unit length in scaled unknowns.
+    curvature : float
+        Estimate of the second derivative of ln(amplitude) along the curve, negative.
+    tolerance : float
+        On the distance to the peak, in scaled unknowns.
+    max_step : float
+        Along the curve at a time, in scaled unknowns.
+    """
+
+    tangent: NDArray
+    curvature: float
+    tolerance: float
+    max_step: float
+
+
+Condition = Plane | Fixed | Fold | Peak
+
+
+def for_core(condition: Condition, n_unknowns: int, response: tuple[NDArray, NDArray]) -> tuple[NDArray, Mapping[str, Any]]:
+    """The tangent on entry, which becomes that of the point found, and the other arguments of the core's ``solve``.
+
+    Parameters
+    ----------
+    condition : Plane, Fixed, Fold or Peak
+    n_unknowns : int
+    response : two (n_unknowns,) float
+        Rows that give real and imaginary part of the response.
+    """
+    if isinstance(condition, Plane):
+        return np.zeros(n_unknowns + 1), {"row": condition.normal}
+    if isinstance(condition, Fixed):
+        return np.zeros(n_unknowns + 1), {"row": np.append(np.zeros(n_unknowns), 1.0)}
+    of = dict(zip(("re", "im"), response)) if isinstance(condition, Peak) else {}
+    return np.array(condition.tangent, float), {
+        "curvature": condition.curvature, "place_tolerance": condition.tolerance, "max_step": condition.max_step, **of,
+    }  # fmt: skip

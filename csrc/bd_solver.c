@@ -1,0 +1,224 @@
+/* Newton's method on the bordered system
+ *
+ *     R(u, lambda) = 0
+ *     row . (z - z_predicted) = 0,      z = (u, lambda)/scale,
+ *
+ * which is regular at folds of the curve.  With the last factorisation the unit tangent t of the curve is one more
+ * solution, with right-hand side (0, ..., 0, 1).
+ *
+ * Stationary on the curve is a point where phi = a(y) . t vanishes: a fold with a = e_lambda, or a peak of the amplitude
+ * |x|, x = (re + i im) . u, with the slope of ln |x| along the curve,
+ *
+ *     phi = Re(conj(x) x') / |x|^2,      x' = (re + i im) . (scale t).
+ *
+ * From near by, Newton to the curve and a secant along it are taken in one step: the direction normal to t and
+ * s = -phi/kappa along t with one factorisation.  kappa, the slope of phi, is a guess at first; afterwards it is the change
+ * of phi over the length of the last step.  No second derivative is needed, which at the onset of slip or opening jumps. */
+#include "bd_solver.h"
+
+#include "bd_clock.h"
+
+#include <math.h>
+#include <string.h>
+
+/* One run of Newton's method. */
+typedef struct {
+    bd_equations *equations;
+    const bd_condition *condition;
+    const bd_solver_options *options;
+    double *y;            /* (n + 1) */
+    const double *normal; /* (n + 1) of the border; that of a stationary point is the latest tangent */
+    const double *scale;
+    double *tangent; /* (n + 1), or NULL: not asked for */
+    bd_solver_report *report;
+    double *step, *y_old;                                /* (n + 1) */
+    double first_residual, residual_before, step_before; /* of the first and of the previous iteration */
+    int stalls;
+    int arrived;
+    double border;              /* of a linear condition: row . (z - z_predicted), carried along */
+    double moved, slope_before; /* of a stationary one: the latest way along the tangent, and phi before it */
+    int opposed;                /* how often phi went the other way along the curve */
+} newton_run;
+
+static double largest(const bd_equations *e) {
+    double most = 0.0;
+    for (size_t i = 0; i < (size_t)e->n; ++i) {
+        const double a = fabs(e->r[i] * e->row_scale[i]);
+        if (isnan(a)) return a;
+        if (a > most) most = a;
+    }
+    return most;
+}
+
+static double length(const double *x, size_t n) {
+    double sum = 0.0;
+    for (size_t i = 0; i < n; ++i) sum += x[i] * x[i];
+    return sqrt(sum);
+}
+
+double bd_slope(const bd_condition *condition, const double *y, const double *tangent, const double *scale, size_t n) {
+    if (!condition->re) return tangent[n];
+    double re = 0.0, im = 0.0, d_re = 0.0, d_im = 0.0;
+    for (size_t i = 0; i < n; ++i) {
+        const double d = tangent[i] * scale[i];
+        re += condition->re[i] * y[i], im += condition->im[i] * y[i];
+        d_re += condition->re[i] * d, d_im += condition->im[i] * d;
+    }
+    return (re * d_re + im * d_im) / fmax(re * re + im * im, 1e-300);
+}
+
+/* Whether to go on from the point that was just evaluated.  Without line search, three iterations in a row that do not halve
+ * the residual end a correction: on 240 ordinary curves this saves 1 % of the evaluations, and far from a solution most. */
+static bd_status judge(newton_run *run) {
+    const bd_solver_options *options = run->options;
+    const double residual = run->report->residual;
+    const int stationary = run->condition->kind == BD_STATIONARY; /* judged after its step */
+    const int converged = residual <= options->tolerance, i = run->report->iterations;
+    const int limit = stationary ? options->max_iterations + 1 : options->max_iterations;
+    if ((stationary || !converged) && (i >= limit || isnan(residual))) return BD_NOT_CONVERGED;
+    if (!converged && residual > 1e6 * (1.0 + run->first_residual)) return BD_DIVERGED;
+    if (!stationary && !converged && !options->line_search && i > 2) {
+        run->stalls = residual > 0.5 * run->residual_before ? run->stalls + 1 : 0;
+        if (run->stalls >= 3) return BD_NOT_CONVERGED;
+    }
+    return BD_OK;
+}
+
+static bd_status find_tangent(newton_run *run) {
+    const size_t n1 = (size_t)run->equations->n + 1;
+    double *tangent = run->tangent;
+    memset(tangent, 0, sizeof(double) * n1);
+    tangent[n1 - 1] = 1.0;
+    bd_status status = bd_solve_linear(run->equations, 0.0, tangent);
+    const double size = length(tangent, n1);
+    if (status != BD_OK || !(size > 0.0) || !isfinite(size)) return BD_SINGULAR;
+    for (size_t i = 0; i < n1; ++i) tangent[i] /= size;
+    return BD_OK;
+}
+
+/* The Newton step and the tangent, whichever are asked for, from one factorisation. */
+static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
+    bd_equations *e = run->equations;
+    bd_solver_report *report = run->report;
+    const size_t n = (size_t)e->n;
+    const double clock = bd_seconds();
+    bd_status status = bd_factor(e, &(bd_border){.row = run->normal, .scale = run->scale});
+    if (status == BD_OK && with_step) {
+        for (size_t j = 0; j < n; ++j) run->step[j] = -e->r[j];
+        run->step[n] = -run->border;
+        status = bd_solve_linear(e, 0.0, run->step);
+    }
+    if (status == BD_OK && with_tangent) status = find_tangent(run);
+    report->factored = e->factored;
+    e->cost->algebra += bd_seconds() - clock;
+    if (status != BD_OK || !with_step) return status;
+    run->step_before = report->last_step;
+    report->last_step = length(run->step, n + 1);
+    if (!isfinite(report->last_step)) return BD_SINGULAR;
+    if (report->iterations == 0) report->first_step = report->last_step;
+    if (run->options->reach > 0.0 && report->last_step > run->options->reach) return BD_NOT_CONVERGED;
+    return BD_OK;
+}
+
+/* y = y_old + fraction * step * scale */
+static void move(newton_run *run, double fraction) {
+    for (size_t i = 0; i <= (size_t)run->equations->n; ++i)
+        run->y[i] = run->y_old[i] + fraction * run->step[i] * run->scale[i];
+}
+
+/* Halves the step until the residual shrinks; takes the best fraction if none does. */
+static void search_line(newton_run *run) {
+    const double before = run->report->residual;
+    double best = INFINITY, best_fraction = 1.0, fraction = 1.0;
+    for (int i = 0; i < 14; ++i, fraction *= 0.5) {
+        move(run, fraction);
+        if (bd_evaluate(run->equations, run->y, 0) != BD_OK) continue;
+        const double now = largest(run->equations);
+        if (now < best) best = now, best_fraction = fraction;
+        if (now <= (1.0 - 1e-3 * fraction) * before) break;
+    }
+    move(run, best_fraction);
+}
+
+static void advance_to_curve(newton_run *run) {
+    const size_t n1 = (size_t)run->equations->n + 1;
+    memcpy(run->y_old, run->y, sizeof(double) * n1);
+    move(run, 1.0);
+    if (run->options->line_search) search_line(run);
+    for (size_t j = 0; j < n1; ++j) run->border += run->normal[j] * (run->y[j] - run->y_old[j]) / run->scale[j];
+}
+
+/* The Newton step and a secant step along the tangent, unless the place is reached.  phi falls along the curve where the
+ * curvature on entry is negative, and rises where it is positive. */
+static bd_status advance_along(newton_run *run) {
+    enum { MOST_STALLS = 4 };
+    bd_solver_report *report = run->report;
+    const bd_condition *condition = run->condition;
+    const size_t n = (size_t)run->equations->n;
+    const double sense = condition->curvature > 0.0 ? -1.0 : 1.0;
+    const double slope = bd_slope(condition, run->y, run->tangent, run->scale, n), moved = run->moved;
+    if (fabs(moved) > 1e-7 && fmax(run->step_before, report->last_step) < 0.1 * fabs(moved)) {
+        const double secant = sense * (slope - run->slope_before) / moved, kappa = sense * report->curvature;
+        if (!(secant < 0.0) && ++run->opposed > 1) return BD_NOT_CONVERGED;
+        report->curvature = sense * fmin(0.3 * kappa, fmax(4.0 * kappa, secant));
+        if (fabs(slope) > 0.5 * fabs(run->slope_before)) ++run->stalls;
+    }
+    run->slope_before = slope;
+    const int on_curve = report->residual <= run->options->tolerance;
+    if (report->iterations > 1 && !on_curve && report->last_step > 0.5 * run->step_before) ++run->stalls;
+    if (run->stalls > MOST_STALLS) return BD_NOT_CONVERGED;
+    const double way = -slope / report->curvature;
+    if (!isfinite(way)) return BD_NOT_CONVERGED;
+    run->arrived = on_curve && fabs(way) <= condition->tolerance;
+    if (run->arrived) {
+        report->slope = slope;
+        return BD_OK;
+    }
+    /* far from the curve the slope is not that of the curve */
+    run->moved = report->last_step > 0.3 * fabs(way) ? 0.0 : fmax(-condition->max_step, fmin(condition->max_step, way));
+    for (size_t j = 0; j <= n; ++j) run->y[j] += (run->step[j] + run->moved * run->tangent[j]) * run->scale[j];
+    return BD_OK;
+}
+
+/* A point of the curve needs its Newton step until it has arrived, and its tangent then; a stationary one needs both every
+ * time. */
+static bd_status iterate(newton_run *run) {
+    bd_solver_report *report = run->report;
+    const int stationary = run->condition->kind == BD_STATIONARY;
+    for (int i = 0; !run->arrived; ++i) {
+        bd_status status = bd_evaluate(run->equations, run->y, 1);
+        if (status != BD_OK) return status;
+        run->residual_before = report->residual;
+        report->residual = largest(run->equations);
+        report->iterations = i;
+        if (i == 0) run->first_residual = report->residual;
+        status = judge(run);
+        if (status != BD_OK) return status;
+        run->arrived = report->residual <= run->options->tolerance && !stationary;
+        if (run->arrived && !run->tangent) return BD_OK;
+        status = find_step(run, !run->arrived, run->arrived || stationary);
+        if (status == BD_OK && stationary) status = advance_along(run);
+        if (status != BD_OK) return status;
+        if (!stationary && !run->arrived) advance_to_curve(run);
+    }
+    return BD_OK;
+}
+
+bd_status bd_solve(bd_equations *equations, const bd_condition *condition, const bd_solver_options *options,
+                   const double *scale, double *y, double *tangent, bd_solver_report *report) {
+    newton_run run = {.equations = equations,
+                      .condition = condition,
+                      .options = options,
+                      .y = y,
+                      .normal = condition->kind == BD_LINEAR ? condition->row : tangent,
+                      .scale = scale,
+                      .tangent = tangent,
+                      .report = report,
+                      .step = equations->scratch,
+                      .y_old = equations->scratch + equations->n + equations->k};
+    *report = (bd_solver_report){.residual = INFINITY,
+                                 .factored.rank = equations->n + 1,
+                                 .curvature = condition->curvature,
+                                 .slope = NAN};
+    return iterate(&run);
+}
