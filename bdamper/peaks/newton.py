@@ -11,8 +11,8 @@ has its maximum just there.
 
 From a near guess, Newton's method to the curve with a secant along it converges to the peak
 (:class:`~bdamper.harmonic_balance.conditions.Peak`).  If it fails, :func:`find_peak` follows the curve uphill until ``phi``
-changes its sign, and searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a corner
-of the curve ``phi`` may jump through zero: then the search ends at the corner.
+changes its sign, and searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a
+corner of the curve ``phi`` may jump through zero: then the search ends at the corner.
 """
 
 from __future__ import annotations

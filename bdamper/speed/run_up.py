@@ -35,7 +35,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
-from bdamper.harmonic_balance.conditions import Condition, Plane
+from bdamper.harmonic_balance.conditions import Condition, Fixed, Plane
 from bdamper.harmonic_balance.system import DIVERGED, NOT_CONVERGED, NOT_FINITE, OK, Correction, HarmonicSystem, norm2
 from bdamper.peaks.newton import Peak, amplitude_at, refine_maxima
 from bdamper.problem.at_speed import Conditions
@@ -192,9 +192,9 @@ class RunUpSystem(HarmonicSystem):
         reach: float = 0.0,
     ) -> Correction:
         """Newton to the curve within a plane; no search of its own for a fold or the highest point."""
-        if not isinstance(condition, Plane):
+        if not isinstance(condition, Plane | Fixed):
             return Correction(NOT_CONVERGED, np.array(y, float), np.zeros(len(y)), 0, np.nan, 0.0, 0)
-        normal = condition.normal
+        normal = condition.normal if isinstance(condition, Plane) else np.append(np.zeros(len(y) - 1), 1.0)
         start, y, n = y, np.array(y, float), self.n_unknowns
         border = np.append(np.zeros(n), 1.0)
         residual, status = np.nan, NOT_CONVERGED

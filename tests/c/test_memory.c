@@ -1,6 +1,6 @@
 /* Memory that runs out at any allocation: what creates a workspace says so and leaves nothing behind.  The linker sends the
  * allocations of the core to the functions here. */
-#include "bd_newton.h"
+#include "bd_dense.h"
 #include "bd_time.h"
 #include "check.h"
 
@@ -34,7 +34,8 @@ typedef struct {
     bd_evaluation evaluation;
     bd_evaluator evaluator;
     bd_hbm hbm;
-    bd_newton_work newton;
+    bd_sector *sector;
+    bd_equations *eased;
     bd_time time;
 } workspaces;
 
@@ -42,7 +43,7 @@ static bd_status create_evaluator(workspaces *w) { return bd_evaluator_create(&w
 
 static void destroy_evaluator(workspaces *w) { bd_evaluator_destroy(&w->evaluator); }
 
-static bd_status create_hbm(workspaces *w) {
+static bd_status create_sector(workspaces *w) {
     const int n_mode[3] = {1, 2, 0}, law[1] = {w->evaluation == BD_EXACT ? BD_LAW_SEPARABLE : BD_LAW_COUPLED};
     const double one[3] = {1.0, 1.0, 1.0}, G[2 * 3 * 3] = {1.0}, none[5] = {0.0};
     const bd_hbm_input input = {.n_point = 1,
@@ -62,17 +63,29 @@ static bd_status create_hbm(workspaces *w) {
                                 .force = none,
                                 .evaluation = w->evaluation,
                                 .n_time = 64};
-    return bd_hbm_create(&w->hbm, &input);
-}
-
-static void destroy_hbm(workspaces *w) { bd_hbm_destroy(&w->hbm); }
-
-static bd_status create_newton(workspaces *w) {
     const bd_lapack lapack = bd_lapack_system();
-    return bd_newton_create(&w->newton, 5, &lapack);
+    return bd_sector_create(&w->sector, &input, NULL, &lapack);
 }
 
-static void destroy_newton(workspaces *w) { bd_newton_destroy(&w->newton); }
+static void destroy_sector(workspaces *w) {
+    if (w->sector) bd_equations_destroy(&w->sector->dense.base);
+    w->sector = NULL;
+}
+
+/* The sector and its eased equations; the sector alone is tested on its own. */
+static bd_status create_eased(workspaces *w) {
+    const double ramp[5] = {1.0}, support[25] = {1.0};
+    bd_status status = create_sector(w);
+    if (status == BD_OK) status = bd_eased_create(&w->eased, w->sector, 1.0, ramp, support);
+    if (status != BD_OK) destroy_sector(w);
+    return status;
+}
+
+static void destroy_eased(workspaces *w) {
+    bd_equations_destroy(w->eased);
+    w->eased = NULL;
+    destroy_sector(w);
+}
 
 static bd_status create_time(workspaces *w) {
     const int one = 1, none[2] = {0};
@@ -126,9 +139,9 @@ int main(void) {
     const bd_evaluation evaluation[3] = {BD_EXACT, BD_SAMPLED, BD_SAMPLED_PLAIN};
     for (int i = 0; i < 3; ++i) {
         test_each_allocation(evaluation[i], create_evaluator, destroy_evaluator);
-        test_each_allocation(evaluation[i], create_hbm, destroy_hbm);
+        test_each_allocation(evaluation[i], create_sector, destroy_sector);
     }
-    test_each_allocation(BD_EXACT, create_newton, destroy_newton);
+    test_each_allocation(BD_EXACT, create_eased, destroy_eased);
     test_each_allocation(BD_EXACT, create_time, destroy_time);
     return check_result();
 }

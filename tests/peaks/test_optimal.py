@@ -255,7 +255,7 @@ class TestNewtonToThePeak:
         assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
         assert c.curvature == pytest.approx(peak.curvature, rel=1e-2)
         # the tangent spans the null space of the Jacobian
-        _, J, r_omega = system.at(c.y)
+        _, J, r_omega = system.evaluate_at(c.y)
         t = c.tangent * peak.scale
         assert np.linalg.norm(J @ t[:-1] + r_omega * t[-1]) < 1e-9 * np.linalg.norm(r_omega * t[-1])
 
