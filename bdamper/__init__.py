@@ -13,7 +13,6 @@ from bdamper.design.uncertainty import draw, robust_optimum, uncertain_curve
 from bdamper.effects.microslip import microslip
 from bdamper.io import load_model, save_model
 from bdamper.io.from_fe import from_fe
-from bdamper.io.model_file import reference_model
 from bdamper.masses import Contact, lumped
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import Excitation, Response
@@ -23,6 +22,7 @@ from bdamper.peaks.newton import PeakOptions
 from bdamper.problem.effects import Effects
 from bdamper.problem.prescribed import prescribe_preload
 from bdamper.problem.settings import PAPER
+from bdamper.shipped import reference_model
 from bdamper.study import Study
 from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticError
 from bdamper.util.hdf5 import load

@@ -1,8 +1,8 @@
 """Make the shipped models, or check that they can still be made.
 
-    python tools/make_reference_model.py            writes bdamper/data/bladed_disk_{9,24,48}.h5,
-                                                    paper_disk_{9,24,48}.h5, blade_to_ground_24.h5
-                                                    and test_rig_24.h5
+    python tools/make_reference_model.py            writes turbine_blade_9.h5, bladed_disk_9.h5, paper_disk_9.h5,
+                                                    blade_to_ground_24.h5 and test_rig_24.h5 to bdamper/data, which
+                                                    is in the wheel, and {bladed,paper}_disk_{24,48}.h5 to models
     python tools/make_reference_model.py test_rig   writes only the files whose names start so
     python tools/make_reference_model.py --keep bladed_disk_9
                                                     only the nodal diameters over speed that the stored file lacks;
@@ -27,7 +27,8 @@ from typing import Any
 import numpy as np
 
 from bdamper.fe.blade_to_ground import blade_to_ground
-from bdamper.fe.geometry import Geometry, paper_geometry
+from bdamper.fe.geometry import Geometry, Material
+from bdamper.fe.large import paper_disk, reference_disk
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.rig import rig
@@ -36,19 +37,26 @@ from bdamper.io.model_file import load_model, save_model
 from bdamper.model.model import Model
 from bdamper.reduction import LocalSizes
 from bdamper.reduction.bodies import needed_nodal_diameters
+from bdamper.shipped import CONTACT_POINTS
 
-POINTS = (9, 24, 48)
 LARGEST = 9
 """Contact points of the model that serves wheels of unequal blades, rotor speed and stress too."""
 BONDED_DIAMETER = 5
-PAPER_GRIDS = {9: (3, 3), 24: (4, 6), 48: (4, 12)}
-"""Contact points of the paper's disk along the slope and along the axis; its mesh has five rows of nodes on the slope."""
-PAPER_DAMPING = 0.0021
 ROWS = ("modes", "contact")
 SPEED_REST = ("coriolis", "checked_at", "error", "source")
 SPEED_ORDERS, SPEED_HARMONICS, TOP_SPEED = range(3, 11), 3, 600.0
 """Engine orders of the model over rotor speed with harmonics of each, and the speed (rad/s) at which it is checked."""
-FOLDER = Path(__file__).resolve().parent.parent / "bdamper" / "data"
+ROOT = Path(__file__).resolve().parent.parent
+FOLDERS = (ROOT / "bdamper" / "data", ROOT / "models")
+"""Of the wheel, and of what is too large for it."""
+TURBINE = Geometry(
+    n_blades=60, bore_radius=0.200, rim_radius=0.260, axial_length=0.036, shank_width=0.013, face_angle=np.radians(25),
+    face_length=0.010, face_width=0.032, ridge_radius=0.2919463, ridge_width=0.001, damper_body_height=0.003,
+    platform_clearance=0.0008, platform_edge_thickness=0.005, airfoil_height=0.100, root_chord=0.032, tip_chord=0.026,
+    root_thickness=0.008, tip_thickness=0.003, camber=0.003, twist=np.radians(20),
+)  # fmt: skip
+"""A damper of 20 g between blades of 100 mm; faces so steep that neither edge opens near the optimum."""
+NICKEL_ALLOY = Material(2.0e11, 0.3, 8200.0)
 
 
 def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
@@ -67,7 +75,7 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
         model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,), nodal_diameters=tuple(diameters), **settings)
         model = shortened(model, set(needed_nodal_diameters(n, BONDED_DIAMETER, 7)))
     else:
-        model = bladed_disk(points, fe=fe, pictures=(BONDED_DIAMETER,))
+        model = reference_disk(points, progress=True)
     if stored is not None:
         return dataclasses.replace(model, provenance=stored.provenance)
     bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
@@ -75,6 +83,16 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
     }
     return dataclasses.replace(model, provenance={**model.provenance, **note})
+
+
+def turbine_blade() -> Model:
+    """The typical case, for engine order 5, all of whose harmonics meet seven nodal diameters."""
+    fe = SectorFE(TURBINE, MeshDensity.preset("reference"), NICKEL_ALLOY, keep_factors=False)
+    rotation = fe.rotation(1000.0, (BONDED_DIAMETER,))
+    model = bladed_disk(
+        9, fe=fe, n_modes=20, n_damper_modes=10, pictures=(BONDED_DIAMETER,), rotation=rotation, stress=True
+    )
+    return shortened(model, set(model.bodies["blade"].bases))
 
 
 def shortened(model: Model, full: set[int]) -> Model:
@@ -178,37 +196,32 @@ def main() -> int:
     parser.add_argument("name", nargs="?", default="", help="only the files whose names start so")
     parser.add_argument("--check", action="store_true", help="compare with the stored files, write nothing")
     parser.add_argument("--keep", action="store_true", help="keep the numbers of the stored files where there are any")
-    parser.add_argument("--folder", type=Path, default=FOLDER, help="where the files are")
+    parser.add_argument("--folder", type=Path, help="where the files are, other than in the two of the checkout")
     arguments = parser.parse_args()
     start = time.perf_counter()
 
+    def place(name: str) -> Path:
+        large = name.startswith(("bladed", "paper")) and not name.endswith("_9")
+        return (arguments.folder or FOLDERS[large]) / f"{name}.h5"
+
     @functools.cache  # made once, if needed
-    def sector(mesh: str, geometry: Geometry) -> SectorFE:
-        return SectorFE(geometry, MeshDensity.preset(mesh))
+    def sector() -> SectorFE:
+        return SectorFE(Geometry(), MeshDensity.preset("reference"))
 
     def disk(points: int) -> Model:
-        stored = load_model(arguments.folder / f"bladed_disk_{points}.h5") if arguments.keep else None
-        return build(sector("reference", Geometry()), points, stored)
+        stored = load_model(place(f"bladed_disk_{points}")) if arguments.keep else None
+        return build(sector(), points, stored)
 
-    def paper_disk(points: int) -> Model:
-        return bladed_disk(
-            PAPER_GRIDS[points],
-            fe=sector("coarse", paper_geometry()),
-            damping_ratio=PAPER_DAMPING,
-            harmonics=7 if points == 24 else 1,  # for the size of the files
-            n_modes=40 if points == 24 else 20,
-            pictures=(BONDED_DIAMETER,),
-        )
-
-    jobs = {f"bladed_disk_{points}": functools.partial(disk, points) for points in POINTS}
-    jobs |= {f"paper_disk_{points}": functools.partial(paper_disk, points) for points in PAPER_GRIDS}
+    jobs: dict[str, Any] = {"turbine_blade_9": turbine_blade}
+    jobs |= {f"bladed_disk_{points}": functools.partial(disk, points) for points in CONTACT_POINTS["bladed_disk"]}
+    jobs |= {f"paper_disk_{points}": functools.partial(paper_disk, points) for points in CONTACT_POINTS["paper_disk"]}
     jobs["blade_to_ground_24"] = functools.partial(blade_to_ground, 24, mesh="reference")
     jobs["test_rig_24"] = functools.partial(rig, 24, mesh="reference")
     worst = 0.0
     for name, make in jobs.items():
         if not name.startswith(arguments.name):
             continue
-        path = arguments.folder / f"{name}.h5"
+        path = place(name)
         model = make()
         if arguments.check:
             found = differences(model, load_model(path))

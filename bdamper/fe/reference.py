@@ -30,6 +30,7 @@ from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_d
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.spin import Rotation
+from bdamper.util.progress import each
 
 BLADE_PORTS = (("left", "b"), ("right", "b"))
 DAMPER_PORTS = (("left", "a"), ("right", "a"), ("front", "a"), ("back", "a"))
@@ -66,6 +67,7 @@ def bladed_disk(
     fe: SectorFE | None = None,
     wheel: LocalSizes | None = None,
     stress: bool = False,
+    progress: bool = False,
 ) -> Model:
     """Build the reference model.
 
@@ -74,16 +76,14 @@ def bladed_disk(
     points : int or (int, int)
         Contact points on each face, or their number along slope and axis; more than the mesh has nodes on the face make
         the static receptance singular.
-    mesh : {"coarse", "reference"}
-        Ignored if ``fe`` is given.
+    mesh : {"coarse", "reference"}, ignored if ``fe`` is given
     n_modes : int
         Modes of the blade at each nodal diameter.
     n_damper_modes : int
         Modes of the damper, the six rigid ones included.
     engine_order, harmonics : int
         Decide which nodal diameters are stored, unless ``nodal_diameters`` is given.
-    damping_ratio : float
-        Of all elastic modes.
+    damping_ratio : float, of all elastic modes
     nodal_diameters : tuple of int, optional
         0 to N/2; 0 is always added, for the bias.
     flexibility_at : tuple of int, optional
@@ -96,8 +96,8 @@ def bladed_disk(
         Finite element objects to use again; only the parts that depend on the contact points are computed.
     wheel : LocalSizes, optional
         Numbers of shapes of a local basis, for wheels of unequal blades; none by default.
-    stress : bool
-        Also the stress set "blade" (:func:`bdamper.fe.stress.blade_points`), at all the nodal diameters.
+    stress, progress : bool
+        Also the stress set "blade" (:func:`bdamper.fe.stress.blade_points`), at all the nodal diameters; a bar over these.
 
     Returns
     -------
@@ -116,8 +116,9 @@ def bladed_disk(
     contact = fe.blade_contact(left, right)
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
+    turns = each(diameters, progress, "finite element model", "nodal diameter")
     blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact, nodes, diameters, n_modes, damping_ratio, at, rotation
+        "blade", BLADE_PORTS, fe.cyclic, contact, nodes, turns, n_modes, damping_ratio, at, rotation
     )
     local = None if wheel is None else fe.local_basis(contact, faces, nodes, damping_ratio, wheel)
     own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)

@@ -16,7 +16,6 @@ import os
 import re
 import secrets
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any, cast
 
@@ -58,8 +57,7 @@ from bdamper.model.model import (
     SurfaceMesh,
 )
 from bdamper.model.validation import check_model
-from bdamper.util import validate
-from bdamper.util.errors import ModelError, SettingError, mismatch
+from bdamper.util.errors import ModelError, mismatch
 from bdamper.util.hdf5 import check_folder, enter_reader
 
 FORMAT = "bdamper-model"
@@ -360,41 +358,3 @@ def _read_provenance(file: h5py.File) -> dict[str, str]:
     group = subgroup(file, "provenance")
     check_members(group, [], [])
     return {key: read_text(group, key) for key in group.attrs}
-
-
-# -----------------------------------------------------------------------------------------------------------
-# Models that come with the package
-
-CONTACT_POINTS = {"bladed_disk": (9, 24, 48), "paper_disk": (24, 9, 48), "blade_to_ground": (24,), "test_rig": (24,)}
-
-
-def reference_model(name: str = "bladed_disk", contact_points: int | None = None) -> Model:
-    """A model shipped with the package, made by ``tools/make_reference_model.py`` from :mod:`bdamper.fe`.
-
-    Parameters
-    ----------
-    name : str
-        "bladed_disk": 65 blades with wedge dampers, modes at the nodal diameters of engine order 5 up to its seventh
-        harmonic; mode shapes for pictures are those of nodal diameter 5.  With 9 points those of engine orders 3 to 10 up
-        to their third, all with data over rotor speed and stress rows, and a local basis for wheels of unequal blades.
-        "paper_disk": another such disk, on which the method of the paper (:data:`bdamper.PAPER`, friction coefficient 0.46,
-        driven at "tip_trailing_edge") finds the numbers of the paper's Figs 8 and 9.  Its 9, 24 and 48 points are 3, 4 and
-        4 rows along the slope; with 9 and 48 it has the modes of one harmonic only.
-        "blade_to_ground": one blade that rubs on the ground with one side of its platform; normal loads and gaps are
-        prescribed (:func:`bdamper.prescribe_preload`).
-        "test_rig": one test blade with two dampers between dummy blades, an acyclic structure.
-    contact_points : int, optional
-        Contact points on each face: 9 (default), 24 or 48 for "bladed_disk", 24 (default), 9 or 48 for "paper_disk", 24 for
-        the others.
-
-    Raises
-    ------
-    SettingError
-        If there is no such model.
-    """
-    validate.choice("reference model", name, sorted(CONTACT_POINTS))
-    contact_points = CONTACT_POINTS[name][0] if contact_points is None else contact_points
-    if contact_points not in CONTACT_POINTS[name]:
-        raise SettingError(f"contact_points of '{name}': expected one of {CONTACT_POINTS[name]}, found {contact_points}")
-    with resources.as_file(resources.files("bdamper") / "data" / f"{name}_{contact_points}.h5") as path:
-        return load_model(path)

@@ -21,7 +21,7 @@ from bdamper.fe.sector import SectorFE
 from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
 
-SHIPPED = Path(__file__).resolve().parents[2] / "bdamper" / "data" / "bladed_disk_24.h5"
+SHIPPED = Path(__file__).resolve().parents[2] / "models" / "bladed_disk_24.h5"
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,110 @@
+"""Reference models that are too large for the wheel: made once, kept whole, found where they are."""
+
+import importlib.util
+import shutil
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import bdamper as bd
+from bdamper import shipped
+from tests.test_codebase import ROOT
+
+STORED, SMALL = ROOT / "models", ROOT / "bdamper" / "data" / "blade_to_ground_24.h5"
+
+
+@pytest.fixture
+def installed(tmp_path, monkeypatch):
+    """As where a wheel is installed, away from the checkout: the cache folder."""
+    monkeypatch.setattr(shipped, "__file__", str(tmp_path / "site" / "bdamper" / "shipped.py"))
+    monkeypatch.setattr(shipped, "user_cache_path", lambda name, version, ensure_exists: tmp_path)
+    monkeypatch.delenv("BDAMPER_MODELS", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def maker(monkeypatch):
+    """Counts its calls and takes its time over a small model."""
+    large = pytest.importorskip("bdamper.fe.large", reason="scikit-fem is not installed (extra bdamper[fe])")
+    calls = []
+
+    def make(points, progress):
+        calls.append((points, progress))
+        time.sleep(0.3)
+        return bd.load_model(SMALL)
+
+    monkeypatch.setitem(large.MAKERS, "paper_disk", make)
+    return calls
+
+
+def read():
+    return shipped.reference_model("paper_disk", 48)
+
+
+def test_made_once_and_kept(installed, maker):
+    first, second = read(), read()
+    assert maker == [(48, True)] and first.hash == second.hash
+    assert [path.stem.split("-")[0] for path in installed.glob("*.h5")] == ["paper_disk_48"]
+
+
+def test_two_at_once_make_one(installed, maker):
+    with ThreadPoolExecutor(2) as pool:
+        models = [job.result() for job in [pool.submit(read), pool.submit(read)]]
+    assert len(maker) == 1 and models[0].hash == models[1].hash
+
+
+def test_damaged_file_is_made_again(installed, maker):
+    expected = read().hash
+    (path,) = installed.glob("*.h5")
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    assert read().hash == expected
+    assert len(maker) == 2 and len(list(installed.glob("*.h5"))) == 1
+
+
+def test_interruption_leaves_nothing_half_written(installed, monkeypatch):
+    def cut(file, model):
+        file["half"] = 1.0
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as broken:
+        broken.setattr("bdamper.io.model_file._write_model", cut)
+        large = pytest.importorskip("bdamper.fe.large", reason="scikit-fem is not installed (extra bdamper[fe])")
+        broken.setitem(large.MAKERS, "paper_disk", lambda points, progress: bd.load_model(SMALL))
+        with pytest.raises(KeyboardInterrupt):
+            read()
+    assert [path.name for path in installed.iterdir()] == ["paper_disk_48.lock"]
+
+
+def test_without_scikit_fem_one_error_says_what_to_do(installed, monkeypatch):
+    monkeypatch.setitem(sys.modules, "bdamper.fe.large", None)
+    with pytest.raises(bd.BdamperError, match=r"pip install 'bdamper\[fe\]', or .* paper_disk_48.h5 in BDAMPER_MODELS"):
+        read()
+
+
+def test_folder_of_the_environment_variable(installed, tmp_path, monkeypatch):
+    mine = tmp_path / "mine"
+    mine.mkdir()
+    shutil.copy(SMALL, mine / "paper_disk_48.h5")
+    monkeypatch.setenv("BDAMPER_MODELS", str(mine))
+    assert read().hash == bd.load_model(SMALL).hash
+
+
+def checked(name, points):
+    spec = importlib.util.spec_from_file_location("make_reference_model", ROOT / "tools" / "make_reference_model.py")
+    tool = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tool)
+    made = importlib.import_module("bdamper.fe.large").MAKERS[name](points)
+    return tool.differences(made, bd.load_model(STORED / f"{name}_{points}.h5"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", [("paper_disk", 24), ("bladed_disk", 24)], ids=lambda case: case[0])
+def test_what_is_made_is_what_is_stored(case):
+    """Up to the rounding of another machine; of squared frequencies, flexibilities and projections of modes."""
+    pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
+    found = checked(*case)
+    assert len(found) > 20 and max(found.values()) < 1e-9, max(found, key=found.get)
