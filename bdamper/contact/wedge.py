@@ -12,6 +12,7 @@ self-locking, for plane symmetric faces at the angle :math:`\alpha` from the loa
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import scipy.optimize
@@ -25,7 +26,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Pascals, Places, Quantity, SquareMetres, Tabular
 
 
 @brief
@@ -137,7 +138,7 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
 
 @brief
 @dataclass(frozen=True)
-class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map"):
+class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="contact_point"):
     """The static state of the contact points, in terms of the surfaces.
 
     ``plot`` draws pressure, gap or use of the friction limit over the faces (:func:`bdamper.plot.plot_contact_map`).
@@ -166,11 +167,11 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map"):
     history: tuple[float, ...]
     interfaces: tuple[str, ...]
     owner: NDArray
-    points: NDArray
+    points: Places
     frame: NDArray
-    area: NDArray
-    force: NDArray
-    distance: NDArray
+    area: SquareMetres
+    force: Annotated[NDArray, Quantity("N", parts=("T1", "T2", "N"))]
+    distance: Annotated[NDArray, Quantity("m", name="gap")]
     status: NDArray
     friction: NDArray
 
@@ -195,7 +196,17 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map"):
         )
 
     @property
-    def pressure(self) -> NDArray:
+    def interface(self) -> Annotated[NDArray, Quantity()]:
+        """(n_points,) str: name of the interface of each point."""
+        return np.array(self.interfaces)[self.owner]
+
+    @property
+    def states(self) -> Annotated[NDArray, Quantity(parts=("state_t1", "state_t2"))]:
+        """(n_points, 2) str: the status in words."""
+        return np.array(["stick", "slip +", "slip -", "open"])[self.status]
+
+    @property
+    def pressure(self) -> Pascals:
         """(n_points,) float, Pa."""
         return self.force[:, 2] / self.area
 
@@ -215,22 +226,6 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map"):
         """(n_points, 2) share of the friction limit in use, 0 where there is none."""
         limit = (self.friction * self.force[:, 2])[:, None]
         return np.divide(np.abs(self.force[:, :2]), limit, out=np.zeros_like(self.force[:, :2]), where=limit > 0.0)
-
-    def _dimension(self) -> str:
-        return "contact_point"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each contact point."""
-        states = np.array(["stick", "slip +", "slip -", "open"])[self.status]
-        return {
-            "interface": Column(np.array(self.interfaces)[self.owner]),
-            **{name: Column(self.points[:, k], "m") for k, name in enumerate(("X", "Y", "Z"))},
-            "area": Column(self.area, "m2"),
-            **{name: Column(self.force[:, k], "N") for k, name in enumerate(("T1", "T2", "N"))},
-            "pressure": Column(self.pressure, "Pa"),
-            "gap": Column(self.distance, "m"),
-            **{f"state_{name}": Column(states[:, k]) for k, name in enumerate(("t1", "t2"))},
-        }
 
     def __str__(self) -> str:
         lines = [f"static contact under {self.load:g} N, load factors {self.history}:"]

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import scipy  # scipy.stats is loaded where it is used: half a second
@@ -36,7 +36,7 @@ from bdamper.util.status import (
     left_undone,
     word,
 )
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
 
 METHODS = ("sobol", "latin", "random")
 
@@ -116,7 +116,7 @@ class RobustOptimum:
 
 @brief
 @dataclass(frozen=True)
-class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
+class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain", row="preload"):
     """Optimal curves of a sample.
 
     ``plot`` draws percentile bands (:func:`bdamper.plot.plot_uncertain`).
@@ -136,9 +136,9 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
         What the optimal curve of each draw leaves open, an empty text where it leaves nothing open.
     """
 
-    preload: NDArray
-    amplitude: NDArray
-    frequency: NDArray
+    preload: Newtons
+    amplitude: Annotated[NDArray, Quantity("m", dims=("draw", ROW))]
+    frequency: Annotated[NDArray, Quantity("Hz", dims=("draw", ROW))]
     samples: dict[str, NDArray]
     status: Statuses
     settings: dict[str, Any] = field(default_factory=dict)
@@ -147,21 +147,6 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
 
     def __len__(self) -> int:
         return len(self.amplitude)
-
-    def _dimension(self) -> str:
-        return "preload"
-
-    def columns(self) -> dict[str, Column]:
-        """Percentiles at each preload; the curves of all draws for xarray."""
-        names = {"amplitude": "m", "frequency": "Hz"}
-        bands = {
-            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
-            for name, unit in names.items()
-            for q in (5, 25, 50, 75, 95)
-        }
-        whole = {name: Column(getattr(self, name), unit, ("draw", "preload")) for name, unit in names.items()}
-        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
-        return {"preload": Column(self.preload, "N"), **bands, **whole, **samples}
 
     def percentile(self, q: float | Sequence[float], quantity: str = "amplitude") -> NDArray:
         """Percentiles over the sample at every preload: (m,) or (len(q), m).
@@ -177,6 +162,16 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain"):
     def complete(self) -> bool:
         """Whether there is an optimal curve of every draw."""
         return all_complete(self.status)
+
+    def columns(self) -> dict[str, Column]:
+        """Percentiles at each preload; the curves of all draws for xarray."""
+        bands = {
+            f"{name}_{q}": Column(self.percentile(float(q), name), unit)
+            for name, unit in (("amplitude", "m"), ("frequency", "Hz"))
+            for q in (5, 25, 50, 75, 95)
+        }
+        samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
+        return super().columns() | bands | samples
 
     def __str__(self) -> str:
         run = np.array([word(s) != NOT_RUN for s in self.status], bool)

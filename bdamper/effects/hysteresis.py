@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +35,20 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import (
+    ROW,
+    Column,
+    Hertz,
+    Joules,
+    Metres,
+    Newtons,
+    Numbers,
+    Places,
+    Quantity,
+    SquareMetres,
+    Tabular,
+    Texts,
+)
 
 AXES = ("t1", "t2", "n")
 WHOLE = "whole"
@@ -49,7 +62,7 @@ Solved = Curve | Peak | OptimalCurve
 
 @brief
 @dataclass(frozen=True)
-class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hysteresis"):
+class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hysteresis", row="contact_point"):
     """Motions and forces at all contact points over one cycle of a solution.
 
     ``plot`` draws loops of force over displacement (:func:`bdamper.plot.plot_hysteresis`), ``plot_history`` forces and the
@@ -97,24 +110,39 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
     preload: float
     frequency: float
     amplitude: float
-    theta: NDArray
-    interface: tuple[str, ...]
-    points: NDArray
+    theta: Annotated[NDArray, Quantity("rad", dims=("theta",))]
+    interface: Texts
+    points: Places
     frame: NDArray
-    area: NDArray
-    displacement: NDArray
-    force: NDArray
-    gap: NDArray
-    energy: NDArray
+    area: SquareMetres
+    displacement: Annotated[NDArray, Quantity("m", dims=(ROW, "axis", "theta"))]
+    force: Annotated[NDArray, Quantity("N", dims=(ROW, "axis", "theta"))]
+    gap: Annotated[NDArray, Quantity("m", dims=(ROW, "theta"))]
+    energy: Joules
     damping: float
     excitation: float
     kinetic: float
     stiffness: float
     width: float
-    response: NDArray
-    whole: NDArray
+    response: Annotated[NDArray, Quantity("m", dims=("theta",))]
+    whole: Annotated[NDArray, Quantity("N", dims=("theta",))]
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
+
+    @property
+    def axis(self) -> Annotated[tuple[str, ...], Quantity(dims=("axis",))]:
+        """Names of the axes of displacements and forces."""
+        return AXES
+
+    @property
+    def largest_pressure_force(self) -> Newtons:
+        """(n_points,) float: largest normal force in the cycle."""
+        return self.force[:, 2].max(axis=1)
+
+    @property
+    def largest_gap(self) -> Metres:
+        """(n_points,) float."""
+        return self.gap.max(axis=1)
 
     @property
     def interfaces(self) -> tuple[str, ...]:
@@ -195,28 +223,6 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             Fact("equivalent damping ratio", 100.0 * self.damping_ratio, "%"),
         )
 
-    def _dimension(self) -> str:
-        return "contact_point"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each contact point; motions, forces and gaps over the cycle for xarray."""
-        over = "contact_point", "theta"
-        return {
-            "interface": Column(np.array(self.interface)),
-            **{name: Column(self.points[:, k], "m") for k, name in enumerate(("X", "Y", "Z"))},
-            "area": Column(self.area, "m2"),
-            "energy": Column(self.energy, "J"),
-            "largest_pressure_force": Column(self.force[:, 2].max(axis=1), "N"),
-            "largest_gap": Column(self.gap.max(axis=1), "m"),
-            "theta": Column(self.theta, "rad", ("theta",)),
-            "axis": Column(np.array(AXES), "", ("axis",)),
-            "displacement": Column(self.displacement, "m", (over[0], "axis", over[1])),
-            "force": Column(self.force, "N", (over[0], "axis", over[1])),
-            "gap": Column(self.gap, "m", over),
-            "response": Column(self.response, "m", over[1:]),
-            "whole": Column(self.whole, "N", over[1:]),
-        }
-
     def __str__(self) -> str:
         lines = [
             f"hysteresis at {self.frequency:.6g} Hz, preload {self.preload:g} N, response {self.amplitude:.6g} m",
@@ -255,16 +261,16 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
     model_hash : str
     """
 
-    preload: NDArray
-    frequency: NDArray
-    amplitude: NDArray
-    branch: NDArray
-    interface: tuple[str, ...]
-    energy: NDArray
-    damping: NDArray
-    excitation: NDArray
-    kinetic: NDArray
-    stiffness: NDArray
+    preload: Newtons
+    frequency: Hertz
+    amplitude: Metres
+    branch: Numbers
+    interface: Annotated[tuple[str, ...], Quantity(dims=("contact_point",))]
+    energy: Annotated[NDArray, Quantity("J", dims=(ROW, "contact_point"))]
+    damping: Annotated[NDArray, Quantity("J", "Damping of the modes", name="modal_damping")]
+    excitation: Annotated[NDArray, Quantity("J", "Work of the excitation", name="work")]
+    kinetic: Joules
+    stiffness: Annotated[NDArray, Quantity("N/m", "Equivalent contact stiffness")]
     width: NDArray
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
@@ -279,17 +285,17 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
         return {name: self.energy[:, faces == name].sum(axis=1) for name in dict.fromkeys(self.interface)}
 
     @property
-    def lost(self) -> NDArray:
+    def lost(self) -> Joules:
         """(n,) energy that all contacts take in a cycle, J."""
         return np.asarray(self.energy.sum(axis=1))
 
     @property
-    def damping_ratio(self) -> NDArray:
+    def damping_ratio(self) -> Annotated[NDArray, Quantity(label="Equivalent damping ratio")]:
         """(n,) equivalent damping ratio of the contacts: lost energy over 4 pi times the kinetic energy."""
         return np.asarray(self.lost / (4.0 * np.pi * self.kinetic))
 
     @property
-    def viscous(self) -> NDArray:
+    def viscous(self) -> Annotated[NDArray, Quantity("N s/m", name="viscous_damping")]:
         """(n,) equivalent viscous damping, N s/m."""
         return np.asarray(self.width / (2.0 * np.pi * self.frequency))
 
@@ -299,21 +305,8 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
         return np.asarray((self.excitation - self.damping - self.lost) / self.excitation)
 
     def columns(self) -> dict[str, Column]:
-        """A row for each point of the result; the energy that each contact point takes for xarray."""
-        joule = {"work": self.excitation, "modal_damping": self.damping, "lost": self.lost, "kinetic": self.kinetic}
-        return {
-            "preload": Column(self.preload, "N"),
-            "frequency": Column(self.frequency, "Hz"),
-            "amplitude": Column(self.amplitude, "m"),
-            **{name: Column(energy, "J") for name, energy in joule.items()},
-            **{f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()},
-            "stiffness": Column(self.stiffness, "N/m"),
-            "viscous_damping": Column(self.viscous, "N s/m"),
-            "damping_ratio": Column(self.damping_ratio),
-            "branch": Column(self.branch),
-            "energy": Column(self.energy, "J", ("point", "contact_point")),
-            "interface": Column(np.array(self.interface), "", ("contact_point",)),
-        }
+        """A row for each point of the result, with what each face takes; what each contact point takes for xarray."""
+        return super().columns() | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
 
     def __str__(self) -> str:
         if not len(self):

@@ -26,7 +26,7 @@ from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Metres, Newtons, Numbers, Tabular
 
 
 @brief
@@ -52,23 +52,17 @@ class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
     """
 
     preload: float
-    force: NDArray
-    displacement: NDArray
-    slipping: NDArray
-    open: NDArray
-    residual: NDArray
+    force: Newtons
+    displacement: Metres
+    slipping: Numbers
+    open: Numbers
+    residual: Numbers
     complete: bool
 
     @property
     def stiffness(self) -> NDArray:
         """(n - 1,) slope of the chords between neighbouring forces, N/m."""
         return np.diff(self.force) / np.diff(self.displacement)
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each force."""
-        force, moved = Column(self.force, "N"), Column(self.displacement, "m")
-        shares = {"slipping": Column(self.slipping), "open": Column(self.open)}
-        return {"force": force, "displacement": moved, **shares, "residual": Column(self.residual)}
 
     def __str__(self) -> str:
         lines = [f"first loading at {self.preload:g} N{'' if self.complete else ', sliding beyond the last force'}:"]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 
 LARGE_SPREAD = 0.2
 """Difference between elements, over the mean, from which on the stress at a point is told to be uncertain."""
@@ -79,7 +79,7 @@ class Rule:
 
 @brief
 @dataclass(frozen=True)
-class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins"):
+class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", row="location"):
     """Margins of one solution at every point of the stress sets.
 
     ``plot`` draws the Haigh diagram with the points (:func:`bdamper.plot.plot_haigh`), ``plot_critical`` the critical
@@ -105,13 +105,13 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins"):
     model_hash : str
     """
 
-    points: NDArray
-    names: tuple[str, ...]
-    amplitude: NDArray
-    mean: NDArray
-    factor: NDArray
-    yield_factor: NDArray
-    counted: NDArray
+    points: Annotated[NDArray, Quantity("m", parts=("x", "y", "z"))]
+    names: Annotated[tuple[str, ...], Quantity(name="name")]
+    amplitude: Annotated[NDArray, Quantity("Pa", "Stress amplitude")]
+    mean: Annotated[NDArray, Quantity("Pa", "Mean stress")]
+    factor: Numbers
+    yield_factor: Numbers
+    counted: Numbers
     spread: NDArray
     material: Material
     rule: Rule
@@ -172,21 +172,6 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins"):
             Fact("material", self.material.name or "given by the user"),
         )
 
-    def _dimension(self) -> str:
-        return "location"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each point."""
-        return {
-            "name": Column(np.array(self.names)),
-            **{axis: Column(self.points[:, k], "m") for k, axis in enumerate("xyz")},
-            "amplitude": Column(self.amplitude, "Pa"),
-            "mean": Column(self.mean, "Pa"),
-            "factor": Column(self.factor),
-            "yield_factor": Column(self.yield_factor),
-            "counted": Column(self.counted),
-        }
-
     def __str__(self) -> str:
         i = self.critical
         place = f"{self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"
@@ -238,18 +223,18 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
     over: str
     unit: str
     values: NDArray
-    margin: NDArray
-    response: NDArray
+    margin: Annotated[NDArray, Quantity(label="Margin against fatigue")]
+    response: Metres
     names: tuple[str, ...]
     critical: NDArray
-    amplitude: NDArray
-    mean: NDArray
-    factor: NDArray
+    amplitude: Annotated[NDArray, Quantity("Pa", name="stress_amplitude", dims=(ROW, "location"))]
+    mean: Annotated[NDArray, Quantity("Pa", name="stress_mean", dims=(ROW, "location"))]
+    factor: Annotated[NDArray, Quantity(dims=(ROW, "location"))]
     yield_factor: NDArray
     counted: NDArray
-    frequency: NDArray
-    preload: NDArray
-    speed: NDArray
+    frequency: Hertz
+    preload: Newtons
+    speed: RadiansPerSecond
     material: Material
     rule: Rule
     best_value: float = float("nan")
@@ -304,25 +289,17 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
             Fact("material", self.material.name or "given by the user"),
         )
 
+    @property
+    def critical_name(self) -> Annotated[list[str], Quantity(name="critical")]:
+        """Name of the critical point at each value, empty without a solution."""
+        return [self.names[k] if k >= 0 else "" for k in self.critical]
+
     def _dimension(self) -> str:
         return self.over.replace(" ", "_")
 
     def columns(self) -> dict[str, Column]:
         """A row for each value; stresses and factors at all points with the dimension "location"."""
-        dims = (self._dimension(), "location")
-        rows = {self._dimension(): Column(self.values, self.unit)}
-        rows |= {
-            "frequency": Column(self.frequency, "Hz"), "preload": Column(self.preload, "N"),
-            "speed": Column(self.speed, "rad/s"),
-        }  # fmt: skip
-        return rows | {
-            "margin": Column(self.margin),
-            "response": Column(self.response, "m"),
-            "critical": Column(np.array([self.names[k] if k >= 0 else "" for k in self.critical])),
-            "stress_amplitude": Column(self.amplitude, "Pa", dims),
-            "stress_mean": Column(self.mean, "Pa", dims),
-            "factor": Column(self.factor, "", dims),
-        }
+        return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
     def __str__(self) -> str:
         head, *rest = self.facts()

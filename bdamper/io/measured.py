@@ -23,7 +23,7 @@ from bdamper.util.errors import BdamperError, SettingError, mismatch
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Column, Hertz, Radians, Tabular
 
 LENGTHS = {
     "": 1.0, "m": 1.0, "meter": 1.0, "metre": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3, "millimeter": 1e-3,
@@ -54,7 +54,7 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
     """
 
     name: str
-    frequency: NDArray
+    frequency: Hertz
     response: NDArray
     node: int = 0
     direction: int = 0
@@ -74,6 +74,15 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
         return np.abs(self.response)
 
     @property
+    def phase(self) -> Radians:
+        """(n,) float."""
+        return np.angle(self.response)
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each frequency."""
+        return super().columns() | {"amplitude": Column(self.amplitude, self.unit or "m")}
+
+    @property
     def metres(self) -> float:
         """Length of the unit in metres.
 
@@ -89,11 +98,6 @@ class Measurement(Plottable, Tabular, Storable, kind="bdamper-measurement"):
                 f"to metres (scale=...), found the unit '{self.unit}'"
             )
         return LENGTHS[unit]
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each frequency."""
-        amplitude, phase = Column(self.amplitude, self.unit or "m"), Column(np.angle(self.response), "rad")
-        return {"frequency": Column(self.frequency, "Hz"), "amplitude": amplitude, "phase": phase}
 
     def __str__(self) -> str:
         k = int(np.argmax(self.amplitude))

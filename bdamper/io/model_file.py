@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import os
 import re
-import secrets
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -58,7 +57,7 @@ from bdamper.model.model import (
 )
 from bdamper.model.validation import check_model
 from bdamper.util.errors import ModelError, mismatch
-from bdamper.util.hdf5 import check_folder, enter_reader
+from bdamper.util.hdf5 import check_folder, enter_reader, written
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -105,14 +104,8 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     check_model(model)
     _check_attribute_lengths(model)
     check_folder(path)
-    target = Path(path)
-    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
-    try:
-        with h5py.File(temporary, "x", track_order=True) as file:
-            _write_model(file, model)
-        os.replace(temporary, target)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written(path, track_order=True) as file:
+        _write_model(file, model)
 
 
 def _check_attribute_lengths(model: Model) -> None:

@@ -11,7 +11,7 @@ of the periods.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import ROW, Metres, Numbers, Quantity, Tabular
 
 FEWEST = BOUNDS.look
 """Least number of periods from which a mean and a range are taken."""
@@ -37,7 +37,7 @@ FEWEST = BOUNDS.look
 
 @brief
 @dataclass(frozen=True)
-class SettledResponse(Plottable, Tabular):
+class SettledResponse(Plottable, Tabular, row="period"):
     """The response of the marched structure, period by period.
 
     ``plot`` draws the amplitude of each period, with mean and range of those that count
@@ -62,7 +62,7 @@ class SettledResponse(Plottable, Tabular):
 
     frequency: float
     preload: float
-    harmonics: NDArray
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
     memory: float
     steps_per_period: int
     sectors: int
@@ -72,20 +72,18 @@ class SettledResponse(Plottable, Tabular):
     cost: Cost
     model_hash: str = ""
 
-    def _dimension(self) -> str:
-        return "period"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each period; the harmonics of the response for xarray."""
-        return {
-            "period": Column(np.arange(len(self.harmonics))),
-            "amplitude": Column(self.amplitude, "m"),
-            "mean": Column(self.harmonics[:, 0].real, "m"),
-            "harmonics": Column(self.harmonics, "m", ("period", "harmonic")),
-        }
+    @property
+    def period(self) -> Numbers:
+        """(n_periods,) int."""
+        return np.arange(len(self.harmonics))
 
     @property
-    def amplitude(self) -> NDArray:
+    def mean_position(self) -> Annotated[NDArray, Quantity("m", name="mean")]:
+        """(n_periods,) float, m."""
+        return self.harmonics[:, 0].real
+
+    @property
+    def amplitude(self) -> Metres:
         """(n_periods,) amplitude of the harmonic of the excitation, m."""
         return np.abs(self.harmonics[:, 1])
 

@@ -15,7 +15,7 @@ frequencies of their jumps are compared instead.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,8 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import COMPLETE, INTERRUPTED
+from bdamper.util.tables import ROW, Hertz, Metres, Quantity, Tabular
 
 RATE = 0.1
 """Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
@@ -69,7 +70,7 @@ class Jump(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
+class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="turn"):
     """The response while the frequency goes slowly from one end of an interval to the other, turn by turn.
 
     ``plot`` draws amplitude over frequency, also over tracking curves (:func:`bdamper.plot.plot_time_sweep`).
@@ -97,8 +98,8 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
     model_hash : str
     """
 
-    frequency: NDArray
-    harmonics: NDArray
+    frequency: Hertz
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
     preload: float
     rate: float
     memory: float
@@ -114,22 +115,10 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
     def __len__(self) -> int:
         return len(self.frequency)
 
-    def _dimension(self) -> str:
-        return "turn"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each turn of the excitation; the harmonics of the response for xarray."""
-        return {
-            "frequency": Column(self.frequency, "Hz"),
-            "amplitude": Column(self.amplitude, "m"),
-            "mean": Column(self.harmonics[:, 0].real, "m"),
-            "harmonics": Column(self.harmonics, "m", ("turn", "harmonic")),
-        }
-
     @property
     def complete(self) -> bool:
         """Whether it went over the whole interval."""
-        return self.status == "complete"
+        return self.status == COMPLETE
 
     @property
     def up(self) -> bool:
@@ -139,12 +128,17 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep"):
     @property
     def interrupted(self) -> bool:
         """Whether Ctrl-C has ended it."""
-        return self.status == "interrupted"
+        return self.status == INTERRUPTED
 
     @property
-    def amplitude(self) -> NDArray:
+    def amplitude(self) -> Metres:
         """(n,) amplitude of the harmonic of the excitation, m."""
         return np.abs(self.harmonics[:, 1])
+
+    @property
+    def mean(self) -> Metres:
+        """(n,) mean position, m."""
+        return self.harmonics[:, 0].real
 
     @property
     def highest(self) -> tuple[float, float]:
@@ -318,7 +312,7 @@ def sweep_in_time(
     rate = usual if rate is None else rate
     empty = TimeSweep(
         frequency=np.zeros(0), harmonics=np.zeros(0), preload=preload, rate=rate if up else -rate, memory=memory,
-        steps_per_period=n, sectors=ring.n, status="complete", reason="", cost=Cost(), settings=problem.record(),
+        steps_per_period=n, sectors=ring.n, status=COMPLETE, reason="", cost=Cost(), settings=problem.record(),
         model_hash=problem.model.hash,
     )  # fmt: skip
     plans = [max(1, round(0.5 * (low + high) * (high - low) / (rate * factor))) for factor in (1, 2)[: 1 + check]]
@@ -381,4 +375,4 @@ def _filled(empty: TimeSweep, factor: int, harmonics: NDArray, turns: int, ends:
     if done == turns:
         return out
     reason = f"by the user after {done} of {turns} turns"
-    return replace(out, status="interrupted", reason="; ".join(part for part in (reason, out.reason) if part))
+    return replace(out, status=INTERRUPTED, reason="; ".join(part for part in (reason, out.reason) if part))

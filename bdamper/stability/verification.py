@@ -8,6 +8,7 @@ many periods are over.  A growth that shows only after hundreds of periods is be
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Metres, Quantity, Seconds, Tabular
 
 
 @brief
@@ -59,8 +60,8 @@ class Verification(Plottable, Tabular):
     frequency: float
     expected: NDArray
     settled: NDArray
-    time: NDArray
-    response: NDArray
+    time: Seconds
+    response: Metres
     amplitude: NDArray
     verdict: str
     tolerance: float
@@ -72,11 +73,11 @@ class Verification(Plottable, Tabular):
     cost: Cost
     interrupted: bool = False
 
-    def columns(self) -> dict[str, Column]:
-        """The last period in time, and the harmonic-balance solution at the same instants."""
+    @property
+    def expected_response(self) -> Annotated[NDArray, Quantity("m", name="expected")]:
+        """(n,) float, m: the harmonic-balance solution at the same instants."""
         turns = np.exp(2j * np.pi * self.frequency * np.outer(self.time, np.arange(len(self.expected))))
-        response, expected = Column(self.response, "m"), Column((turns @ self.expected).real, "m")
-        return {"time": Column(self.time, "s"), "response": response, "expected": expected}
+        return (turns @ self.expected).real
 
     @property
     def seconds(self) -> float:

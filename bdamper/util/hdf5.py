@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import os
+import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, fields, is_dataclass
@@ -99,7 +100,7 @@ class Storable:
         """
         check_folder(path)
         try:
-            with h5py.File(path, "w") as file:
+            with written(path) as file:
                 file.attrs["format"], file.attrs["version"] = self._format
                 file.attrs.update(self.made_with.attributes())
                 _put(file, self)
@@ -114,6 +115,19 @@ def check_folder(path: FilePath) -> None:
         raise BdamperError(f"{path}: expected a folder that exists, found no '{folder}'")
     if Path(path).is_dir():
         raise BdamperError(f"{path}: expected a file that can be written, found a folder")
+
+
+@contextmanager
+def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
+    """A new HDF5 file, which takes the place of an existing one in a single step once all of it is written."""
+    target = Path(path)
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(6)}.tmp")
+    try:
+        with h5py.File(temporary, "x", **options) as file:
+            yield file
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 @contextmanager

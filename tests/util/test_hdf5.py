@@ -1,5 +1,6 @@
 """Result files: one function reads every kind, files of version 0.1 as well, and refuses what is none with one error."""
 
+import ast
 import importlib
 import json
 import pkgutil
@@ -122,6 +123,26 @@ class TestWriting:
 
         Special(**{f.name: getattr(curve, f.name) for f in fields(curve)}).save(tmp_path / "curve.h5")
         assert same(bd.load(tmp_path / "curve.h5"), curve)
+
+
+    def test_a_file_is_replaced_once_all_is_written(self, tmp_path, curve):
+        path = tmp_path / "curve.h5"
+        curve.save(path)
+        before = path.read_bytes()
+        with pytest.raises(TypeError, match="expected a number"):
+            replace(curve, settings={"broken": object()}).save(path)
+        assert path.read_bytes() == before and [item.name for item in tmp_path.iterdir()] == ["curve.h5"]
+
+    def test_one_place_opens_files_for_writing(self):
+        package = Path(bd.__file__).parent
+        found = []
+        for path in sorted(package.rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Call) and ast.unparse(node.func) in ("h5py.File", "File"):
+                    mode = [*node.args[1:2], *(k.value for k in node.keywords if k.arg == "mode")]
+                    if [ast.unparse(m) for m in mode] != ["'r'"]:
+                        found.append(str(path.relative_to(package)))
+        assert found == ["util/hdf5.py"]
 
 
 class TestVersions:
