@@ -27,7 +27,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Hertz, Numbers, RadiansPerSecond, Tabular
 
 
 @brief
@@ -59,10 +59,10 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
     model_hash : str
     """
 
-    speed: NDArray
-    nodal_diameter: NDArray
-    free: NDArray
-    stuck: NDArray
+    speed: RadiansPerSecond
+    nodal_diameter: Numbers
+    free: Hertz
+    stuck: Hertz
     n_blades: int
     engine_order: NDArray
     order: NDArray
@@ -100,6 +100,9 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
         """Interference diagram at a speed, rad/s (:func:`bdamper.plot.plot_safe`)."""
         return draw(self, "plot_safe", speed, ax, **options)
 
+    def _grid(self) -> dict[str, Any]:
+        return {"nodal_diameter": self.nodal_diameter, "speed": self.speed, "mode": np.arange(1, self.free.shape[2] + 1)}
+
     def facts(self) -> tuple[Fact, ...]:
         """Speeds, nodal diameters and modes, and the orders that were asked for."""
         low, high = float(self.speed[0]), float(self.speed[-1])
@@ -110,16 +113,6 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
             Fact("engine orders", ", ".join(map(str, self.engine_order.tolist())) or "none"),
             *(Fact("neglected", note) for note in self.notes),
         )
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each nodal diameter, speed and mode."""
-        modes = self.free.shape[2]
-        grid = np.meshgrid(self.nodal_diameter, self.speed, np.arange(1, modes + 1), indexing="ij")
-        return {
-            "nodal_diameter": Column(grid[0].ravel()), "speed": Column(grid[1].ravel(), "rad/s"),
-            "mode": Column(grid[2].ravel()), "free": Column(self.free.ravel(), "Hz"),
-            "stuck": Column(self.stuck.ravel(), "Hz"),
-        }  # fmt: skip
 
     def __str__(self) -> str:
         def places(speed: float) -> str:

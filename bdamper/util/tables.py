@@ -143,11 +143,20 @@ class Tabular:
         cls._row = row or cls._row
 
     def columns(self) -> dict[str, Column]:
-        """Columns by name, one value for each row, and arrays of more dimensions; what is None is left out."""
+        """Columns by name, one value for each row, and arrays of more dimensions; what is None is left out.
+
+        Where the rows lie on a grid, its coordinates come first, and arrays over the grid are columns.
+        """
         cls: Any = type(self)
         found = ((name, mark, getattr(self, name)) for name, mark in quantities(cls).items())
-        row = self._dimension()
-        return dict(c for name, mark, value in found if value is not None for c in _columns_of(name, mark, value, row))
+        row, grid = self._dimension(), self._grid()
+        out = dict(c for name, mark, value in found if value is not None for c in _columns_of(name, mark, value, row))
+        if not grid:
+            return out
+        places = zip(grid, np.meshgrid(*grid.values(), indexing="ij"))
+        across = {name: Column(values.ravel(), out[name].unit if name in out else "") for name, values in places}
+        flat = {name: c if c.dims else c._replace(values=c.values.ravel()) for name, c in out.items()}
+        return across | flat | across
 
     def _dimension(self) -> str:
         """What the rows of the table are."""

@@ -31,7 +31,7 @@ _BLADES, _DAMPERS = 1, 2
 
 @brief
 @dataclass(frozen=True)
-class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning"):
+class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="blade"):
     """Frequency deviations of the blades of a wheel.
 
     ``plot`` draws them as bars over the blades (:func:`bdamper.plot.plot_mistuning`).
@@ -213,9 +213,6 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning"):
         by_mode = self.deviation.reshape(self.n_blades, -1).T
         names = ["deviation"] if self.deviation.ndim == 1 else [f"deviation_{k}" for k in range(1, len(by_mode) + 1)]
         return {"blade": Column(np.arange(self.n_blades)), **{n: Column(v) for n, v in zip(names, by_mode)}}
-
-    def _dimension(self) -> str:
-        return "blade"
 
     def __str__(self) -> str:
         modes = "" if self.deviation.ndim == 1 else f", {self.deviation.shape[1]} modes each"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import COMPLETE, HELD, Statuses
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
 from bdamper.wheel.peak import WheelPeakOptions, peak
 from bdamper.wheel.results import OfWheel
 
@@ -44,16 +45,16 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         (:class:`~bdamper.wheel.results.WheelPeak`).
     """
 
-    preload: NDArray
-    frequency: NDArray
-    amplitude: NDArray
-    blade: NDArray
-    tuned_amplitude: NDArray
-    status: tuple[str, ...]
+    preload: Newtons
+    frequency: Hertz
+    amplitude: Metres
+    blade: Numbers
+    tuned_amplitude: Metres
+    status: Annotated[Statuses, Quantity()]
     reason: tuple[str, ...]
-    residual: NDArray
-    springs: NDArray
-    error: NDArray
+    residual: Numbers
+    springs: Numbers
+    error: Numbers
 
     def __len__(self) -> int:
         return len(self.preload)
@@ -70,23 +71,9 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
             raise BdamperError("the optimal curve has no converged peak")
         return int(np.nanargmin(self.amplitude))
 
-    def columns(self) -> dict[str, Column]:
-        """A row for each preload."""
-        return {
-            "preload": Column(self.preload, "N"),
-            "frequency": Column(self.frequency, "Hz"),
-            "amplitude": Column(self.amplitude, "m"),
-            "blade": Column(self.blade),
-            "tuned_amplitude": Column(self.tuned_amplitude, "m"),
-            "status": Column(np.array(self.status)),
-            "residual": Column(self.residual),
-            "springs": Column(self.springs),
-            "error": Column(self.error),
-        }
-
     def facts(self) -> tuple[Fact, ...]:
         """Where the highest blade is lowest."""
-        found, held = (sum(status in names for status in self.status) for names in (("converged", "held"), ("held",)))
+        found, held = (sum(status in names for status in self.status) for names in ((COMPLETE, HELD), (HELD,)))
         head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} with dampers held")
         if not found:
             return (head,)

@@ -26,7 +26,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from bdamper.util import validate
+from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
 from bdamper.wheel.newton import Corrected, Plane, correct, plane_across, size_of, solved
 from bdamper.wheel.results import WheelPeak
@@ -203,8 +203,8 @@ def peak(
     Returns
     -------
     WheelPeak
-        ``status`` is "converged" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
-        single ones.  It is "lower bound" if the sweep has none at two and more in a row, which ``reason`` names; "held" if
+        ``status`` is "complete" if a peak was found with dampers free, and the sweep has solutions at all frequencies but
+        single ones.  It is "incomplete" if the sweep has none at two and more in a row, which ``reason`` names; "held" if
         the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
         found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
     """
@@ -241,7 +241,7 @@ def peak(
         climbs=np.column_stack([held, np.array([(c.springs[-1], c.height) for c in peaks]).reshape(-1, 2)]),
         sweep_frequency=np.array([found.omega for found in met]) / TWO_PI,
         sweep_amplitude=np.array([np.abs(wheel.response(found.X)[:, 1]) for found in met]).reshape(-1, wheel.n_blades),
-        status="not found" if top is None else "lower bound" if gap else "held" if springs else "converged",
+        status=_status(top, gap, springs),
         reason=_reason(top, gap, f"{len(peaks)} peaks climbed from {len(met)} of {n} points"),
         residual=np.nan if best is None else best.residual,
         springs=springs,
@@ -253,6 +253,12 @@ def peak(
         settings=wheel.settings(),
         model_hash=wheel.study.model.hash,
     )
+
+
+def _status(top: _Climbed | None, gap: tuple[float, float] | None, springs: float) -> str:
+    if top is None:
+        return status.NOT_FOUND
+    return status.INCOMPLETE if gap else status.HELD if springs else status.COMPLETE
 
 
 def _sweep(system: WheelSystem, mean: NDArray, omega: NDArray, loose: float) -> list[Corrected | None]:

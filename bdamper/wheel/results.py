@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,8 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import COMPLETE, HELD, Status
+from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,13 +61,13 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     """
 
-    frequency: NDArray
+    frequency: Hertz
     response: NDArray
     shares: NDArray
-    residual: NDArray
-    point_kind: tuple[str, ...]
+    residual: Numbers
+    point_kind: Kinds
     preload: float
-    status: str
+    status: Status
     reason: str
     springs: float = 0.0
 
@@ -76,17 +77,22 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     @property
     def complete(self) -> bool:
         """Whether the curve leads from one end of the interval to the other."""
-        return self.status == "complete"
+        return self.status == COMPLETE
 
     @property
-    def amplitude(self) -> NDArray:
+    def amplitude(self) -> Annotated[NDArray, Quantity("m", dims=(ROW, "sector"))]:
         """(n, n_blades) float, m: amplitude of the harmonic of the excitation."""
         return np.abs(self.response[..., 1])
 
     @property
-    def envelope(self) -> NDArray:
+    def envelope(self) -> Metres:
         """(n,) float, m: amplitude of the highest blade at every point."""
         return self.amplitude.max(axis=1)
+
+    @property
+    def blade(self) -> Numbers:
+        """(n,) int: the highest blade at every point."""
+        return self.amplitude.argmax(axis=1)
 
     @property
     def folds(self) -> NDArray:
@@ -108,17 +114,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     def plot_map(self, *arguments: Any, **options: Any) -> Any:
         """Draw the amplitude of every blade over frequency as a map (:func:`bdamper.plot.plot_wheel_map`)."""
         return draw(self, "plot_map", *arguments, **options)
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each point; amplitudes of all blades for xarray."""
-        return {
-            "frequency": Column(self.frequency, "Hz"),
-            "envelope": Column(self.envelope, "m"),
-            "blade": Column(self.amplitude.argmax(axis=1) if len(self) else np.zeros(0, int)),
-            "kind": Column(np.array(self.point_kind)),
-            "residual": Column(self.residual),
-            "amplitude": Column(self.amplitude, "m", ("point", "sector")),
-        }
 
     def facts(self) -> tuple[Fact, ...]:
         """What the curve is of and where it is highest."""
@@ -171,8 +166,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     sweep_frequency, sweep_amplitude : (n,), (n, n_blades) float, Hz and m
         The coarse sweep, whose points satisfy the equations only loosely.
     status, reason : str
-        "converged"; "held" if the peak was found only with springs on the mean of dampers; "lower bound" if the sweep
-        leaves out a part of its band, which the reason names; or "not found".
+        "complete"; "held" if the peak was found only with springs on the mean of dampers; "incomplete", a lower bound, if
+        the sweep leaves out a part of its band, which the reason names; or "not found".
     residual : float
     unknowns : (n_blades, n_coefficients, n_sector) float
     springs : float
@@ -195,7 +190,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     climbs: NDArray
     sweep_frequency: NDArray
     sweep_amplitude: NDArray
-    status: str
+    status: Status
     reason: str
     residual: float
     unknowns: NDArray
@@ -206,12 +201,12 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     @property
     def converged(self) -> bool:
         """With dampers free."""
-        return self.status == "converged"
+        return self.status == COMPLETE
 
     @property
     def found(self) -> bool:
         """With dampers free or held."""
-        return self.status in ("converged", "held")
+        return self.status in (COMPLETE, HELD)
 
     @property
     def held_amplitude(self) -> float:

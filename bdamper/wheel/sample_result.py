@@ -14,7 +14,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, left_undone, word
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Seconds, Tabular
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
 RESAMPLES = 2000
@@ -140,7 +140,7 @@ class BestPreload:
 
 @brief
 @dataclass(frozen=True)
-class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", version=1):
+class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", version=1, row="wheel"):
     """Highest blades of many wheels; arrays of shape (n_wheels, n_deviations, n_preloads) are NaN where there is no answer.
 
     ``plot`` draws percentiles of the amplification factor over the standard deviation (:func:`bdamper.plot.plot_sample`),
@@ -181,22 +181,22 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     n_blades: int
     wheels: NDArray
     standard_deviation: NDArray
-    preload: NDArray
-    amplitude: NDArray
-    frequency: NDArray
-    blade: NDArray
-    residual: NDArray
-    springs: NDArray
-    error: NDArray
-    held_amplitude: NDArray
+    preload: Newtons
+    amplitude: Metres
+    frequency: Hertz
+    blade: Numbers
+    residual: Numbers
+    springs: Numbers
+    error: Numbers
+    held_amplitude: Metres
     tuned_amplitude: NDArray
     tuned_frequency: NDArray
-    status: Statuses
+    status: Annotated[Statuses, Quantity(name="run")]
     audited: NDArray
     audit_share: float
-    curve_amplitude: NDArray
+    curve_amplitude: Metres
     curve_status: Annotated[tuple[str, ...], Translated("")]
-    processor: NDArray
+    processor: Seconds
     curve_processor: NDArray
     drawn: dict[str, Any] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)
@@ -211,7 +211,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
-    def amplification(self) -> NDArray:
+    def amplification(self) -> Numbers:
         """(n_wheels, n_deviations, n_preloads) amplitude over that of the tuned wheel at the same preload."""
         return np.asarray(self.amplitude / self.tuned_amplitude)
 
@@ -304,23 +304,8 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         """Draw percentiles of the amplitude over the preload (:func:`bdamper.plot.plot_sample_preload`)."""
         return draw(self, "plot_preload", *arguments, **options)
 
-    def _dimension(self) -> str:
-        return "wheel"
-
     def _grid(self) -> dict[str, Any]:
         return {"wheel": self.wheels, "standard_deviation": self.standard_deviation, "preload": self.preload}
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each wheel at each standard deviation and preload."""
-        grid = np.meshgrid(self.wheels, self.standard_deviation, self.preload, indexing="ij")
-        units = {"amplitude": "m", "frequency": "Hz", "held_amplitude": "m", "curve_amplitude": "m", "processor": "s"}
-        names = (
-            "amplification", "amplitude", "frequency", "blade", "residual", "springs", "error", "held_amplitude",
-            "curve_amplitude", "processor",
-        )  # fmt: skip
-        own = {name: Column(g.ravel(), unit) for name, g, unit in zip(self._grid(), grid, ("", "", "N"))}
-        values = {name: Column(getattr(self, name).ravel(), units.get(name, "")) for name in names}
-        return own | values | {"run": Column(np.array(self.status))}
 
     def facts(self) -> tuple[Fact, ...]:
         """Number of wheels, and the amplification factors of the last cell."""

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
+from bdamper.util.status import NOT_FOUND
 from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.solution import solution
@@ -145,7 +146,7 @@ def track(
 
     first = start(system, mean, limits[1 if from_high else 0], ease)
     if first is None:
-        status, reason, failed = "no start", f"no solution found at {frequency[1 if from_high else 0]:.6g} Hz", 0
+        status, reason, failed = NOT_FOUND, f"no solution found at {frequency[1 if from_high else 0]:.6g} Hz", 0
     else:
         keep(first, "end")
         path = Path(system, limits, ease)

@@ -61,7 +61,7 @@ def test_held_peaks_have_facts_and_pictures():
     assert {"highest amplitude", "error by dampers held"} <= {fact.name for fact in top.facts()}
     top.plot()
     curve = wheel.optimal_curve([300.0, 2000.0], options=options)
-    assert curve.status == ("held", "converged") and list(curve.error > 0.0) == [True, False]
+    assert curve.status == ("held", "complete") and list(curve.error > 0.0) == [True, False]
     assert "dampers held, with error" in [text.get_text() for text in curve.plot().get_legend().get_texts()]
 
 
@@ -156,4 +156,4 @@ def test_a_peak_carries_the_error_of_a_rival_that_could_not_be_freed(monkeypatch
     monkeypatch.setattr(module._Climbs, "held", lambda self, candidates: 2 * own(self, candidates)[:1])
     monkeypatch.setattr(module._Climbs, "freed", freed)
     top = Wheel(study(), PATTERN).peak(300.0, options=module.WheelPeakOptions(least=12, most=12, climbs=1))
-    assert top.status == "converged" and abs(top.error - (0.99 * 1.2 - 1.0)) < 1e-12
+    assert top.status == "complete" and abs(top.error - (0.99 * 1.2 - 1.0)) < 1e-12
