@@ -7,8 +7,9 @@
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
 #   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
-#   make oldest    quick tests with the oldest supported dependencies
-#   make wheel     a wheel in an empty environment
+#   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
+#   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
+#   make cross     the core compiled for aarch64 Linux
 #   make peers     small problems beside a published package, in an environment of its own (needs a network)
 
 PYTHON ?= python3
@@ -28,7 +29,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest wheel peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest newest wheel cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -69,10 +70,16 @@ nastran: | prerequisites
 	$(call step,Nastran readers in an environment of their own,PYTHON=$(PYTHON) sh tools/test_nastran.sh)
 
 oldest: | prerequisites
-	$(call step,quick tests with the oldest supported dependencies,sh tools/test_oldest.sh)
+	$(call step,quick tests with the oldest supported dependencies,sh tools/test_versions.sh oldest)
+
+newest: | prerequisites
+	$(call step,quick tests with the newest dependencies,sh tools/test_versions.sh newest)
 
 wheel: | prerequisites
-	$(call step,a wheel in an empty environment,PYTHON=$(PYTHON) sh tools/test_wheel.sh)
+	$(call step,wheels in empty environments,sh tools/test_wheel.sh)
+
+cross: $(VENV)/dev.stamp
+	$(call step,the core for aarch64,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/cross_aarch64.sh)
 
 accuracy: $(VENV)/test.stamp
 	$(call step,ladders of accuracy against time into docs/measured.md,$(PY) -m benchmarks.bench_accuracy)
@@ -93,7 +100,7 @@ sanitize: $(VENV)/dev.stamp
 	$(call step,C tests under sanitizers,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/sanitize.sh)
 
 clean:
-	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-peers build builddir* figures docs/_build docs/gallery docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf $(VENV) $(VENV)-nastran $(VENV)-oldest $(VENV)-newest $(VENV)-peers build builddir* dist figures docs/_build docs/gallery docs/sg_execution_times.rst docs/tutorial .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
 
 prerequisites:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \

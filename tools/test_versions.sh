@@ -1,0 +1,35 @@
+#!/bin/sh
+# Quick tests with every dependency at its oldest supported version (oldest) or at its newest release (newest), in an
+# environment of their own.  The extension is built with the headers of a current NumPy, as every wheel is.
+set -eu
+cd "$(dirname "$0")/.."
+which=$1
+venv=.venv-$which
+place=builddir-$which
+if [ "$which" = oldest ]; then
+  python=${OLDEST_PYTHON:-python3.11}
+  "$python" -c 'import ensurepip, venv' 2>/dev/null \
+    || { echo "skipped: no $python, the oldest supported Python, for which the oldest NumPy and SciPy are built"; exit 0; }
+  sign='=='
+else
+  python=$(sh tools/pythons.sh | tail -1)
+  [ -n "$python" ] || { echo "missing: a Python 3.11 or newer with venv and ensurepip"; exit 1; }
+  sign='>='
+fi
+[ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+dependencies=$("$venv/bin/python" -c '
+import sys, tomllib
+with open("pyproject.toml", "rb") as file:
+    project = tomllib.load(file)["project"]
+print(*(one.replace(">=", sys.argv[1]) for one in project["dependencies"] + project["optional-dependencies"]["fe"]))' "$sign")
+# shellcheck disable=SC2086  # one word for each package
+"$venv/bin/python" -m pip install -qq --upgrade --upgrade-strategy eager . $dependencies pytest pytest-xdist hypothesis
+"$venv/bin/python" -m pip list 2>/dev/null | grep -iE '^(numpy|scipy|h5py|matplotlib|scikit-fem) '
+rm -rf "$place" && mkdir -p "$place"
+cp -r tests pyproject.toml "$place/"
+BDAMPER_MODELS=$PWD/models
+export BDAMPER_MODELS
+cd "$place"
+# the installed package is tested, not the source tree, so only this copy is on the path
+"../$venv/bin/python" -m pytest -q -n auto -m "not slow" \
+  tests/core tests/contact tests/model tests/harmonic_balance tests/continuation tests/util
