@@ -5,7 +5,7 @@ The analyses are functions of their rooms that take a problem first; here they b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -52,8 +52,8 @@ class Study(Problem, Comparable):
     them have in common is seen in the settings of their results.
     """
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
+        super().__post_init__(residual_traction, _given)
         check_settings(self)
 
     # what is shown of it

@@ -184,8 +184,7 @@ def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float,
     n = 512 * max(2, exact.n_harmonics)
     r = [np.empty(exact.n_unknowns), np.empty(exact.n_unknowns)]
     for samples, out in zip((n, 2 * n), r):
-        dense = replace(problem, evaluation=Sampled(samples))
-        dense.share_static_states(problem)
+        dense = problem.sharing(["static_states"], evaluation=Sampled(samples))
         dense.system(preload).core.evaluate(np.ascontiguousarray(y), out)
     e = estimate_change(exact, y, (4.0 * r[1] - r[0]) / 3.0)
     return e.amplitude, e.frequency, 2 * n

@@ -199,9 +199,8 @@ def advise(
     frequency : (low, high), Hz
         Interval in which the highest peak is looked for.
     against : Effects, optional
-        The reference; by default all that the model allows (:func:`fullest`).  The friction law and the residual traction
-        stay those of the study: they say what is computed, and :func:`bdamper.effects.compare_laws.compare_laws` compares
-        them.
+        The reference; by default all that the model allows (:func:`fullest`).  The friction law stays that of the
+        study: it says what is computed, and :func:`bdamper.effects.compare_laws.compare_laws` compares them.
     tolerance : float
         Relative change of amplitude or frequency that leaving out effects may make in all.
 

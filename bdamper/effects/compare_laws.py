@@ -94,5 +94,5 @@ def _under(problem: Problem, law: str) -> Problem:
         return replace(problem, friction_law="separable", friction_axes="major")
     plain = replace(problem, friction_axes="contact")
     if law == "coupled":
-        return plain.with_effects(replace(Effects.of(problem), friction_law="coupled", residual_traction="static"))
+        return plain.with_effects(replace(Effects.of(problem), friction_law="coupled"))
     return replace(plain, friction_law=law)

@@ -6,7 +6,7 @@ points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -20,7 +20,7 @@ from bdamper.fatigue.material import LINES, ON, Material
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
@@ -266,20 +266,35 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
 
     @property
     def least(self) -> int:
-        """Place of the least margin."""
-        return int(np.nanargmin(self.margin))
+        """Place of the least margin.
+
+        Raises
+        ------
+        BdamperError
+            If no value has one.
+        """
+        return self._place(np.nanargmin)
 
     @property
     def greatest(self) -> int:
-        """Place of the largest margin."""
-        return int(np.nanargmax(self.margin))
+        """Place of the largest margin; an error as for ``least``."""
+        return self._place(np.nanargmax)
+
+    def _place(self, of: Callable[[NDArray], Any]) -> int:
+        if np.isnan(self.margin).all():
+            raise BdamperError(f"no margin found at any of {len(self)} values of {self.over}")
+        return int(of(self.margin))
 
     def facts(self) -> tuple[Fact, ...]:
         """Least and largest margin and where they are."""
+        reach = f"{self.values.min():.6g} to {self.values.max():.6g} {self.unit}" if len(self) else "no value"
+        over = Fact("margin over", f"{self.over}, {reach}")
+        if np.isnan(self.margin).all():
+            return (over, Fact("margin", "not found"))
         i, j = self.least, self.greatest
         best = [Fact("best", f"{self.best_margin:.4g} at {self.best_value:.6g} {self.unit}, {self.best_status}")]
         return (
-            Fact("margin over", f"{self.over}, {self.values.min():.6g} to {self.values.max():.6g} {self.unit}"),
+            over,
             Fact("least margin", float(self.margin[i])),
             Fact("least at", f"{self.values[i]:.6g} {self.unit}, {self.names[self.critical[i]]}"),
             Fact("largest margin", float(self.margin[j])),

@@ -19,6 +19,7 @@ Conditions that need an explanation:
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
 
 import numpy as np
@@ -64,6 +65,23 @@ UNIT_TOLERANCE = 1e-6
 SEMIDEFINITE_TOLERANCE = 1e-6
 REAL_TOLERANCE = 1e-8
 NEAREST_FREQUENCY = 0.05  # of the lowest mode of a local basis with few shapes of the interface
+
+
+_CHECKED: dict[int, weakref.ref[Model]] = {}
+
+
+def as_checked(model: Model) -> Model:
+    """A model made from a checked one, which need not be checked again."""
+    key = id(model)
+    _CHECKED[key] = weakref.ref(model, lambda _: _CHECKED.pop(key, None))
+    return model
+
+
+def check_model_once(model: Model) -> None:
+    """As :func:`check_model`, but for a model that was checked before, the object itself."""
+    if id(model) not in _CHECKED:
+        check_model(model)
+        as_checked(model)
 
 
 def check_model(model: Model, *, where: str = "model") -> None:

@@ -120,8 +120,8 @@ def plot_margin(
             axes.set_ylabel("Margin against fatigue")
         if curve.over == "preload":
             axes.set_xscale("log")
-        top = np.nanmax(np.where(np.isfinite(curve.margin), curve.margin, np.nan))
-        if k == 0 and top > 20.0 * np.nanmin(curve.margin):
+        known = curve.margin[np.isfinite(curve.margin)]
+        if k == 0 and len(known) and known.max() > 20.0 * known.min():
             axes.set_yscale("log")
         if with_response:
             factor, unit = length(curve.response)

@@ -325,7 +325,7 @@ def plot_sample_preload(
 
 @draws(WheelOptimalCurve)
 def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, title: str = "") -> Axes:
-    """Highest amplitude of any blade over the preload, beside the tuned wheel; stars mark the least computed of each.
+    """Highest amplitude of any blade over the preload, beside the tuned wheel; stars mark where each is least, or may be.
 
     Parameters
     ----------
@@ -339,7 +339,7 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
         Preloads without a peak are crosses at the lower edge; peaks with dampers held are open circles with their error.
     """
     order = np.argsort(curve.preload)
-    x, best = curve.preload[order], curve.best
+    x, best = curve.preload[order], curve.candidates
     lost = ~np.isfinite(curve.amplitude[order])
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from bdamper.model.coupling import centrifugal_load
+from bdamper.model.validation import as_checked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -172,9 +173,7 @@ def at_speed(problem: P, omega: float, **conditions: Any) -> P:
 
 def under(problem: P, omega: float, conditions: Conditions) -> P:
     """See :func:`at_speed`; for conditions that are made already."""
-    model = problem.model.at_speed(omega)
-    object.__setattr__(model, "_checked", True)  # made from a checked one
-    changes: dict[str, Any] = {"model": model, "speed": omega}
+    changes: dict[str, Any] = {"model": as_checked(problem.model.at_speed(omega)), "speed": omega}
     mu = conditions.friction_at(omega)
     if mu is not None:
         changes["friction_coefficient"] = mu

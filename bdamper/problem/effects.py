@@ -8,7 +8,7 @@ The equations of a study hold nothing of an effect that is off.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import InitVar, dataclass, field, fields, replace
 from typing import Any
 
 from bdamper.model.coupling import RIGID_NAMES
@@ -17,7 +17,6 @@ from bdamper.util.errors import SettingError
 
 AXES = ("X", "Y", "Z")
 LAW_NAMES = ("separable", "coupled", "bonded")
-TRACTIONS = ("static", "lower", "upper")
 MAX_HARMONIC = 64
 HARMONICS = 3
 """By default: with fewer the peak near the optimal preload is another one (docs/measured.md)."""
@@ -51,8 +50,6 @@ class Effects:
     friction_law : {"separable", "coupled", "bonded"} or mapping of interface name to these
         "coupled": the friction force lies in a disk, which needs a sampled evaluation (a study that has the exact one is
         given 128 samples).  "separable": each tangential direction slips for itself.
-    residual_traction : {"static", "lower", "upper"}
-        Friction force of points that never slip: that of the static state, or an end of the interval of what is possible.
     rotation, translation : sequence of "X", "Y", "Z"
         Rigid-body motions of free bodies about and along their own axes (Y along the load, Z along the axis of
         rotation).
@@ -83,9 +80,7 @@ class Effects:
     friction_law: str | Mapping[str, str] = _effect(
         "separable", "friction in the contact plane", "separable: each tangential direction slips for itself"
     )
-    residual_traction: str = _effect(
-        "static", "friction force that is left in points that never slip", "static: it is that of the static state"
-    )
+    residual_traction: InitVar[str] = "static"
     rotation: tuple[str, ...] = _effect(AXES, "rotation of the damper", "the damper does not turn about this axis")
     translation: tuple[str, ...] = _effect(AXES, "translation of the damper", "the damper does not move along this axis")
     damper_modes: int = _effect(0, "elastic damper modes", "the damper is rigid but for its contact stiffness")
@@ -103,11 +98,11 @@ class Effects:
         BLADE_MODES, "modes of the blade", "higher modes act through the contact stiffness and residual modes alone"
     )
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, residual_traction: str) -> None:
+        check_traction(residual_traction)
         check_harmonics(self.harmonics)
         object.__setattr__(self, "harmonics", whole_harmonics(self.harmonics))
         check_law(self.friction_law)
-        validate.fields(self, validate.choice, "residual_traction", choices=TRACTIONS)
         validate.fields(self, _axes, "rotation", "translation")
         validate.fields(self, validate.flag, *SWITCHES, "stability")
         validate.fields(self, validate.whole, "damper_modes")
@@ -142,7 +137,6 @@ class Effects:
             variable_normal_load=problem.variable_normal_load,
             separation=problem.separation and problem.variable_normal_load,
             friction_law=problem.friction_law,
-            residual_traction=problem.residual_traction,
             rotation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "R"),
             translation=tuple(name[1] for name in RIGID_NAMES if name in rigid and name[0] == "T"),
             damper_modes=problem.damper_modes,
@@ -161,7 +155,6 @@ class Effects:
             "variable_normal_load": self.variable_normal_load,
             "separation": self.separation,
             "friction_law": self.friction_law,
-            "residual_traction": self.residual_traction,
             "rigid_modes": self.rigid_modes,
             "damper_modes": self.damper_modes,
             "single_basis": not self.harmonic_nodal_diameters,
@@ -243,6 +236,14 @@ def check_law(law: str | Mapping[str, str], names: tuple[str, ...] = LAW_NAMES) 
     if not all(isinstance(name, str) and name in LAW_NAMES for name in given):
         expected = f"one of {names} or a mapping of interface names to {LAW_NAMES}"
         raise validate.unfit("friction_law", expected, law)
+
+
+def check_traction(traction: str) -> None:
+    """Points that never slip keep the friction force of the static state: a setting of earlier versions had other words."""
+    if traction != "static":
+        raise validate.unfit(
+            "residual_traction", "none: points that never slip keep the friction force of the static state", traction
+        )
 
 
 def whole_harmonics(harmonics: int | Sequence[int]) -> int | tuple[int, ...]:

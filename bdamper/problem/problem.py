@@ -6,17 +6,15 @@ equations of the harmonic balance at one preload are ``system(preload)``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from copy import copy
-from dataclasses import dataclass, field, replace
-from functools import cached_property
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import InitVar, dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.contact.friction_axes import major_angles, turned
-from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, LAW_SEPARABLE, Sampled, check_evaluation
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, Sampled
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
@@ -29,6 +27,7 @@ from bdamper.model.coupling import Coordinate, Coupling, HarmonicBasis, damper_d
 from bdamper.model.loads import Excitation, Response, direction_vector
 from bdamper.model.model import ContactStiffness
 from bdamper.problem.effects import Effects
+from bdamper.problem.parts import part
 from bdamper.problem.settings import Settings, check_history
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -50,11 +49,13 @@ class Problem(Settings):
     Parameters are those of :class:`~bdamper.problem.settings.Settings`.
     """
 
-    _states: dict[tuple[float, ...], PreloadState] = field(default_factory=dict, init=False, repr=False, compare=False)
-    _angles: dict[float, NDArray] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _given: InitVar[Mapping[str, Any] | None] = None
+    parts: dict[str, Any] = field(init=False, repr=False, compare=False)
+    """What has been made so far, by name (:class:`~bdamper.problem.parts.part`)."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
+    def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
+        object.__setattr__(self, "parts", dict(_given or {}))
+        super().__post_init__(residual_traction)
         _ = self.modal_bases  # the nodal diameters that the harmonics need
         _ = self.point_gaps
         self._check_stiffness()
@@ -102,13 +103,7 @@ class Problem(Settings):
         changed = {name for name, value in settings.items() if not hasattr(self, name) or value is not getattr(self, name)}
         if not changed <= {"harmonics", "bias", "stability"}:
             return replace(self, **settings)
-        out = copy(self)
-        for name, value in settings.items():
-            object.__setattr__(out, name, value)
-        object.__setattr__(out, "harmonics", Effects.of(out).harmonics)  # checks them
-        for name in ("bases", "modal_bases", "response_rows"):
-            out.__dict__.pop(name, None)
-        check_evaluation(out.evaluation, out.harmonic_numbers[-1])
+        out = self.sharing(self.parts.keys() - {"bases", "modal_bases", "response_rows"}, **settings)
         if self.contact_stiffness is None and not changed <= {"stability"}:
             if self.contact.note:
                 return replace(self, **settings)
@@ -118,6 +113,18 @@ class Problem(Settings):
                 return replace(self, **settings)
         _ = out.bases
         return out
+
+    def sharing(self, names: Iterable[str], **settings: Any) -> Self:
+        """The same problem under other settings, which the parts of these names must not depend on."""
+        return replace(self, _given={name: self.parts[name] for name in names if name in self.parts}, **settings)
+
+    def given(self, **parts: Any) -> Self:
+        """The same problem with parts that were made elsewhere, by name."""
+        return replace(self, _given=self.parts | parts)
+
+    def with_bases(self, bases: list[HarmonicBasis]) -> Self:
+        """The same problem, its unknowns those of other bases, from the mean on; the mean starts from the static state."""
+        return self.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))
 
     def with_effects(self, effects: Effects) -> Self:
         """The same problem with other effects; what does not depend on them is shared."""
@@ -139,17 +146,20 @@ class Problem(Settings):
         chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
         if harmonics == self.harmonic_numbers and chosen == self.evaluation:
             return self
-        other = replace(self, harmonics=harmonics, evaluation=chosen)
-        other.share_static_states(self)
-        return other
-
-    def share_static_states(self, other: Problem) -> None:
-        """Take over the static states of a problem that differs in nothing that they depend on."""
-        self._states.update(other._states)
+        return self.sharing(["static_states"], harmonics=harmonics, evaluation=chosen)
 
     # ---- parts, made once ----
 
-    @cached_property
+    @part
+    def static_states(self) -> dict[tuple[float, ...], PreloadState]:
+        """Static states so far, by preload and load history; problems that agree in all that they depend on share them."""
+        return {}
+
+    @part
+    def _angles(self) -> dict[float, NDArray]:
+        return {}
+
+    @part
     def coupling(self) -> Coupling:
         """The model with the retained modes and interfaces."""
         bodies = {
@@ -163,7 +173,7 @@ class Problem(Settings):
         modes = retained_modes(model, blade_modes, self.damper_modes, self.rigid_modes)
         return Coupling(model, self.interface_names(), modes, int(self.engine_order), self.single_basis)
 
-    @cached_property
+    @part
     def static_basis(self) -> HarmonicBasis:
         """Modes of the static state."""
         return self._with_residual(self.coupling.basis(0), 0)
@@ -174,7 +184,7 @@ class Problem(Settings):
             return basis
         return residual.basis(harmonic).stiffer(float(self.contact_stiffness_factor)).join(basis)
 
-    @cached_property
+    @part
     def modal_bases(self) -> list[HarmonicBasis]:
         """Modes of the bodies for each harmonic, from the mean on."""
         return [
@@ -182,7 +192,7 @@ class Problem(Settings):
             for l in range(self.harmonic_numbers[-1] + 1)
         ]
 
-    @cached_property
+    @part
     def bases(self) -> list[HarmonicBasis]:
         """Modes of each harmonic, from the mean on; residual modes, if there are any, come last."""
         bases = [
@@ -197,7 +207,7 @@ class Problem(Settings):
         own = self._damper_drag
         return replace(basis, drag=basis.drag + np.array([own.get(c, 0.0) for c in basis.coordinates])) if own else basis
 
-    @cached_property
+    @part
     def _damper_drag(self) -> dict[Coordinate, float]:
         if not (self.damper_damping_ratio or self.damper_drag):
             return {}
@@ -205,7 +215,7 @@ class Problem(Settings):
         springs = held * np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
         return damper_drag(self.model, self.static_basis, springs, self.damper_damping_ratio, self.damper_drag)
 
-    @cached_property
+    @part
     def friction(self) -> NDArray:
         """(n_points,) friction coefficients."""
         mu = np.zeros(self.coupling.n_points)
@@ -213,7 +223,7 @@ class Problem(Settings):
             mu[self.coupling.rows(name)] = value
         return mu
 
-    @cached_property
+    @part
     def contact(self) -> Contact:
         """Contact stiffness by the method asked for, with residual modes if it has any.
 
@@ -263,7 +273,7 @@ class Problem(Settings):
         except (ModelError, SettingError):  # no stiffness at all, which an analysis says
             return super().stiffness_method
 
-    @cached_property
+    @part
     def stiffness(self) -> dict[str, ContactStiffness]:
         """Contact stiffness of each interface."""
         factor = float(self.contact_stiffness_factor)
@@ -278,12 +288,12 @@ class Problem(Settings):
         """Range of the contact stiffness and use of fallback rules, for each interface."""
         return tuple(report(name, contact, self.contact.note) for name, contact in self.stiffness.items())
 
-    @cached_property
+    @part
     def point_stiffness(self) -> NDArray:
         """(n_points, 3) contact stiffness along t1, t2, n, N/m."""
         return np.concatenate([self.stiffness[name].stiffness for name in self.coupling.interfaces])
 
-    @cached_property
+    @part
     def point_gaps(self) -> NDArray:
         """(n_points,) initial distance of the surfaces, m; negative for interference."""
         given = {} if self.gap is None else validate.mapping("gap", self.gap, self.coupling.interfaces, "interfaces")
@@ -304,7 +314,7 @@ class Problem(Settings):
             parts.append(gap)
         return np.concatenate(parts)
 
-    @cached_property
+    @part
     def point_laws(self) -> NDArray:
         """(n_points,) law of each contact point."""
         law = np.full(self.coupling.n_points, LAW_NORMAL)
@@ -316,30 +326,30 @@ class Problem(Settings):
             law[rows] = value if value == LAW_BONDED else np.where(self.friction[rows] > 0.0, value, LAW_NORMAL)
         return law
 
-    @cached_property
+    @part
     def bonded_points(self) -> NDArray:
         """(n_points,) bool: points of linear springs."""
         return self.point_laws == LAW_BONDED
 
-    @cached_property
+    @part
     def tangential_stiffness(self) -> NDArray:
         """(n_points, 2) contact stiffness along t1 and t2, N/m; none where there is neither friction nor bond."""
         return self.point_stiffness[:, :2] * ~np.isin(self.point_laws, (LAW_NORMAL, LAW_CUBIC))[:, None]
 
-    @cached_property
+    @part
     def friction_points(self) -> NDArray:
         """(n_points,) bool: points of friction interfaces, whatever their coefficient."""
         faces = [self.coupling.model.interfaces[name] for name in self.coupling.interfaces]
         return np.concatenate([np.full(face.n_points, face.kind == "friction") for face in faces])
 
-    @cached_property
+    @part
     def damper_load(self) -> tuple[NDArray, NDArray]:
         """Per newton of preload: modal force (n_modes,), and motion of the points that the modes do not carry (n_points,
         3)."""
         force, shift = self.coupling.load(spinning=self.speed is not None)
         return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
 
-    @cached_property
+    @part
     def constant_force(self) -> NDArray:
         """(n_modes,) modal static force that does not scale with the preload."""
         force = self.coupling.constant_force()
@@ -350,14 +360,14 @@ class Problem(Settings):
         modes = self.coupling.location_modes(location, harmonic)
         return np.pad(modes, ((0, 0), (0, self.bases[harmonic].n_modes - modes.shape[1])))
 
-    @cached_property
+    @part
     def force_rows(self) -> NDArray:
         """(n_modes,) complex modal excitation at harmonic 1."""
         modes = self.location_modes(self.excitation.location, 1)
         force = self.excitation.amplitude * np.exp(1j * self.excitation.phase)
         return (direction_vector(self.excitation.direction, "excitation direction") @ modes).conj() * force
 
-    @cached_property
+    @part
     def response_rows(self) -> list[NDArray]:
         """(n_modes,) rows that give the response, for each harmonic from the mean on."""
         place = self.response_location
@@ -371,7 +381,7 @@ class Problem(Settings):
 
     # ---- static ----
 
-    @cached_property
+    @part
     def static_system(self) -> StaticSystem:
         """The static contact problem under the load on the damper."""
         force, shift = self.damper_load
@@ -407,25 +417,25 @@ class Problem(Settings):
         preload = self.check_preload(preload)
         factors = self.load_history if history is None else check_history(history, "history")
         key = (preload, *factors)
-        if key not in self._states:
+        if key not in self.static_states:
             watch = Stopwatch()
             system = self.static_system
             state = None
             if len(factors) == 1 and preload > 0.0:
                 # always from one and the same load, so that results do not depend on what was asked before
-                unit = self._states.get((1.0, 1.0)) or static_state(system, 1.0)
-                self._states[(1.0, 1.0)] = unit
+                unit = self.static_states.get((1.0, 1.0)) or static_state(system, 1.0)
+                self.static_states[(1.0, 1.0)] = unit
                 state = scaled_state(system, unit, factors[0] * preload)
                 if state is not None:
-                    self._states[key] = replace(state, cost=Cost(**watch.read()))
-                    return self._states[key]
+                    self.static_states[key] = replace(state, cost=Cost(**watch.read()))
+                    return self.static_states[key]
             for factor in factors:
                 state = static_state(system, factor * preload, start=state)
                 if not state.converged:
                     break
             assert state is not None
-            self._states[key] = replace(state, cost=Cost(**watch.read(), iterations=state.iterations))
-        return self._states[key]
+            self.static_states[key] = replace(state, cost=Cost(**watch.read(), iterations=state.iterations))
+        return self.static_states[key]
 
     def equilibrium(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """The static state that a result is built on, an error where there is none."""
@@ -443,7 +453,7 @@ class Problem(Settings):
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
         return wedge_friction(self.coupling, self.friction, self.check_preload(preload))
 
-    @cached_property
+    @part
     def self_locking(self) -> tuple[str, ...]:
         """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
 
@@ -468,7 +478,7 @@ class Problem(Settings):
             raise SettingError(f"preload: expected 0, since {self.why_no_load}, found {preload:g} N")
         return preload
 
-    @cached_property
+    @part
     def carries_load(self) -> bool:
         """Whether the study has the motions along which the model's dampers are loaded.
 
@@ -508,10 +518,18 @@ class Problem(Settings):
         ------
         StaticError
             If no static state was found under it.
+        SettingError
+            If nothing is excited, or the force is not finite.
         """
+        e = self.force_rows
+        if not np.finfo(float).tiny <= np.abs(e).max() < np.inf:
+            at = self.excitation
+            raise SettingError(
+                f"excitation: expected a finite force that works on the modes of harmonic 1, found {at.amplitude:g} N at "
+                f"'{at.location}', {at.direction}"
+            )
         state = self.equilibrium(preload)
         load, shift = self.damper_load
-        e = self.force_rows
         n_mode = [len(b.omega2) for b in self.bases]
         force = np.zeros(n_mode[0] + 2 * sum(n_mode[1:]))
         force[: n_mode[0]] = (state.load * load + self.constant_force)[: n_mode[0]]
@@ -533,8 +551,6 @@ class Problem(Settings):
         bases = self.bases
         if self.friction_axes == "major":
             bases, points = turned(bases, points, self.major_directions(preload))
-        if self.residual_traction != "static":
-            points = replace(points, slider=self._extreme_sliders(points, preload))
         if not self.separation or not self.variable_normal_load:
             bases, points = without_separation(
                 bases, points, state, self.friction_points, constant_load=not self.variable_normal_load
@@ -547,24 +563,6 @@ class Problem(Settings):
         system.spring_bases = self.bases  # linear springs are those of the points of the coupling
         system.springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return system
-
-    def _extreme_sliders(self, points: PointArrays, preload: float) -> NDArray:
-        """(n_points, 2) sliders, infinite where an end of their interval is asked for."""
-        along = np.zeros((self.coupling.n_points, 2))
-        for name in self.coupling.interfaces:
-            face = self.coupling.model.interfaces[name]
-            for sense, body in ((-1.0, face.body_a), (1.0, face.body_b)):
-                load = self.coupling.model.bodies[body].load
-                if load is not None:
-                    along[self.coupling.rows(name)] = sense * face.frame[:, :2] @ load.direction
-        if self.friction_axes == "major":
-            angle = self.major_directions(preload)
-            c, s = np.cos(angle), np.sin(angle)
-            along = np.column_stack([c * along[:, 0] + s * along[:, 1], c * along[:, 1] - s * along[:, 0]])
-        # a traction T acts on body a along +t and on body b along -t; the slider at the upper end gives the lowest T
-        end = -np.inf if self.residual_traction == "lower" else np.inf
-        asked = (np.abs(along) > 1e-6) & (points.law[:, None] == LAW_SEPARABLE)
-        return np.where(asked, np.copysign(end, along * np.sign(end)), points.slider)
 
     def stuck_springs(self, state: PreloadState) -> NDArray:
         """(n_points, 3) linear springs: points that the preload has closed do not slip."""
@@ -587,9 +585,7 @@ class Problem(Settings):
         if preload in self._angles:
             return self._angles[preload]
         springs = self.stuck_springs(self.equilibrium(preload))
-        plain = copy(self)  # shares all that was made
-        object.__setattr__(plain, "friction_axes", "contact")
-        system = plain.system(preload)
+        system = self.sharing(self.parts, friction_axes="contact").system(preload)
         motions = [system.linear_response(w, springs) for w in system.linear_modes(springs)[0] if w > 0.0]
         largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
         self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)

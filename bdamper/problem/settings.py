@@ -7,7 +7,7 @@ stiffness, friction law, preload history, harmonics of the response.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import InitVar, asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,14 +19,14 @@ from bdamper.contact.stiffness import PerArea
 from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.loads import Excitation, Response
 from bdamper.model.model import Model
-from bdamper.model.validation import check_model
+from bdamper.model.validation import check_model_once
 from bdamper.problem.effects import (
     BLADE_MODES,
     HARMONICS,
     LAW_NAMES,
-    TRACTIONS,
     Effects,
     check_law,
+    check_traction,
     harmonic_numbers,
     whole_harmonics,
 )  # fmt: skip
@@ -94,11 +94,6 @@ class Settings:
     friction_axes : {"contact", "major"}
         Axes of the separable law: those of the interface, or at each point the major directions of its motion at the
         resonance of the stuck contact with the largest response (:mod:`bdamper.contact.friction_axes`).
-    residual_traction : {"static", "lower", "upper"}
-        Friction force of points that never slip, which the equations leave open within an interval
-        (``HarmonicSystem.slider_interval``): that of the static state, or that end of the interval at which friction
-        carries as much of the damper's load as it can ("lower": lowest normal loads), or works against it as much as it
-        can ("upper").  Directions that are normal to the load keep the static value.
     bias, variable_normal_load, separation : bool
         Whether the mean moves, the friction limit follows the normal load, surfaces open and close; what is assumed
         otherwise stands in :class:`~bdamper.problem.effects.Effects`.
@@ -142,7 +137,7 @@ class Settings:
     evaluation: str | Sampled = "exact"
     friction_law: str | Mapping[str, str] = "separable"
     friction_axes: str = "contact"
-    residual_traction: str = "static"
+    residual_traction: InitVar[str] = "static"
     bias: bool = True
     variable_normal_load: bool = True
     separation: bool = True
@@ -154,12 +149,11 @@ class Settings:
     contact_stiffness_factor: float = 1.0
     speed: float | None = None
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, residual_traction: str) -> None:
+        check_traction(residual_traction)
         if self.effects is not None:
             self._take_effects(validate.instance("effects", self.effects, Effects))
-        if not getattr(self.model, "_checked", False):
-            check_model(self.model)
-            object.__setattr__(self.model, "_checked", True)
+        check_model_once(self.model)
         validate.instance("excitation", self.excitation, Excitation, "an Excitation(location, direction, amplitude)")
         if self.response is not None:
             validate.instance("response", self.response, Response, "a Response(location, direction)")
@@ -275,10 +269,7 @@ class Settings:
             if isinstance(given, Mapping) and set(given) != set(faces):
                 raise validate.unfit("friction_law", f"one of {LAW_NAMES} for each interface {faces}", dict(given))
         validate.choice("friction_axes", self.friction_axes, ("contact", "major"))
-        validate.choice("residual_traction", self.residual_traction, TRACTIONS)
         laws = set(self.law_by_interface().values())
-        if self.residual_traction != "static" and LAW_COUPLED in laws:
-            raise SettingError('residual_traction: expected "static" with coupled friction, found an end of the interval')
         if isinstance(self.evaluation, str) and LAW_COUPLED in laws:
             raise SettingError(
                 'evaluation: expected Sampled(n_time) with friction_law="coupled", which has no closed form, found "exact"'
@@ -355,7 +346,6 @@ class Settings:
             "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
             "load_history": self.load_history if self.load_history != (1.0,) else None,
             "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
-            "residual_traction": self.residual_traction if self.residual_traction != "static" else None,
             "off": ", ".join(off) or None,
         }
         return {name: value for name, value in other.items() if value is not None}
@@ -394,7 +384,6 @@ class Settings:
             "speed": self.speed,
             "friction_law": self.friction_law if isinstance(self.friction_law, str) else dict(self.friction_law),
             "friction_axes": self.friction_axes,
-            "residual_traction": self.residual_traction,
             "evaluation": self.evaluation if isinstance(self.evaluation, str) else asdict(self.evaluation),
         }
         if options is not None:

@@ -19,6 +19,7 @@ import numpy as np
 
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
+from bdamper.model.validation import as_checked
 from bdamper.problem.at_speed import at_speed
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -68,7 +69,7 @@ def study_fingerprint(problem: Problem) -> str:
     """Digest of the model and of all settings of a problem."""
     digest = hashlib.sha256(problem.model.hash.encode())
     for item in fields(problem):
-        if item.name != "model" and not item.name.startswith("_"):
+        if item.name != "model" and item.init:
             feed_digest(digest, item.name, getattr(problem, item.name))
     return digest.hexdigest()
 
@@ -103,12 +104,10 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
     if "friction_coefficient" in names and not residual and not (isinstance(method, str) and method == "eq4"):
         others = [set(_KEPT[name]) for name in names if name != "friction_coefficient"]
         kept |= set(_CONTACT).intersection(*others)
-    for part in kept:
-        if part in old.__dict__:
-            new.__dict__.setdefault(part, old.__dict__[part])
     if all(name in _VIBRATION for name in names):
-        new.share_static_states(old)
-    return new
+        kept.add("static_states")
+    parts = {name: old.parts[name] for name in kept & old.parts.keys() - new.parts.keys()}
+    return new.given(**parts) if parts else new
 
 
 def _varied(problem: P, settings: Mapping[str, Any]) -> P:
@@ -136,19 +135,13 @@ def _scaled(problem: P, name: str, factor: float) -> P:
         if problem.damping_ratio is not None:
             return replace(problem, damping_ratio=factor * problem.damping_ratio)
         bodies = {key: _damped(body, factor) for key, body in problem.model.bodies.items()}
-        return replace(problem, model=_as_checked(replace(problem.model, bodies=bodies)))
+        return replace(problem, model=as_checked(replace(problem.model, bodies=bodies)))
     model = denser(problem.model, factor)
     if name == "damper_mass_factor":  # the displacement by rotation stays what it is at this load
         spun = [(key, body, body.spin) for key, body in model.bodies.items()]
         moved = {key: replace(b, spin=s and replace(s, contact=factor * s.contact)) for key, b, s in spun}
         model = replace(model, bodies=moved)
-    return replace(problem, model=_as_checked(model))
-
-
-def _as_checked(model: Model) -> Model:
-    """A model made from a checked one need not be checked again."""
-    object.__setattr__(model, "_checked", True)
-    return model
+    return replace(problem, model=as_checked(model))
 
 
 def _damped(body: Body, factor: float) -> Body:

@@ -92,11 +92,8 @@ class SpeedFamily(Generic[P]):
     """
 
     def __init__(self, problem: P, conditions: Conditions) -> None:
-        if problem.residual_traction != "static" or problem.friction_axes != "contact":
-            raise SettingError(
-                'over speed: expected residual_traction="static" and friction_axes="contact", found '
-                f'"{problem.residual_traction}" and "{problem.friction_axes}"'
-            )
+        if problem.friction_axes != "contact":
+            raise SettingError(f'over speed: expected friction_axes="contact", found "{problem.friction_axes}"')
         self.whole = problem
         self.base = with_needed_bases(problem)
         self.conditions = conditions

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.cost import Cost
-from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
@@ -65,19 +64,32 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         return self.amplitude / self.tuned_amplitude
 
     @property
-    def best(self) -> int:
-        """Number of the preload at which the highest blade is lowest, among those computed."""
-        if not np.isfinite(self.amplitude).any():
-            raise BdamperError("the optimal curve has no converged peak")
-        return int(np.nanargmin(self.amplitude))
+    def candidates(self) -> NDArray:
+        """Numbers of the preloads that may have the lowest highest blade, whatever dampers held leave open (``error``).
+
+        The first is that with the least of what its amplitude may be at most, ``amplitude (1 + error)``; the others may be
+        lower.  Preloads without a peak are none of them.
+        """
+        most, least = self.amplitude * (1.0 + self.error), self.amplitude * (1.0 - self.error)
+        if np.isnan(most).all():
+            return np.zeros(0, int)
+        first = int(np.nanargmin(most))
+        others = np.flatnonzero(least < most[first])
+        return np.append(first, others[others != first])
+
+    @property
+    def best(self) -> int | None:
+        """Number of the preload at which the highest blade is lowest, among those computed; None where that is open."""
+        return int(self.candidates[0]) if len(self.candidates) == 1 else None
 
     def facts(self) -> tuple[Fact, ...]:
         """Where the highest blade is lowest."""
         found, held = (sum(status in names for status in self.status) for names in ((COMPLETE, HELD), (HELD,)))
         head = Fact("optimal curve of a wheel", f"{found} of {len(self)} preloads have a peak, {held} with dampers held")
-        if not found:
-            return (head,)
         i = self.best
+        if i is None:
+            open_ = ", ".join(f"{self.preload[k]:.6g}" for k in np.sort(self.candidates))
+            return (head, Fact("best preload computed", f"open between {open_} N" if open_ else "not found"))
         return (
             head,
             Fact("best preload computed", float(self.preload[i]), "N"),

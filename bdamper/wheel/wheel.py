@@ -80,8 +80,8 @@ class Wheel:
                 forces = np.array(self.forces, complex)
             except (TypeError, ValueError):
                 forces = np.array(np.nan)
-            if forces.shape != (n,) or not np.isfinite(forces).all():
-                raise validate.unfit("forces", f"{n} finite complex numbers", self.forces)
+            if forces.shape != (n,) or not np.isfinite(forces).all() or not forces.any():
+                raise validate.unfit("forces", f"{n} finite complex numbers, not all zero", self.forces)
             object.__setattr__(self, "forces", forces)
         shared = self._structure
         if shared is None:
@@ -129,6 +129,8 @@ class Wheel:
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * turned)
         out = np.zeros((self.n_blades, s.n_sector), complex)
         out[:, : s.n] = (wave if self.forces is None else self.forces)[:, None] * row
+        if not out.any():
+            raise SettingError(f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'")
         return out
 
     @cached_property

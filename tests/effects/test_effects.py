@@ -304,8 +304,6 @@ def test_coupled_friction_brings_a_sampled_evaluation(full):
     assert isinstance(coupled.evaluation, bd.Sampled) and coupled.friction_law == "coupled"
     kept = replace(full, evaluation=bd.Sampled(256)).with_effects(effects(full, friction_law="coupled"))
     assert kept.evaluation == bd.Sampled(256)
-    ends = effects(full, residual_traction="lower")
-    assert full.with_effects(ends).residual_traction == "lower"
 
 
 def test_an_effect_given_twice_is_refused(full):
@@ -421,7 +419,7 @@ def test_a_study_is_printed_without_its_model(full):
 
 def test_no_stuck_response_without_a_static_state(full):
     study = replace(full)
-    study._states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
+    study.static_states[(PRELOAD, 1.0)] = replace(full.static(PRELOAD), converged=False, note="lost")
     with pytest.raises(bd.BdamperError, match="expected a static state under 300 N, found none: lost"):
         study.stuck((600.0, 800.0), PRELOAD)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -122,21 +123,15 @@ def test_comparison_of_laws(study, tmp_path):
         assert abs(high.difference(law)) < 1e-3
 
 
-def test_residual_traction_bounds_the_normal_load(study):
-    """Friction that carries as much of the load as it can leaves the lowest normal loads, and the other way round."""
-    sums = {}
-    for end in ("lower", "static", "upper"):
-        this = replace(study, residual_traction=end)
-        curve = this.track(2000.0, (250.0, 260.0))
-        assert curve.complete
-        _, force, share = this.system(2000.0).contact(curve.unknowns[0])
-        sums[end] = force[:18, 2, 0].sum()
-        assert share[:18, 1].max() == 0.0, "a point slips: the interval is empty"
-    assert sums["lower"] <= sums["static"] * (1 + 1e-6)
-    assert sums["static"] < 0.99 * sums["upper"]
-    interval = study.system(2000.0).slider_interval(curve.unknowns[0])
-    widths = interval[:18, 0, 1] - interval[:18, 0, 0]
-    assert (widths > 0).all()
+def test_residual_tractions_are_those_of_the_static_state(study):
+    """Ends of their interval are refused: they bounded no response, of masses not even a force; old words still read."""
+    for make in (partial(replace, study), study.with_, bd.Effects):
+        for end in ("lower", "upper", "middle", None):
+            with pytest.raises(bd.SettingError, match=rf"^residual_traction: expected none: .*, found '?{end}"):
+                make(residual_traction=end)
+    assert replace(study, residual_traction="static").record() == study.record()
+    assert bd.Effects(residual_traction="static") == bd.Effects()
+    assert "residual_traction" not in study.record() and "residual traction" not in bd.Effects().describe()
 
 
 class TestMajorAxes:
@@ -177,11 +172,6 @@ class TestMajorAxes:
         ({"friction_law": {"nowhere": "bonded"}}, r"friction_law: expected one of .* for each interface"),
         ({"friction_law": "coupled"}, r"evaluation: expected Sampled\(n_time\) with friction_law"),
         ({"friction_axes": "minor"}, r"friction_axes: expected"),
-        ({"residual_traction": "middle"}, r"residual_traction: expected"),
-        (
-            {"friction_law": "coupled", "evaluation": bd.Sampled(64), "residual_traction": "lower"},
-            r"residual_traction: expected .* with coupled friction",
-        ),
     ],
 )
 def test_wrong_settings_are_named(study, settings, message):

@@ -12,7 +12,7 @@ from bdamper.fatigue import AISI_1050, MarginCurve, Margins
 from bdamper.fatigue.criteria import amplitude_and_mean
 from bdamper.fatigue.cycle import _contact_axes
 from bdamper.model.stress import StressSet
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 
 
 def with_stress(model, n=3, seed=0, static=True):
@@ -117,6 +117,39 @@ def test_margins_over_another_quantity_make_a_curve(study, peak):
     np.testing.assert_array_equal(curve.margin, [m.least for m in margins])
     with pytest.raises(SettingError, match="margins: expected one for each of 2 values"):
         MarginCurve.of("damper mass", "kg", [0.05, 0.1], margins[:1], [1.0, 2.0])
+
+
+def test_points_beside_contact_faces_do_not_count(study, peak, curve):
+    """However large their stress; with them alone there is no margin."""
+    root = study.model.stress["root"]
+    scale = np.where(root.near_contact, 1e3, 1.0)[:, None, None]
+
+    def with_root(**changes):
+        return study.with_(model=replace(study.model, stress={"root": replace(root, **changes)}))
+
+    rows = {name: {d: scale * x for d, x in getattr(root, name).items()} for name in ("modes", "contact")}
+    loud = with_root(**rows)
+    own, louder = study.margin(peak, AISI_1050), loud.margin(loud.peak(200.0), AISI_1050)
+    assert louder.factor[2] < 0.1 * louder.least and louder.critical != 2
+    assert louder.least == pytest.approx(own.least, rel=1e-6)
+    along = loud.margin(loud.track(200.0, (285.0, 360.0)), AISI_1050)
+    assert (along.factor[:, 2] < along.margin).all() and (along.critical != 2).all()
+    np.testing.assert_array_equal(along.margin, along.factor[:, :2].min(axis=1))
+    beside = with_root(near_contact=np.ones(3, bool))
+    for result in (beside.peak(200.0), beside.track(200.0, (285.0, 300.0))):
+        with pytest.raises(SettingError, match=r"^margin: expected points away from contact faces, found none"):
+            beside.margin(result, AISI_1050)
+
+
+def test_a_curve_without_any_margin_says_so(study, curve, tmp_path):
+    none = replace(study.margin(curve, AISI_1050), margin=np.full(len(curve), np.nan))
+    assert none.facts()[1].text == "not found" and "margin: not found" in str(none)
+    for place in ("least", "greatest"):
+        with pytest.raises(BdamperError, match=f"^no margin found at any of {len(curve)} values of frequency$"):
+            getattr(none, place)
+    none.plot()
+    none.save(tmp_path / "none.h5")
+    assert str(bd.load(tmp_path / "none.h5")) == str(none)
 
 
 def test_what_cannot_be_asked_is_said(study, peak, curve):

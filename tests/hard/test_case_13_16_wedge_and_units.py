@@ -60,17 +60,20 @@ def test_case_14_each_harmonic_has_its_nodal_diameter(n_blades, engine_order, ex
     assert study.track(100.0, (250.0, 300.0)).complete
 
 
-def test_case_15_no_excitation_gives_the_static_state():
-    study = plain_study(
-        acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=bd.Excitation("tip", "tangential", 0.0)
-    )
-    curve = study.track(200.0, (250.0, 300.0))
-    assert curve.complete, curve.reason
-    assert not curve.amplitude.any()
-    np.testing.assert_allclose(
-        curve.unknowns[:, : len(study.static(200.0).q)], np.tile(study.static(200.0).q, (len(curve), 1)), rtol=1e-9
-    )
-    assert curve.peak.amplitude == 0.0
+@pytest.mark.parametrize("still", [bd.Excitation("tip", "tangential", amplitude) for amplitude in (0.0, 1e-320)])
+def test_case_15_no_excitation_has_no_response(still):
+    """Every analysis says so, but for the static one."""
+    study = plain_study(acyclic_model(1), engine_order=0, contact_stiffness="model", excitation=still)
+    assert study.static(200.0).converged
+    interval = 250.0, 300.0
+    asked = [
+        lambda: study.track(200.0, interval), lambda: study.peak(200.0), lambda: study.peak(200.0, interval),
+        lambda: study.optimal_curve((20.0, 200.0), n=3), lambda: study.stuck(interval, 200.0), lambda: study.free(interval),
+        lambda: study.sweep_in_time(200.0, interval), lambda: study.system(200.0),
+    ]  # fmt: skip
+    for ask in asked:
+        with pytest.raises(bd.SettingError, match=r"^excitation: expected a finite force .*, found .* N at 'tip'"):
+            ask()
 
 
 @pytest.mark.parametrize("factor", [1e6, 1e-6])

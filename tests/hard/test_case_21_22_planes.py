@@ -28,7 +28,7 @@ def test_case_21_all_points_open_under_a_static_load():
     model = acyclic_model(1)
     s = study(with_gap(model, ("left", "right"), 1.0))
     # state in which all is open: the residual is the load, and no mean position changes it
-    s._states[(100.0, *s.load_history)] = replace(s.static(0.0), load=100.0)
+    s.static_states[(100.0, *s.load_history)] = replace(s.static(0.0), load=100.0)
     system = s.system(100.0)
     y = np.append(np.zeros(system.n_unknowns), 2 * np.pi * 300.0)
     text = why_no_solution(system, s.coupling.model, s.bases[0].coordinates, y)

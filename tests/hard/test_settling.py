@@ -1,6 +1,7 @@
 """What a marched structure comes to: periodic, subharmonic and irregular responses, beside an integrator of its own."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from scipy.integrate import solve_ivp
 import bdamper as bd
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.stability.march import repeats_after, to_come
-from bdamper.stability.steady_state import FEWEST, march_until_settled
+from bdamper.stability.steady_state import FEWEST, SettledResponse, march_until_settled
 from bdamper.stability.time_integration import Ring
+from bdamper.util.cost import Cost
 from tests.hard.test_time_domain import rig
 from tests.models import acyclic_model
 from tests.oscillators import oscillator
@@ -104,6 +106,19 @@ def test_a_transient_is_not_taken_for_the_end():
     more = int(found.reason.split("; some ")[1].split(" more")[0])  # until the same exponential leaves 1 %
     left = found.to_come * np.exp(-more / found.memory)
     assert 0.0095 < left <= 0.01
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_is_still_to_come_of_a_response(sign):
+    """All that is left of an exponential: with it the mean of the last quarter is where it goes, whatever the mean does."""
+    k, memory = np.arange(80.0), 60.0
+    harmonics = np.column_stack([1e3 * k, 1j * (2.0 + sign * np.exp(-k / memory))])
+    motion = SimpleNamespace()
+    found = SettledResponse(1.0, 0.0, harmonics, memory, 100, 1, "still moving", "", motion, Cost())
+    last = found.amplitude[60:].mean()
+    assert last * (1.0 + found.to_come) == pytest.approx(2.0, rel=1e-12)
+    assert np.sign(found.to_come) == -sign and abs(found.to_come) > 0.1
+    assert replace(found, memory=1.0).to_come == pytest.approx(0.0, abs=1e-9)
 
 
 def test_judgements_of_sequences():

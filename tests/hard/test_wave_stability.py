@@ -120,6 +120,25 @@ def test_the_turn_of_the_phase_counts_growing_exponents(curve, mirrored):
     assert len(seen) > 1
 
 
+def test_roots_that_were_not_estimated_are_looked_for_again(curve):
+    """Where the phase counts more than there are estimates: the determinant is low beside them."""
+    s, omega = study(3).system(400.0), 2000.0
+    d = WaveDisturbances(s, curve.unknowns[0], omega)
+    d._length, d.damping = np.zeros(0), d.damping.copy()
+    d.damping[d.l == 0] -= 30.0
+    shift = 1j * d.l * omega
+    whole = d.steady + np.diag(d.stiffness + shift * d.damping + shift**2 * d.mass)
+    exact = _pencil(whole, d.damping + 2.0 * shift * d.mass, d.mass)
+    rate, band = NEUTRAL * omega, 2.5 * omega
+    growing = exact[(exact.real > rate) & (np.abs(exact.imag) < band)]
+    assert len(growing) > 1
+    first = d.estimates(True)
+    lost = np.abs(first - growing[np.argmax(growing.imag)]).argmin()
+    d.estimates = lambda slow: np.delete(first, lost)
+    count, roots = d.growing(rate, band)
+    assert count == len(growing) == d.right(roots, rate, band)
+
+
 def test_an_oscillating_disturbance_is_found_where_the_determinant_sees_none(curve):
     s = study(3).system(400.0)
     assert not curve.stable[-1]
