@@ -70,7 +70,8 @@ def reference_model(name: str = "bladed_disk", contact_points: int | None = None
 
 def _kept(name: str, points: int) -> Model:
     """From the cache folder of this version, where the name of a file holds the digest of its contents."""
-    folder = user_cache_path("bdamper", version=HERE.bdamper, ensure_exists=True)
+    folder = user_cache_path("bdamper", version=HERE.bdamper)
+    folder.mkdir(parents=True, exist_ok=True)
     stem = f"{name}_{points}"
     with open(folder / f"{stem}.lock", "w") as lock:
         with suppress(ImportError):  # on Windows two may make it at once, each a whole file

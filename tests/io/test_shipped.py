@@ -19,7 +19,7 @@ SMALL = ROOT / "bdamper" / "data" / "blade_to_ground_24.h5"
 def installed(tmp_path, monkeypatch):
     """As where a wheel is installed, away from the checkout: the cache folder."""
     monkeypatch.setattr(shipped, "__file__", str(tmp_path / "site" / "bdamper" / "shipped.py"))
-    monkeypatch.setattr(shipped, "user_cache_path", lambda name, version, ensure_exists: tmp_path)
+    monkeypatch.setattr(shipped, "user_cache_path", lambda name, version: tmp_path / "cache" / version)
     monkeypatch.delenv("BDAMPER_MODELS", raising=False)
     return tmp_path
 
@@ -46,7 +46,7 @@ def read():
 def test_made_once_and_kept(installed, maker):
     first, second = read(), read()
     assert maker == [(48, True)] and first.hash == second.hash
-    assert [path.stem.split("-")[0] for path in installed.glob("*.h5")] == ["paper_disk_48"]
+    assert [path.stem.split("-")[0] for path in installed.rglob("*.h5")] == ["paper_disk_48"]
 
 
 def test_two_at_once_make_one(installed, maker):
@@ -57,12 +57,12 @@ def test_two_at_once_make_one(installed, maker):
 
 def test_damaged_file_is_made_again(installed, maker):
     expected = read().hash
-    (path,) = installed.glob("*.h5")
+    (path,) = installed.rglob("*.h5")
     content = bytearray(path.read_bytes())
     content[len(content) // 2] ^= 1
     path.write_bytes(content)
     assert read().hash == expected
-    assert len(maker) == 2 and len(list(installed.glob("*.h5"))) == 1
+    assert len(maker) == 2 and len(list(installed.rglob("*.h5"))) == 1
 
 
 def test_interruption_leaves_nothing_half_written(installed, monkeypatch):
@@ -76,7 +76,7 @@ def test_interruption_leaves_nothing_half_written(installed, monkeypatch):
         broken.setitem(large.MAKERS, "paper_disk", lambda points, progress: bd.load_model(SMALL))
         with pytest.raises(KeyboardInterrupt):
             read()
-    assert [path.name for path in installed.iterdir()] == ["paper_disk_48.lock"]
+    assert [path.name for path in installed.rglob("*.*") if path.is_file()] == ["paper_disk_48.lock"]
 
 
 def test_without_scikit_fem_one_error_says_what_to_do(installed, monkeypatch):
