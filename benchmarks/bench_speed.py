@@ -1,7 +1,7 @@
 """Crossings over rotor speed: three masses of the damper by eight engine orders, with nine and with 24 contact points.
 
-Eight orders of the first mode of the shipped disk, whose excitation is a fixed share of the preload, three harmonics, peaks
-followed over 13 speeds.  Processor time of one process; the crossings are independent, so that two cores take half of it.
+Eight orders of the first mode of the shipped disk, whose excitation is a fixed share of the preload, three harmonics.
+Processor time of one process; the crossings are independent, so that two cores take half of it.
 """
 
 from __future__ import annotations

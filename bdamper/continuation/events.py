@@ -105,15 +105,13 @@ class Events:
         length = norm2((c.y - y) / scale)
         if turns_twice(length * tangent[-1], length * c.tangent[-1], (c.y[-1] - y[-1]) / scale[-1]):
             return True
-        before, after = (abs(self.system.amplitudes(p[:-1], 1) @ self.system.response_rows[1]) ** 2 for p in (y, c.y))
+        before, after = (float(abs(self.system.first_harmonic(p)) ** 2) for p in (y, c.y))
         first, last = (length * self.amplitude_slope(p, t, scale) for p, t in ((y, tangent), (c.y, c.tangent)))
         return turns_twice(first, last, 0.5 * (after - before))
 
     def amplitude_slope(self, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
         """Derivative along the path of half the squared amplitude of the first response harmonic."""
-        x = self.system.amplitudes(y[:-1], 1) @ self.system.response_rows[1]
-        dx = self.system.amplitudes((tangent * scale)[:-1], 1) @ self.system.response_rows[1]
-        return float((x.conjugate() * dx).real)
+        return float(self.system.squared_gradient(y)[0] @ (tangent * scale))
 
     # ---- folds and maxima ----
 

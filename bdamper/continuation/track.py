@@ -90,17 +90,7 @@ def track(
         find_start = partial(_start, problem, preload, search)
         try:
             with progress_bar(progress, *search.limits) as search.on_point:
-                for up in (not from_high, from_high):
-                    start = find_start(search.limits[0 if up else 1])
-                    if start is None:
-                        search.pieces.append(Piece(Path((), "no start", search.log[-1], 0, 0), up))
-                        continue
-                    search.follow(start, up)
-                    search.drop_repeated()
-                    search.outside_ends()
-                    if search.finished:
-                        break
-                search.fill(find_start)
+                search.cover(find_start, from_high)
                 for start in search.new_solutions(_other_solutions(problem, preload, ratios, search)):
                     search.note(start[-1], "a solution apart from the branches so far")
                     search.both_ways(start)

@@ -7,7 +7,6 @@ Unknowns ``u``: the ``n_mode[0]`` coordinates of the mean, then for each harmoni
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -19,11 +18,9 @@ from numpy.typing import NDArray
 
 from bdamper import _core
 from bdamper.contact.laws import (
-    LAW_BONDED,
     LAW_CONSTANT,
     LAW_COUPLED,
     LAW_COUPLED_CONSTANT,
-    LAW_NORMAL,
     LAW_SEPARABLE,
     Sampled,
     check_evaluation,
@@ -128,6 +125,7 @@ class HarmonicSystem:
         self.n_mode = np.array([len(b.omega2) for b in bases], np.intc)
         if self.n_harmonics < 1:
             raise SettingError("harmonics: expected at least 1, found 0")
+        self.evaluation, self.force_scale = evaluation, force_scale
         mode, n_time = self.evaluation_code = evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
         self.exact = mode == 0
         damping = [b.damping for b in bases]
@@ -311,7 +309,7 @@ class HarmonicSystem:
         """
         end_if_asked()
         y = np.array(y, float)
-        tangent, arguments = for_core(condition, self.n_unknowns, self.response_parts)
+        tangent, arguments = for_core(condition, self.n_unknowns, self.parts_at(y[-1]))
         if self.spent:
             return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
         if self.most_evaluations < math.inf:
@@ -345,12 +343,33 @@ class HarmonicSystem:
     @cached_property
     def response_parts(self) -> tuple[NDArray, NDArray]:
         """Rows of the unknowns that give real and imaginary part of the first harmonic of the response."""
+        return self._parts(np.asarray(self.response_rows[1]))
+
+    def _parts(self, row: NDArray) -> tuple[NDArray, NDArray]:
+        """Real and imaginary part of a row (n_modes,) of the first harmonic, as rows of the unknowns."""
         re, im = np.zeros(self.n_unknowns), np.zeros(self.n_unknowns)
-        row = np.asarray(self.response_rows[1])
         c, s = self.slices(1)
         re[c], re[s] = row.real, row.imag
         im[c], im[s] = row.imag, -row.real
         return re, im
+
+    def parts_at(self, omega: float) -> tuple[NDArray, NDArray]:
+        """These rows at a frequency: the same at all."""
+        return self.response_parts
+
+    def at(self, omega: float) -> HarmonicSystem:
+        """The equations around a frequency: these at all."""
+        return self
+
+    def first_harmonic(self, y: NDArray) -> NDArray:
+        """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
+        return np.asarray(self.amplitudes(y[..., :-1], 1) @ self.response_rows[1])
+
+    def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
+        """Gradient of half the squared amplitude of the first harmonic with respect to y, and the squared amplitude."""
+        re, im = self.parts_at(y[-1])
+        a, b = float(re @ y[:-1]), float(im @ y[:-1])
+        return np.append(a * re + b * im, 0.0), a * a + b * b
 
     def contact(self, u: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Relative motion and force (n_points, 3, n_coef) and shares (n_points, 5) at a point."""
@@ -360,50 +379,6 @@ class HarmonicSystem:
         if self.core.contact(np.append(u, 1.0), X, F, share) != OK:
             raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
-
-    def contact_rate(self, u: NDArray, motion: NDArray, rate: Mapping[str, NDArray]) -> tuple[NDArray, NDArray]:
-        """Contact force (n_points, 3, n_coef) and its derivative where motion and parameters change together.
-
-        All follow from the tangent of the law, since it depends on ``kt (u - w)``, ``n0 + kn v`` and ``mu N`` alone: so
-        ``kt dF/dkt = F_u (u - w)``, ``dF/dw = -F_u``, ``dF/dn0 = F_v/kn``, ``kn dF/dkn = F_v v``, and
-        ``mu dT/dmu = T - kt dT/dkt``.
-
-        Parameters
-        ----------
-        u : (n_unknowns,) float
-        motion : (n_points, 3, n_coef) float
-            Derivative of the relative motion.
-        rate : mapping of str to array
-            Derivatives of ``kt``, ``kn``, ``mu``, ``n0``, ``w``, as ``arrays`` has them.
-
-        Raises
-        ------
-        SettingError
-            For a law that is not of this form: coupled friction, constant normal load, cubic springs.
-        """
-        a, (mode, n_time) = self.arrays, self.evaluation_code
-        if not np.isin(a["law"], (LAW_SEPARABLE, LAW_NORMAL, LAW_BONDED)).all():
-            raise SettingError("derivative by parameters: expected separable friction, bonded or normal contact")
-        X, F, _ = self.contact(u)
-        out, f, J = np.empty_like(F), np.empty(F.shape[1:]), np.empty(F.shape[1:] * 2)
-        for p in range(self.n_points):
-            kt, kn, mu, n0, w = a["kt"][p], float(a["kn"][p]), float(a["mu"][p]), float(a["n0"][p]), a["w"][p]
-            law, load = int(a["law"][p]), float(a["load"][p])
-            _core.evaluate_contact(np.ascontiguousarray(X[p]), kt, kn, mu, n0, w, f, J, law, mode, n_time, load)
-            change, away = motion[p].copy(), X[p].copy()
-            away[:2, 0] -= w
-            stiffer = [rate["kt"][p, d] / kt[d] if kt[d] > 0.0 else 0.0 for d in range(2)]
-            change[0] += stiffer[0] * away[0]
-            change[1] += stiffer[1] * away[1]
-            change[:2, 0] -= rate["w"][p]
-            if kn > 0.0:
-                change[2] += rate["kn"][p] / kn * X[p, 2]
-                change[2, 0] += rate["n0"][p] / kn
-            out[p] = np.einsum("iajb,jb->ia", J, change)
-            if mu > 0.0 and rate["mu"][p]:
-                elastic = np.einsum("iajb,jb->ia", J[:, :, :2], away[:2])
-                out[p, :2] += rate["mu"][p] / mu * (f[:2] - elastic[:2])
-        return F, out
 
     def closing(self, u: NDArray, direction: NDArray) -> tuple[NDArray, NDArray]:
         """Largest closing in the cycle at every contact point, and its rate along a direction of the mean.

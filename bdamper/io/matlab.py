@@ -17,14 +17,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.reading import LARGEST_COUNT, MOST_EXPANDED, check_count
-from bdamper.model.checks import require
+from bdamper.io.reading import LARGEST_COUNT, check_count
 from bdamper.util.errors import mismatch
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _ARRAY, _COMPRESSED = 14, 15
 _SPARSE, _NUMERIC = 5, range(6, 16)
 _COMPLEX = 0x08
+_LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
 
 
 def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
@@ -45,7 +45,7 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     for kind, content in _elements(data[128:], order, str(source)):
         if kind == _COMPRESSED:
             stream = zlib.decompressobj()
-            limit = MOST_EXPANDED * len(content) + 64
+            limit = _LARGEST_EXPANSION * len(content) + 64
             inner = stream.decompress(content, limit)
             for part, array in _elements(inner, order, str(source)):
                 if part == _ARRAY:
@@ -61,20 +61,24 @@ def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]
         kind, length = struct.unpack_from(order + "II", data, at)
         if kind >> 16:  # a small element: length and type share the first word, the data are in the second
             length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
-            require(length <= 4, item, "small elements of at most four bytes", length)
+            if length > 4:
+                raise mismatch(item, "small elements of at most four bytes", length)
         else:
             start = at + 8
             step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        require(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        if start + length > len(data):
+            raise mismatch(item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
         yield kind, data[start : start + length]
         at += step
 
 
 def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
     kind, content = part
-    require(kind in _TYPES, item, "numbers", f"data of type {kind}")
+    if kind not in _TYPES:
+        raise mismatch(item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    require(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    if len(content) % dtype.itemsize:
+        raise mismatch(item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
     return np.frombuffer(content, dtype)
 
 

@@ -84,6 +84,7 @@ def highest(
     closed: Collection[int] = (),
     options: PeakOptions | None = None,
     parameter: float = np.nan,
+    ends: bool = True,
 ) -> Highest:
     """The highest point of a curve, as the head of this module defines it.
 
@@ -103,6 +104,8 @@ def highest(
         How exactly maxima are refined.
     parameter : float
         Noted in the peaks.
+    ends : bool
+        Whether ends of the interval count.
 
     Raises
     ------
@@ -110,8 +113,7 @@ def highest(
         If there is no point on a branch that counts.
     """
     options, branch = options or PeakOptions(), np.asarray(branch)
-    re, im = system.response_parts
-    amplitude = np.hypot(y[:, :-1] @ re, y[:, :-1] @ im)
+    amplitude = np.abs(system.first_harmonic(y))
     search = _Refined(system, y, kinds, branch, amplitude, options, parameter)
     tops = _tops(amplitude, kinds, branch)
     counted = [i for i in tops if branch[i] not in closed]
@@ -122,9 +124,10 @@ def highest(
         if best is not None and amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
             break
         found = search.at(i)
-        if best is None or found.peak.amplitude > best.peak.amplitude:
+        if (ends or found.kind != "end") and (best is None or found.peak.amplitude > best.peak.amplitude):
             best = found
-    assert best is not None
+    if best is None:
+        raise BdamperError("the response curve has no highest point but its ends")
     apart = [next(i for i in tops if branch[i] == number) for number in sorted(closed)]
     return replace(best, detached=tuple(search.at(i).peak for i in apart))
 

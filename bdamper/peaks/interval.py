@@ -37,8 +37,13 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free
-    margin = 0.1 * free + 0.3 * (stuck - free)
+    margin = beyond(free, stuck)
     return max(0.1 * free, free - margin), stuck + margin
+
+
+def beyond(free: float, stuck: float) -> float:
+    """How far an interval goes beyond the free and the stuck resonance between which that of a mode lies."""
+    return 0.1 * free + 0.3 * (stuck - free)
 
 
 def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float, *, stuck: bool) -> Limit:

@@ -217,7 +217,7 @@ def drifted(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]
         return []
     v = np.linalg.svd(J[:n, :n] * scale[:n])[2][-1] * scale[:n]
     v /= norm2(v)
-    closing, rate = system.closing(y[:-1], v)
+    closing, rate = system.at(y[-1]).closing(y[:-1], v)
     touching = (closing < 0.0) & (np.abs(rate) > 1e-9 * max(float(np.abs(rate).max()), 1e-300))
     to_touch = -closing[touching] / rate[touching]
     ahead, behind = to_touch[to_touch > 0.0], to_touch[to_touch < 0.0]
@@ -240,9 +240,7 @@ def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -
 
 def squared_gradient(system: HarmonicSystem, y: NDArray) -> tuple[NDArray, float]:
     """Gradient of half the squared amplitude with respect to y, and the squared amplitude."""
-    re, im = system.response_parts
-    a, b = float(re @ y[:-1]), float(im @ y[:-1])
-    return np.append(a * re + b * im, 0.0), a * a + b * b
+    return system.squared_gradient(y)
 
 
 def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
@@ -260,8 +258,7 @@ def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, ND
 
 def amplitude_at(system: HarmonicSystem, y: NDArray) -> float:
     """Amplitude (m) of the first harmonic of the response."""
-    re, im = system.response_parts
-    return float(np.hypot(re @ y[:-1], im @ y[:-1]))
+    return float(abs(system.first_harmonic(y)))
 
 
 def slope_along(system: HarmonicSystem, y: NDArray, tangent: NDArray, scale: NDArray) -> float:

@@ -26,7 +26,7 @@ SPEED = "Rotor speed (rpm)"
 def plot_campbell(
     campbell: Campbell, ax: Axes | None = None, *, engine_order: int | None = None, title: str = ""
 ) -> Axes:
-    """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped peaks and crossings.
+    """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
 
     Parameters
     ----------
@@ -40,8 +40,8 @@ def plot_campbell(
     Returns
     -------
     matplotlib axes
-        Free modes are thin and solid, stuck ones dashed, peaks at the preload of each speed thick, crossings of them filled
-        circles, of free modes open ones and of stuck ones crosses.
+        Free modes are thin and solid, stuck ones dashed; damped crossings are filled, those of free modes open circles and
+        of stuck ones crosses.
     """
     orders = [int(o) for o in campbell.engine_order] if engine_order is None else [engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
@@ -81,20 +81,17 @@ def _orders(ax: Axes, orders: list[int], speed: NDArray, top: float) -> None:
 
 
 def _damped(ax: Axes, campbell: Campbell, orders: list[int]) -> None:
-    """Peaks at the preload of each speed, and their crossings, by mass of the damper."""
+    """Damped crossings, by mass of the damper."""
     masses = sorted({float(f) for found in campbell.damped for f in found.mass_factor})
     shades = dict(zip(masses, colours(len(masses))))
     for found in campbell.damped:
-        for i, line in enumerate(found.lines):
-            if line.engine_order in orders:
-                colour = shades[line.mass_factor]
-                ax.plot(line.speed * RPM, line.frequency, color=colour, linewidth=1.6, alpha=0.8, zorder=2)
-                marker = MARKERS[masses.index(line.mass_factor) % len(MARKERS)]
-                label = f"damped, {1e3 * found.mass[i]:.3g} g"
-                if label in ax.get_legend_handles_labels()[1]:
-                    label = ""
-                ax.plot(found.rpm[i], found.frequency[i], marker, color=colour, markeredgecolor="k", markersize=5.0,
-                        zorder=4, linestyle="none", label=label or None)  # fmt: skip
+        for i in np.flatnonzero(np.isin(found.engine_order, orders)):
+            factor = float(found.mass_factor[i])
+            label = f"damped, {1e3 * found.mass[i]:.3g} g"
+            known = label in ax.get_legend_handles_labels()[1]
+            marker = MARKERS[masses.index(factor) % len(MARKERS)]
+            ax.plot(found.rpm[i], found.frequency[i], marker, color=shades[factor], markeredgecolor="k", markersize=5.0,
+                    zorder=4, linestyle="none", label=None if known else label)  # fmt: skip
 
 
 @draws(Campbell, "plot_safe")
@@ -156,8 +153,7 @@ def plot_crossings(
     Returns
     -------
     matplotlib axes
-        Each crossing with its engine order; thin lines are peaks at fixed speed off the line of their order, a jump is a
-        bar over its interval of speed.
+        Each crossing with its engine order; thin lines are the responses along the lines of the orders.
     """
     if quantity not in ("amplitude", "margin"):
         raise SettingError(f'quantity: expected "amplitude" or "margin", found {quantity!r}')
@@ -170,12 +166,12 @@ def plot_crossings(
     with drawing(ax, title=title, legend=7.0) as ax:
         for j, (factor, colour) in enumerate(zip(masses, colours(len(masses)))):
             rows = np.flatnonzero(keep & (found.mass_factor == factor))
-            rows = rows[np.argsort(np.where(found.found[rows], found.speed[rows], found.low[rows]))]
+            rows = rows[np.argsort(found.speed[rows])]
             for i in rows:
                 line: SpeedLine = found.lines[i]
-                ax.plot(line.speed * RPM, unit * getattr(line, quantity), color=colour, linewidth=0.5, alpha=0.6)
-                if found.kind[i] == "jump":
-                    ax.plot(np.array([found.low[i], found.high[i]]) * RPM, [unit * value[i]] * 2, "|-", color=colour)
+                height = getattr(line, quantity)
+                some = np.isfinite(height)
+                ax.plot(line.speed[some] * RPM, unit * height[some], color=colour, linewidth=0.5, alpha=0.6)
             ax.plot(found.rpm[rows], unit * value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
                     linestyle=DASHED, linewidth=0.8, label=f"{1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
             if j == len(masses) - 1:
@@ -205,14 +201,13 @@ def plot_run_up(result: RunUp, ax: Axes | None = None, *, title: str = "") -> Ax
     Returns
     -------
     matplotlib axes
-        The highest maximum is a filled circle, peaks at fixed speed (the crossing, and what is passed) are open squares.
+        The highest point is a filled circle, the peak at fixed speed beside it an open square.
     """
     unit, name = length(result.amplitude)
     with drawing(ax, title=title or f"engine order {result.engine_order}", legend=7.0) as ax:
         ax.plot(result.rpm, unit * result.amplitude, color="k", linewidth=1.0, label="run-up")
         ax.plot(result.peak_speed * RPM, unit * result.peak_amplitude, "o", color="k", markersize=5.0, label="highest")
-        fixed = np.array([result.crossing_speed, result.passed_speed]), [result.crossing_amplitude, result.passed_amplitude]
-        ax.plot(fixed[0] * RPM, unit * np.array(fixed[1]), "s", color="0.4", markerfacecolor="none", markersize=7.0,
-                label="peak at fixed speed", linestyle="none")  # fmt: skip
+        ax.plot(result.fixed_speed * RPM, unit * result.fixed_speed_amplitude, "s", color="0.4", markerfacecolor="none",
+                markersize=7.0, label="peak at fixed speed", linestyle="none")  # fmt: skip
         ax.set(xlabel=SPEED, ylabel=f"Amplitude ({name})")
     return ax

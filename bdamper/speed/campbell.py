@@ -52,7 +52,7 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
         Crossings of the free and the stuck resonances with the lines of these orders, one row for each order and mode, more
         where a resonance meets a line more than once; NaN where there is none in the range.
     damped : Crossings or None
-        Damped crossings and the peaks over speed that lead to them.
+        Damped crossings.
     notes : tuple of str
         What the model neglects over speed.
     settings : mapping
@@ -93,7 +93,7 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
 
     @property
     def lines(self) -> tuple[SpeedLine, ...]:
-        """Peaks followed over speed at the preload of each, of all damped crossings."""
+        """Responses along the lines of all damped crossings."""
         return tuple(line for found in self.damped for line in found.lines)
 
     def plot_safe(self, speed: float | None = None, ax: Any = None, **options: Any) -> Any:

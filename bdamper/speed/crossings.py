@@ -10,26 +10,27 @@ from collections.abc import Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.coverage import TWO_PI
 from bdamper.design.sweep import SweepResult, sweep
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.problem.at_speed import Conditions, preload_at
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossing import CrossingTask, excess
+from bdamper.speed.crossing import BOTH, CrossingTask
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
-from bdamper.util.hdf5 import Storable
+from bdamper.util.hdf5 import Formerly, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import left_undone
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import Translated, left_undone
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Shares, Tabular
 
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
@@ -52,7 +53,7 @@ class OverSpeed:
 @brief
 @dataclass(frozen=True)
 class SpeedLine:
-    """A peak followed over speed at one engine order and one mass of the damper, each at the preload of its speed.
+    """The response along the line of one engine order with one mass of the damper, at the preload of each speed.
 
     Parameters
     ----------
@@ -61,7 +62,7 @@ class SpeedLine:
     speed : (n,) float, rad/s
     frequency, amplitude : (n,) float, Hz and m
     margin : (n,) float
-        NaN where it was not asked for.
+        NaN where it was not asked for; some of the points have one.
     """
 
     engine_order: int
@@ -74,12 +75,12 @@ class SpeedLine:
 
 @brief
 @dataclass(frozen=True)
-class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings"):
+class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-crossings", row="crossing"):
     """Where the highest resonance of a mode lies on the lines of engine orders.
 
-    ``plot`` draws amplitude over speed for each mass of the damper (:func:`bdamper.plot.plot_crossings`).  The peak is that
-    at fixed speed, of slow changes of excitation frequency alone; ``excess`` is by how much the highest point of a slow
-    run-up exceeds it, which :meth:`bdamper.Study.run_up` computes.
+    ``plot`` draws amplitude over speed for each mass of the damper (:func:`bdamper.plot.plot_crossings`).  A crossing is
+    the highest point of the response along the line, as a slow run-up passes it (:meth:`bdamper.Study.run_up`); the peak at
+    fixed speed beside it, of changes of the excitation frequency alone, may be lower.
 
     Parameters
     ----------
@@ -89,30 +90,23 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     mass : (n,) float, kg
         Of the first of them that is loaded.
     kind : tuple of str
-        "crossing"; "jump" where the highest peak jumps over the line between ``low`` and ``high``; "none" where no peak
-        meets it in the range of speeds; "not found" where there may be one; otherwise "failed: " or "not run" as of a
-        sweep.
+        "complete"; "incomplete" where there may be a higher point, as ``warnings`` say; "none" where no resonance of the
+        mode can meet the line in the range of speeds; "not found" where none was found; otherwise "failed: " or "not run"
+        as of a sweep.
     speed : (n,) float, rad/s
         NaN without a crossing.
-    low, high : (n,) float, rad/s
-        Interval of the speed: the speed twice, or that of a jump.
     frequency, amplitude, preload : (n,) float, Hz, m and N
-        Of a jump the amplitude of the higher of the peaks on both sides.
+    fixed_speed, fixed_speed_amplitude : (n,) float, rad/s and m
+        The peak at fixed speed beside the highest point, where it lies on the line; NaN if there is none.
     shares : (n, 3) float
-        Stick, slip and open at the peak, mean over the friction points and the cycle.
+        Stick, slip and open at the highest point, mean over the friction points and the cycle.
     residual : (n,) float
-    slope : (n,) float
-        Of ln(amplitude) of the peaks at fixed speed over ln(speed).
-    frequency_slope : (n,) float
-        Of ln(frequency) likewise.
-    half_bandwidth : (n,) float
-        Of the peak, relative to its frequency.
     amplitude_by_mass, speed_by_mass : (n,) float, m and rad/s per unit of the factor on the mass
         Derivatives of the crossing, load and inertia together; NaN at a corner of the response curve.
     margin : (n,) float
         Of fatigue, least over the locations; NaN where it was not asked for.
     lines : tuple of SpeedLine
-        The peaks that were followed over speed, one line for each crossing.
+        The response along the line, for each crossing.
     warnings : tuple of str
         What the search for each crossing leaves open, empty where nothing.
     range : (low, high), rad/s
@@ -124,26 +118,23 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
     model_hash : str
     """
 
-    engine_order: NDArray
-    mass_factor: NDArray
-    mass: NDArray
-    kind: tuple[str, ...]
-    speed: NDArray
-    low: NDArray
-    high: NDArray
-    frequency: NDArray
-    amplitude: NDArray
-    preload: NDArray
-    shares: NDArray
-    residual: NDArray
-    slope: NDArray
-    frequency_slope: NDArray
-    half_bandwidth: NDArray
-    amplitude_by_mass: NDArray
-    speed_by_mass: NDArray
-    margin: NDArray
+    engine_order: Numbers
+    mass_factor: Numbers
+    mass: Annotated[NDArray, Quantity("kg")]
+    kind: Annotated[tuple[str, ...], Quantity(), Translated("")]
+    speed: RadiansPerSecond
+    frequency: Hertz
+    amplitude: Metres
+    preload: Newtons
+    fixed_speed: Annotated[NDArray, Quantity("rad/s"), Formerly("speed")]
+    fixed_speed_amplitude: Annotated[NDArray, Quantity("m"), Formerly("amplitude")]
+    shares: Shares
+    residual: Numbers
+    amplitude_by_mass: Metres
+    speed_by_mass: RadiansPerSecond
+    margin: Numbers
     lines_: dict[str, NDArray]
-    warnings: tuple[str, ...]
+    warnings: Annotated[tuple[str, ...], Quantity(name="warning")]
     range: tuple[float, float]
     mode: int
     cost: tuple[Cost, ...]
@@ -162,14 +153,8 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         return not any(k.startswith(("failed", "not")) for k in self.kind)
 
     @property
-    def excess(self) -> NDArray:
-        """(n,) float: estimate of how much higher than the peak a slow run-up is, relative."""
-        found: NDArray = excess(self.slope, self.frequency_slope, self.half_bandwidth)
-        return found
-
-    @property
     def lines(self) -> tuple[SpeedLine, ...]:
-        """The peaks followed over speed, in the order of the crossings."""
+        """The response along the lines, in the order of the crossings."""
         n, out = 0, []
         for order, factor, count in zip(self.engine_order, self.mass_factor, self.lines_["count"]):
             part = {name: self.lines_[name][n : n + int(count)] for name in ("speed", "frequency", "amplitude", "margin")}
@@ -204,23 +189,6 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
             Fact("there: speed", float(self.speed[i]), "rad/s"),
         )
 
-    def columns(self) -> dict[str, Column]:
-        """A row for each crossing."""
-        units = {
-            "mass": "kg", "speed": "rad/s", "low": "rad/s", "high": "rad/s", "frequency": "Hz", "amplitude": "m",
-            "preload": "N", "amplitude_by_mass": "m", "speed_by_mass": "rad/s",
-        }  # fmt: skip
-        names = (
-            "engine_order", "mass_factor", "mass", "speed", "low", "high", "frequency", "amplitude", "preload", "slope",
-            "frequency_slope", "half_bandwidth", "excess", "amplitude_by_mass", "speed_by_mass", "margin", "residual",
-        )  # fmt: skip
-        out = {name: Column(np.asarray(getattr(self, name)), units.get(name, "")) for name in names}
-        out |= {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
-        return out | {"kind": Column(np.array(self.kind)), "warning": Column(np.array(self.warnings))}
-
-    def _dimension(self) -> str:
-        return "crossing"
-
     def __str__(self) -> str:
         low, high = self.range
         lines = [
@@ -233,15 +201,18 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         for i in range(len(self)):
             head = f"  {self.engine_order[i]:>3} {self.mass[i]:>9.4g} "
             if not self.found[i]:
-                place = f" between {self.low[i]:.6g} and {self.high[i]:.6g} rad/s" if self.kind[i] == "jump" else ""
-                height = f", up to {self.amplitude[i]:.4g} m" if self.kind[i] == "jump" else ""
-                lines.append(f"{head}{self.kind[i]}{place}{height}")
+                lines.append(f"{head}{self.kind[i]}")
                 continue
             margin = f"{self.margin[i]:>7.3g}" if np.isfinite(self.margin[i]) else f"{'':>7}"
             lines.append(
                 f"{head}{self.speed[i]:>9.5g} {self.rpm[i]:>7.0f} {self.frequency[i]:>9.5g} {self.amplitude[i]:>12.5g} "
                 f"{self.preload[i]:>10.5g} {100.0 * self.shares[i, 1]:>7.3g} {margin}"
             )
+            if abs(self.amplitude[i] / self.fixed_speed_amplitude[i] - 1.0) > BOTH:
+                lines.append(
+                    f"  {'':>3} {'':>9} {self.fixed_speed[i]:>9.5g} {self.fixed_speed[i] * RPM:>7.0f} {'':>9} "
+                    f"{self.fixed_speed_amplitude[i]:>12.5g}  peak at fixed speed"
+                )
         lines += [f"  first warning: {w}" for w in self.warnings if w][:1] + [f"  neglected: {note}" for note in self.notes]
         return "\n".join(line.rstrip() for line in lines)
 
@@ -280,8 +251,7 @@ def crossings(
     problem : Problem
         Of any engine order; its model has bases over speed.
     speeds : (low, high) or sequence of more than two values, rad/s
-        Range in which crossings are looked for.  Peaks are followed over the values that lie within 20 % of a crossing,
-        over thirteen there if two ends are given.
+        Range in which crossings are looked for.
     engine_orders : sequence of int
     damper_mass : sequence of float
         Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
@@ -290,7 +260,7 @@ def crossings(
     executor, resume, progress
         As :func:`bdamper.sweep` explains them.
     margin : LeastMargin, optional
-        With it the margin against fatigue of each crossing and of the peaks beside it, for a model with stress sets:
+        With it the margin against fatigue of each crossing and of some points of its line, for a model with stress sets:
         ``bdamper.fatigue.margin.LeastMargin(material)``.
     **conditions
         ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions`
@@ -321,8 +291,7 @@ def crossings(
     if margin is not None:
         validate.instance("margin", margin, LeastMargin)
         chosen_sets(problem)
-    ends = values[[0, -1]] if len(speeds) == 2 else values
-    task = CrossingTask(tuple(ends.tolist()), mode, given, margin, named)
+    task = CrossingTask((float(values[0]), float(values[-1])), mode, given, margin, named)
     answers = sweep(problem, over, task, executor=executor, resume=resume, progress=progress)
     return _table(problem, answers, values, mode)
 
@@ -335,19 +304,18 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
 
     factors = np.array([p["damper_mass"] for p in answers.points])
     loaded = next(b for b in problem.model.bodies.values() if b.kind == "free" and b.load is not None)
-    parts = [[value.get(f"line_{name}", []) for value in answers.values] for name in ("speed", "frequency", "amplitude")]
-    lines = {name: np.array([x for part in p for x in part]) for name, p in zip(("speed", "frequency", "amplitude"), parts)}
-    lines["count"] = np.array([len(part) for part in parts[0]])
-    margins = [value.get("line_margin", [np.nan] * len(part)) for value, part in zip(answers.values, parts[0])]
-    lines["margin"] = np.array([x for part in margins for x in part])
+    order = np.array([p["engine_order"] for p in answers.points], int)
+    parts = {name: [value.get(f"line_{name}", []) for value in answers.values] for name in ("speed", "amplitude", "margin")}
+    lines = {name: np.array([x for part in of for x in part]) for name, of in parts.items()}
+    lines["count"] = np.array([len(part) for part in parts["speed"]])
+    lines["frequency"] = np.repeat(order, lines["count"]) * lines["speed"] / TWO_PI
     names = (
-        "speed", "low", "high", "frequency", "amplitude", "preload", "residual", "slope",
-        "frequency_slope", "half_bandwidth", "amplitude_by_mass", "speed_by_mass", "margin",
+        "speed", "frequency", "amplitude", "preload", "fixed_speed", "fixed_speed_amplitude", "residual",
+        "amplitude_by_mass", "speed_by_mass", "margin",
     )  # fmt: skip
-    orders = {p["engine_order"] for p in answers.points}
-    needed = {d for order in orders for d in problem.with_(engine_order=order).needed_diameters}
+    needed = {d for o in set(order.tolist()) for d in problem.with_(engine_order=o).needed_diameters}
     return Crossings(
-        engine_order=np.array([p["engine_order"] for p in answers.points], int),
+        engine_order=order,
         mass_factor=factors,
         mass=factors * float(loaded.mass or np.nan),
         kind=tuple(str(value.get("kind", status)) for value, status in zip(answers.values, answers.status)),

@@ -1,4 +1,4 @@
-"""One problem over rotor speed, as families of equations that peaks and curves are followed along.
+"""One problem over rotor speed, as a family of equations.
 
 At every speed the problem is made anew: modes, contact stiffness, preload, static state.  Modes of bodies come with the
 phases of the model's own basis; residual modes have any, and where several have the same mass, any combination.  So that
@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from bdamper.contact.preload import PreloadState
 from bdamper.contact.residual_modes import RESIDUAL
+from bdamper.harmonic_balance.family import HarmonicFamily, node_speeds
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.model.model import Model
+from bdamper.model.validation import as_checked
 from bdamper.problem.at_speed import Conditions, preload_at, under
 from bdamper.problem.problem import Problem
+from bdamper.problem.variation import vary
 from bdamper.util.errors import SettingError
 
 P = TypeVar("P", bound=Problem)
@@ -50,12 +52,8 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
 
 
 def like(problem: P, reference: Problem) -> P:
-    """A problem, just made, with its unknowns turned onto those of another one; the same object."""
-    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
-    problem.__dict__["bases"] = bases
-    if bases[0].n_modes:
-        problem.__dict__["static_basis"] = bases[0]  # the mean starts from the static state
-    return problem
+    """A problem with its unknowns turned onto those of another one."""
+    return problem.with_bases([aligned(b, other) for b, other in zip(problem.bases, reference.bases)])
 
 
 def with_needed_bases(problem: P) -> P:
@@ -73,12 +71,7 @@ def with_needed_bases(problem: P) -> P:
         )
         for name, rows in problem.model.stress.items()
     }
-    return replace(problem, model=_checked(replace(problem.model, bodies=bodies, stress=stress)))
-
-
-def _checked(model: Model) -> Model:
-    object.__setattr__(model, "_checked", True)  # part of one that is
-    return model
+    return replace(problem, model=as_checked(replace(problem.model, bodies=bodies, stress=stress)))
 
 
 class SpeedFamily(Generic[P]):
@@ -115,11 +108,42 @@ class SpeedFamily(Generic[P]):
         """The equations at a speed."""
         return self.problem(omega).system(self.preload(omega))
 
-    def linear(self, omega: float, mode: int) -> tuple[float, float]:
-        """Free and stuck resonance (Hz) of a mode of the constrained bodies at a speed."""
+    def along(self, low: float, high: float, nodes: int, mass: float = 1.0) -> HarmonicFamily:
+        """The equations along the line of the engine order between two speeds, made at so many of them.
+
+        With a factor on the mass of the free bodies, load and inertia together.
+        """
+        speeds = node_speeds(low, high, nodes)
+        return HarmonicFamily(
+            [self.heavier(float(omega), mass) for omega in speeds], speeds, int(self.whole.engine_order)
+        )
+
+    def heavier(self, omega: float, mass: float) -> HarmonicSystem:
+        """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""
+        if mass == 1.0:
+            return self.system(omega)
         problem = self.problem(omega)
-        free, stuck = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
-        return float(free[mode - 1]), float(stuck[mode - 1])
+        return like(vary(problem, {"damper_mass": mass}), problem).system(mass * self.preload(omega))
+
+    def resonances(self, low: float, high: float, mode: int) -> tuple[float, float]:
+        """Speeds (rad/s) at which the free and the stuck resonance of a mode meet the line of the engine order.
+
+        From those at two speeds, since squared frequencies are all but linear in the squared speed; 0 where a resonance
+        meets no line.
+        """
+        squares, order = np.square([low, high]), float(self.whole.engine_order)
+        found = []
+        for column in np.transpose([self._linear(omega, mode) for omega in (low, high)]):
+            slope = float(np.diff(column**2)[0] / np.diff(squares)[0])
+            square = (column[0] ** 2 - slope * squares[0]) / (order**2 - slope) if order**2 > slope else 0.0
+            found.append(float(np.sqrt(max(square, 0.0))))
+        return min(found), max(found)
+
+    def _linear(self, omega: float, mode: int) -> NDArray:
+        """(2,) free and stuck resonance (rad/s) of a mode of the constrained bodies at a speed."""
+        problem = self.problem(omega)
+        both = free_and_stuck(problem, problem.equilibrium(self.preload(omega)), mode)
+        return 2.0 * np.pi * np.array(both)[:, mode - 1]
 
 
 def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[NDArray, NDArray]:

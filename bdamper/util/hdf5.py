@@ -13,7 +13,7 @@ import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, fields, is_dataclass
+from dataclasses import InitVar, asdict, dataclass, fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
@@ -197,12 +197,26 @@ def _put(group: h5py.Group, result: Any) -> None:
             group[name] = json.dumps(value, default=plain)
 
 
+@dataclass(frozen=True)
+class Formerly:
+    """Marks a field that files of earlier versions have under another name."""
+
+    name: str
+
+
+def _former(cls: type[Any]) -> dict[str, str]:
+    """Former names of fields."""
+    hints = get_type_hints(cls, include_extras=True)
+    marks = ((name, mark) for name, hint in hints.items() for mark in getattr(hint, "__metadata__", ()))
+    return {name: mark.name for name, mark in marks if isinstance(mark, Formerly)}
+
+
 def _take(cls: type[Any], group: h5py.Group) -> Any:
     """A result from the fields in a file."""
-    hints = get_type_hints(cls)
+    hints, former = get_type_hints(cls), _former(cls)
     found: dict[str, Any] = {}
     for name in (f.name for f in fields(cls)):
-        leaf, item = _leaf(hints[name]), group.get(name)
+        leaf, item = _leaf(hints[name]), group.get(name, group.get(former.get(name, name)))
         if isinstance(item, h5py.Group):
             if _is_stored(leaf):
                 found[name] = tuple(_take(leaf, item[key]) for key in sorted(item, key=int))
@@ -240,6 +254,8 @@ def _typed(hint: Any, value: Any) -> Any:
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
         return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
+    if isinstance(hint, InitVar):
+        return _typed(hint.type, value)
     if NoneType in inner:
         return _typed(_leaf(hint), value)
     if is_dataclass(hint):

@@ -28,12 +28,14 @@ WORDS = (COMPLETE, INCOMPLETE, HELD, NOT_FOUND, INTERRUPTED, FAILED, NOT_RUN)
 
 BEFORE = {
     "converged": COMPLETE,
+    "crossing": COMPLETE,
     "done": COMPLETE,
     "followed": COMPLETE,
     "scanned": COMPLETE,
     "settled": COMPLETE,
     "verified": COMPLETE,
     "bracket not narrowed further": INCOMPLETE,
+    "jump": INCOMPLETE,
     "lower bound": INCOMPLETE,
     "not verified": INCOMPLETE,
     "still moving": INCOMPLETE,
