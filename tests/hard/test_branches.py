@@ -182,7 +182,6 @@ class Ellipse:
     """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``."""
 
     n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
-    response_rows = (np.zeros(0), np.ones(1))
 
     @staticmethod
     def residual(y):
@@ -195,8 +194,11 @@ class Ellipse:
     def with_share(self, share):
         return self
 
-    def amplitudes(self, u, harmonic):
-        return np.asarray(u, complex)
+    def first_harmonic(self, y):
+        return complex(y[0])
+
+    def squared_gradient(self, y):
+        return np.array([y[0], 0.0]), y[0] ** 2
 
     def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False, reach=0.0):
         y = np.array(y, float)

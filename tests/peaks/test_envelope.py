@@ -141,7 +141,9 @@ def test_guesses_of_a_mean_position_that_nothing_holds():
     def touch(u, direction):
         return closing, rates * np.sign(direction @ weak)
 
-    system = SimpleNamespace(n_mean=2, evaluate=lambda u, omega: (None, J, None), closing=touch)
+    system = SimpleNamespace(
+        n_mean=2, evaluate=lambda u, omega: (None, J, None), at=lambda omega: SimpleNamespace(closing=touch)
+    )  # fmt: skip
     y = np.array([5.0, 1.0, 0.2, 0.3, 7.0])
     scale = np.full(5, 2.0)
     found = drifted(system, y, scale)
