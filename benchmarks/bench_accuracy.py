@@ -25,7 +25,7 @@ from bdamper.peaks.newton import peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Motion, Ring
 from bdamper.util.cost import CostMeter
-from bdamper.util.estimates import percent
+from bdamper.util.text import percent
 from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
 
 ROOT = Path(__file__).parents[1]

@@ -52,6 +52,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError
+from bdamper.util.status import COMPLETE
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
 NEARLY_HIGHEST = 0.7
@@ -168,7 +169,7 @@ def _tops_of(problem: Problem, curve: Curve) -> Tops:
         y = np.append(curve.unknowns[i], 2.0 * np.pi * at)
         peak = find_peak(problem.system(curve.preload), y)
         residual = float(curve.residual[i])
-        point = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status="converged")
+        point = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status=COMPLETE)
         good = peak.converged and same_peak(peak, point)
         good = good and not isinstance(problem.evaluation, Sampled)  # samples make many small peaks
         if i == top.index:

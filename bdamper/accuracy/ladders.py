@@ -31,12 +31,12 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.estimates import percent
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Cycles, Metre, Second, Tabular, from_rows
+from bdamper.util.text import percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
@@ -170,9 +170,9 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         )
 
     def __str__(self) -> str:
-        steps = ", ".join(f"{_spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
-        width = [max(len(_spaced(n)), *(len(r.values[i]) for r in self.runs)) + 2 for i, n in enumerate(self.varied)]
-        head = "".join(f"{_spaced(n):>{w}}" for n, w in zip(self.varied, width))
+        steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
+        width = [max(len(spaced(n)), *(len(r.values[i]) for r in self.runs)) + 2 for i, n in enumerate(self.varied)]
+        head = "".join(f"{spaced(n):>{w}}" for n, w in zip(self.varied, width))
         lines = [
             f"{self.quantity}, preload {self.preload:g} N, {self.interval[0]:.5g} to {self.interval[1]:.5g} Hz",
             f"  {self._conclusion()}{'; interrupted by the user, other runs may suffice' if self.interrupted else ''}",
@@ -191,12 +191,8 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
         return "\n".join(lines)
 
 
-def _spaced(name: str) -> str:
-    return name.replace("_", " ")
-
-
 def _text(names: Sequence[str], values: Sequence[str]) -> str:
-    return ", ".join(f"{_spaced(n)} {v}" for n, v in zip(names, values))
+    return ", ".join(f"{spaced(n)} {v}" for n, v in zip(names, values))
 
 
 # ---- what is varied ----

@@ -26,7 +26,7 @@ from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED, Status
-from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
+from bdamper.util.tables import ROW, Amplitude, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
 
 
 @brief
@@ -149,7 +149,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
         return self.status == INTERRUPTED
 
     @property
-    def amplitude(self) -> Metres:
+    def amplitude(self) -> Amplitude:
         """(n,) float, m: amplitude of the harmonic of the excitation."""
         return np.abs(self.harmonics[:, 1])
 

@@ -20,12 +20,12 @@ from bdamper.problem.variation import vary
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Differences
-from bdamper.util.estimates import percent
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, joined
+from bdamper.util.text import aligned, percent
 
 Found = TypeVar("Found", Curve, OptimalCurve)
 
@@ -84,10 +84,7 @@ class DesignComparison(Plottable, Tabular, Storable, kind="bdamper-designs"):
         ]  # fmt: skip
 
     def __str__(self) -> str:
-        rows = self._table()
-        width = [max(len(row[i]) for row in rows) + 2 for i in range(5)]
-        lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[5] for row in rows]
-        return "\n".join(line.rstrip() for line in lines)
+        return "\n".join(aligned(self._table()))
 
 
 def _outcome(result: Curve | OptimalCurve) -> tuple[float, float, float, str]:

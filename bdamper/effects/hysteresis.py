@@ -37,6 +37,7 @@ from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import (
     ROW,
+    Amplitude,
     Column,
     Hertz,
     Joules,
@@ -263,7 +264,7 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
 
     preload: Newtons
     frequency: Hertz
-    amplitude: Metres
+    amplitude: Amplitude
     branch: Numbers
     interface: Annotated[tuple[str, ...], Quantity(dims=("contact_point",))]
     energy: Annotated[NDArray, Quantity("J", dims=(ROW, "contact_point"))]

@@ -17,15 +17,13 @@ Instants are sampled, and the best ones refined by Newton's method, so that the 
 
 from __future__ import annotations
 
+from itertools import combinations_with_replacement
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 CRITERIA = ("von_mises", "signed_von_mises", "principal", "findley")
-SAMPLES, MANY_SAMPLES = 128, 256
-"""Samples of a cycle, up to seven harmonics and beyond."""
-_BLOCK = 256  # cycles whose pairs of instants are held at once
 
 _INDEX = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])
 # Coordinates in which the von Mises value of a tensor is its length: deviators by two normal differences and three shears.
@@ -53,8 +51,8 @@ def von_mises(stress: NDArray) -> NDArray:
 
 
 def angles(n_harmonics: int) -> NDArray:
-    """(n,) rad: instants at which a cycle is sampled."""
-    n = SAMPLES if n_harmonics <= 7 else MANY_SAMPLES
+    """(n,) rad: instants at which a cycle is sampled, 128 up to seven harmonics and 256 beyond."""
+    n = 128 if n_harmonics <= 7 else 256
     return 2.0 * np.pi * np.arange(n) / n
 
 
@@ -78,7 +76,8 @@ def amplitude_and_mean(coefficients: NDArray, criterion: str = "von_mises") -> C
     coefficients = np.asarray(coefficients, complex)
     if not len(coefficients):
         return Cycle(np.zeros(0), np.zeros(0))
-    parts = [by[criterion](coefficients[i : i + _BLOCK]) for i in range(0, len(coefficients), _BLOCK)]
+    blocks = np.array_split(coefficients, -(-len(coefficients) // 256))  # whose pairs of instants are held at once
+    parts = [by[criterion](block) for block in blocks]
     return Cycle(*(np.concatenate(part) for part in zip(*parts)))
 
 
@@ -303,14 +302,12 @@ def smallest_circle(path: NDArray) -> NDArray:
     return radius
 
 
-_PAIRS = np.array([[0, 0, 3], [1, 1, 3], [2, 2, 3], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
-
-
 def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Smallest circle (n) around four points (n, 4, 2), of which the last lies on it: its support, centre and radius."""
     centres, radii = [], []
-    for i, j, k in _PAIRS.tolist():
-        a, b, c = points[:, i], points[:, j], points[:, k]
+    others = list(combinations_with_replacement(range(3), 2))  # one of the first three points beside the last, or two
+    for i, j in others:
+        a, b, c = points[:, i], points[:, j], points[:, 3]
         if i == j:
             centre = 0.5 * (a + c)
         else:
@@ -329,4 +326,5 @@ def _circle_of_four(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     good = np.isfinite(radius) & (reach <= radius * (1.0 + 1e-9) + 1e-300)
     best = np.where(good, radius, np.inf).argmin(axis=1)
     rows = np.arange(len(points))
-    return points[rows[:, None], _PAIRS[best]], centre[rows, best], radius[rows, best]
+    support = np.column_stack([np.array(others)[best], np.full(len(rows), 3)])
+    return points[rows[:, None], support], centre[rows, best], radius[rows, best]

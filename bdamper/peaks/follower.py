@@ -137,7 +137,7 @@ class PeakFollower:
         )  # fmt: skip
         self.iterations += peak.iterations
         if not peak.converged:
-            self.reason = peak.status
+            self.reason = peak.status.partition(": ")[2]
             return None
         n = system.n_mean
 

@@ -34,6 +34,7 @@ from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief
 from bdamper.util.rootfind import find_root
+from bdamper.util.status import COMPLETE, NOT_FOUND, because
 
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
@@ -112,7 +113,7 @@ class Peak(Comparable):
     corner : bool
         The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
     status : str
-        "converged" or what went wrong; an unconverged peak is never used as a solution.
+        "complete", or "not found: " with what went wrong; such a peak is never used as a solution.
     cost : Cost, optional
         Of all that it took to find it, where that was metered.
     scan : str
@@ -139,7 +140,7 @@ class Peak(Comparable):
     trials: int
     rank_deficiency: int
     corner: bool = False
-    status: str = "converged"
+    status: str = COMPLETE
     cost: Cost | None = None
     scan: str = ""
     settings: dict[str, Any] = field(default_factory=dict, repr=False)
@@ -148,12 +149,12 @@ class Peak(Comparable):
 
     @property
     def converged(self) -> bool:
-        return self.status == "converged"
+        return self.status == COMPLETE
 
     def facts(self) -> tuple[Fact, ...]:
         """The peak and how far it is to be trusted; nothing but the reason where none was found."""
         if not self.converged:
-            return (Fact("no peak found", self.status),)
+            return (Fact("peak", self.status),)
         shares = [(name, 100.0 * float(x)) for name, x in zip(("stick", "slip", "open"), self.shares)]
         return (
             *([Fact("preload", self.parameter, "N")] if np.isfinite(self.parameter) else []),
@@ -166,7 +167,7 @@ class Peak(Comparable):
 
     def __str__(self) -> str:
         if not self.converged:
-            return f"no peak found: {self.status}"
+            return f"peak {self.status}"
         return (
             f"peak {self.amplitude:.8g} m at {self.frequency:.8g} Hz{' (corner)' if self.corner else ''}, residual "
             f"{self.residual:.1e}, {self.trials} correctors, {self.iterations} iterations"
@@ -446,7 +447,7 @@ def find_peak(
     Returns
     -------
     Peak
-        ``status`` is "converged", or says why there is none.
+        ``status`` is "complete", or says why there is none.
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
@@ -464,7 +465,7 @@ def find_peak(
         return Peak(
             parameter, guess[-1] / (2 * np.pi), amplitude_at(system, guess), guess, tangent, search.scale, np.nan, np.nan,
             np.full(3, np.nan), np.nan, search.iterations, search.trials, 0, False,
-            f"no solution near the guess: {search.reason}",
+            because(NOT_FOUND, f"no solution near the guess: {search.reason}"),
         )  # fmt: skip
     if scale is None:
         start = search.in_own_units(start)
@@ -475,7 +476,7 @@ def find_peak(
     return Peak(
         parameter, float(point.y[-1] / (2.0 * np.pi)), amplitude_at(system, point.y), point.y, point.tangent, search.scale,
         point.slope, curvature, point.shares, point.residual, search.iterations, search.trials, point.rank_deficiency,
-        found and curvature < -JUMP, "converged" if found else search.reason,
+        found and curvature < -JUMP, COMPLETE if found else because(NOT_FOUND, search.reason),
     )  # fmt: skip
 
 
@@ -493,9 +494,9 @@ def _newton_to_peak(
     peak = conditions.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
     c = system.solve(guess, peak, scale, options.tolerance, options.max_iterations)
     vibration = slice(system.n_mean, None)
-    status = STATUS_TEXT[c.status]
+    status = COMPLETE if c.status == OK else because(NOT_FOUND, STATUS_TEXT[c.status])
     if c.status == OK and norm2(((c.y - guess) / scale)[vibration]) > min(reach, options.max_step):
-        status = FAR
+        status = because(NOT_FOUND, FAR)
     return Peak(
         parameter, float(c.y[-1] / (2.0 * np.pi)), amplitude_at(system, c.y), c.y, c.tangent, scale, c.slope, c.curvature,
         np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, False, status,

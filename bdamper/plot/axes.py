@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from bdamper.model.model import Model
 from bdamper.util.plotting import Plottable, draw, draws
+from bdamper.util.tables import label
 
 MARKERS = "osD^v<>pP*hX"
 PAPER: dict[Any, Any] = {
@@ -39,6 +40,8 @@ PAPER: dict[Any, Any] = {
 """Settings of a figure that fits one column of a paper."""
 FIXED: dict[Any, Any] = {**PAPER, "figure.constrained_layout.use": False}
 """The same for a figure whose axes have their places given."""
+STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
+"""Lines that are told apart in grey."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable, and of means."""
 
@@ -101,21 +104,29 @@ def runs(values: NDArray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
 
 
-def newtons(value: float) -> str:
-    """A force in a legend."""
-    return f"{value / 1000.0:g} kN" if 1000.0 <= value < 1e6 else f"{value:g} N"
-
-
-def length(*values: NDArray) -> tuple[float, str]:
-    """Factor from metres to the unit that suits the largest of some lengths, and that unit."""
-    largest = max(float(np.nanmax(np.abs(v), initial=0.0)) for v in values)
-    return (1e6, "µm") if largest < 1e-3 else (1e3, "mm") if largest < 1.0 else (1.0, "m")
-
-
-def few_ticks(ax: Axes) -> None:
-    """Plain numbers at 1, 2 and 5 on a logarithmic horizontal axis of less than two decades, decades alone beyond."""
-    low, high = ax.get_xlim()
+def few_ticks(ax: Axes, which: str = "x") -> None:
+    """Plain numbers at 1, 2 and 5 on a logarithmic axis of less than two decades, decades alone beyond."""
+    axis = {"x": ax.xaxis, "y": ax.yaxis}[which]
+    low, high = axis.get_view_interval()
     if high < 100.0 * low:
-        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    ax.xaxis.set_minor_formatter(NullFormatter())
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def over_preload(ax: Axes, result: type) -> None:
+    """Labels and logarithmic scales of a resonance amplitude over the preload, which are columns of a type of result."""
+    ax.set(xscale="log", yscale="log", xlabel=label(result, "preload"), ylabel=label(result, "amplitude"))
+    few_ticks(ax)
+
+
+def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: Any) -> None:
+    """What lies between two lines, where both are known."""
+    known = np.isfinite(low) & np.isfinite(high)
+    ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
+
+
+def lost(ax: Axes, places: Any, colour: Any, name: str | None = None, size: float = 5.0) -> None:
+    """Crosses at the lower edge, where there is no value."""
+    across = ax.get_xaxis_transform()
+    ax.plot(places, np.full(np.shape(places), 0.03), "x", color=colour, markersize=size, transform=across, label=name)

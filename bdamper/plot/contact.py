@@ -20,13 +20,12 @@ from bdamper.contact.stiffness import StiffnessComparison
 from bdamper.contact.wedge import ContactMap
 from bdamper.model.model import Model
 from bdamper.plot.axes import FIXED, PAPER, drawing
-from bdamper.plot.motion import ContactStatus, contact_status, relative_motion, rigid_displacement, rigid_motion
+from bdamper.plot.motion import STATES, ContactStatus, contact_status, relative_motion, rigid_displacement, rigid_motion
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 
-STATUS_NAMES = ("stick", "slip", "open")
 STATUS_COLOURS = ("0.15", "#e6862a", "#cfe3ee")
 """Dark, middle and light: told apart in grey as well."""
 EDGE: dict[str, Any] = {"edgecolor": "0.2", "linewidth": 0.4}
@@ -67,7 +66,7 @@ def plot_status_bars(
 
 
 def _status_legend(ax: Axes) -> None:
-    handles = [Patch(facecolor=c, label=n, **EDGE) for c, n in zip(STATUS_COLOURS, STATUS_NAMES)]
+    handles = [Patch(facecolor=c, label=n, **EDGE) for c, n in zip(STATUS_COLOURS, STATES)]
     ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7.0)
 
 

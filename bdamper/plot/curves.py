@@ -17,16 +17,19 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.effects.compare_laws import LawComparison
+from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, newtons, runs
+from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, runs
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
+from bdamper.util.tables import label as label_of
+from bdamper.util.text import newtons
 
 LIMIT: dict[str, Any] = {"color": "0.35", "linewidth": 0.9}
 LIMIT_STYLES = {"free": "-.", "stuck": ":"}
@@ -36,7 +39,7 @@ SWEEPS: dict[str, dict[str, Any]] = {
     "down": {"color": "tab:blue", "linewidth": 3.0, "alpha": 0.35},
 }
 """Lines of slow sweeps, laid over their curve."""
-FREQUENCY, AMPLITUDE, PRELOAD = "Frequency (Hz)", "Response amplitude (m)", "Preload (N)"
+FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
 
 
 def amplitude_label(*results: Curve | OptimalCurve) -> str:

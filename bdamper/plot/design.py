@@ -14,11 +14,11 @@ from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import UNITS, SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks
+from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks, lost
 from bdamper.util.errors import SettingError
-from bdamper.util.estimates import percent
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
+from bdamper.util.text import percent, spaced
 
 EQUAL = 1e-12
 """Relative difference below which two answers are the same."""
@@ -26,20 +26,16 @@ _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency"
           "slip": "share of slip", "open": "share of separation"}  # fmt: skip
 
 
-def _spaced(name: str) -> str:
-    return name.replace("_", " ").replace(".", " ")
-
-
 def _with_unit(name: str) -> str:
     """Label of an axis for a setting or an answer of a sweep."""
-    words = _WORDS.get(name, _spaced(name))
+    words = _WORDS.get(name, spaced(name))
     return words[:1].upper() + words[1:] + (f" ({UNITS[name]})" if name in UNITS else "")
 
 
 def _named_value(name: str, value: Any) -> str:
     """A setting with its value and unit, for a legend."""
     number = f"{value:.4g}" if isinstance(value, float) else f"{value}"
-    return f"{_spaced(name)} {number}" + (f" {UNITS[name]}" if name in UNITS else "")
+    return f"{spaced(name)} {number}" + (f" {UNITS[name]}" if name in UNITS else "")
 
 
 @draws(SweepResult)
@@ -65,23 +61,15 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
     numeric = all(isinstance(value, (int, float)) and not isinstance(value, bool) for value in x)
     rows = values.reshape(-1, last)
     places = x if numeric else [str(value) for value in x]
-    lost = ~np.isfinite(rows)
-    with drawing(ax, legend=7.0 if len(result.shape) > 1 or lost.any() else None) as ax:
+    none = ~np.isfinite(rows)
+    with drawing(ax, legend=7.0 if len(result.shape) > 1 or none.any() else None) as ax:
         for i, (row, colour) in enumerate(zip(rows, colours(len(rows)))):
             others = result.points[i * last]
             label = ", ".join(_named_value(key, others[key]) for key in result.names[:-1])
-            ax.plot(
-                places,
-                row,
-                color=colour,
-                marker=MARKERS[i % len(MARKERS)],
-                markersize=3.0,
-                label=label or None,
-            )
-            if lost[i].any():
-                at = [place for place, gone in zip(places, lost[i]) if gone]
-                ax.plot(at, [0.03] * len(at), "x", color=colour, markersize=5.0, transform=ax.get_xaxis_transform())
-        if lost.any():
+            ax.plot(places, row, color=colour, marker=MARKERS[i % len(MARKERS)], markersize=3.0, label=label or None)
+            if none[i].any():
+                lost(ax, [place for place, gone in zip(places, none[i]) if gone], colour)
+        if none.any():
             ax.plot([], [], "x", color="0.4", markersize=5.0, label="no value")
         if numeric and min(x) > 0.0 and max(x) > 20.0 * min(x):
             ax.set_xscale("log")
@@ -245,7 +233,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
             look["markersize"] = 9.0 if r.part == COMBINED else 5.0
             marker = MARKERS[k] if k >= 0 else "*" if r.part == COMBINED else "P"
             handles.setdefault(
-                f"{_spaced(r.part)} below {result.richest.values[k]}" if k >= 0 else r.part,
+                f"{spaced(r.part)} below {result.richest.values[k]}" if k >= 0 else r.part,
                 Line2D([], [], marker=marker, **look),
             )
             place, y = ax.transData, r.error
@@ -258,7 +246,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
             if r is best:
                 ring: dict[str, Any] = {"color": "k", "markerfacecolor": "none", "linestyle": "none", "markersize": 12.0}
                 ax.plot(r.seconds, y, "o", transform=place, **ring)
-                values = ", ".join(f"{_spaced(name)} {value}" for name, value in zip(names, r.values))
+                values = ", ".join(f"{spaced(name)} {value}" for name, value in zip(names, r.values))
                 handles[f"for {percent(result.tolerance)}: {values}"] = Line2D([], [], marker="o", **ring)
         line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
         handles["richest"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)

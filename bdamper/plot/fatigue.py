@@ -14,14 +14,15 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import DASHED, MARKERS, PAPER, colours, drawing, length, save_figure
+from bdamper.plot.axes import DASHED, MARKERS, PAPER, STYLES, colours, drawing, save_figure
 from bdamper.plot.model3d import plot_surfaces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
+from bdamper.util.tables import label as label_of
+from bdamper.util.text import length
 
 MEGA = 1e-6
-_DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
 
 
 @draws(StressCycle)
@@ -40,14 +41,13 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes | None = 
     stress = MEGA * cycle.over_cycle(theta)[i]
     with drawing(ax, title=f"{cycle.names[i]}, {cycle.frequency:.5g} Hz, {cycle.preload:g} N", legend=7.5) as axes:
         large = np.abs(stress).max(axis=1) > 0.02 * np.abs(stress).max()
-        for name, values, dashes, colour, shown in zip(COMPONENTS, stress, _DASHES, colours(6), large):
+        for name, values, dashes, colour, shown in zip(COMPONENTS, stress, STYLES, colours(6), large):
             if shown:
                 axes.plot(np.degrees(theta), values, color=colour, linestyle=dashes, label=rf"$\sigma_{{{name}}}$")
         axes.plot(np.degrees(theta), von_mises(stress.T), color="black", linewidth=2.2, label="von Mises")
         axes.set_xlim(0.0, 360.0)
         axes.set_xticks(np.arange(0, 361, 60))
-        axes.set_xlabel("Angle of the excitation (degrees)")
-        axes.set_ylabel("Stress (MPa)")
+        axes.set(xlabel="Angle of the excitation (degrees)", ylabel="Stress (MPa)")
     return axes
 
 
@@ -81,8 +81,7 @@ def plot_haigh(margins: Margins, ax: Axes | None = None) -> Axes:
         top = max(material.endurance_limit, float(margins.amplitude.max()))
         axes.set_ylim(0.0, 1.15 * MEGA * top)
         axes.set_xlim(MEGA * low, 1.02 * MEGA * right)
-        axes.set_xlabel("Mean stress (MPa)")
-        axes.set_ylabel("Stress amplitude (MPa)")
+        axes.set(xlabel=label_of(Margins, "mean", "MPa"), ylabel=label_of(Margins, "amplitude", "MPa"))
     return axes
 
 
@@ -107,7 +106,7 @@ def plot_margin(
         k = sum(line.get_gid() == "margin" for line in axes.lines)
         few = len(curve) <= 60
         (line,) = axes.plot(
-            curve.values, curve.margin, color=colours(6)[k % 6], linestyle=_DASHES[k % len(_DASHES)],
+            curve.values, curve.margin, color=colours(6)[k % 6], linestyle=STYLES[k % len(STYLES)],
             marker=MARKERS[k % len(MARKERS)] if few else None, markersize=4, label=label or "margin",
         )  # fmt: skip
         line.set_gid("margin")
@@ -117,7 +116,7 @@ def plot_margin(
         if k == 0:
             axes.axhline(1.0, color="0.4", linewidth=1.0, linestyle=DASHED)
             axes.set_xlabel(f"{curve.over.capitalize()} ({curve.unit})")
-            axes.set_ylabel("Margin against fatigue")
+            axes.set_ylabel(label_of(MarginCurve, "margin"))
         if curve.over == "preload":
             axes.set_xscale("log")
         known = curve.margin[np.isfinite(curve.margin)]

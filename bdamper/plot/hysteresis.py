@@ -11,13 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import PAPER, colours, drawing, few_ticks, length, newtons, runs
+from bdamper.plot.axes import PAPER, STYLES, colours, drawing, few_ticks, runs
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
+from bdamper.util.tables import label
+from bdamper.util.text import length, newtons
 
-STYLES = ("-", "--", "-.", ":")
 SMALLEST = 1e-4
 """Energy that is shown, relative to the largest."""
 NAMES = {"t1": "along t1", "t2": "along t2", "n": "normal"}
@@ -66,7 +67,7 @@ def plot_hysteresis(
     factor, unit = length(*(x for x, _ in loops))
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            ax.plot(factor * x, f, STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
+            ax.plot(factor * x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
         of = "" if len(places) > 1 else f" of {_name(result, places[0])}"
         axis = "" if whole else f" {NAMES[direction]}"
         ax.set(xlabel=f"Response ({unit})" if whole else f"Displacement{axis}{of} ({unit})")
@@ -96,11 +97,11 @@ def plot_history(result: Hysteresis, where: int, *, title: str = "") -> Figure:
         figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.2, 4.4), sharex=True)
         shades = colours(3)
         for k, (name, style) in enumerate(zip(AXES, STYLES)):
-            top.plot(time, result.force[i, k], style, color=shades[k], label=NAMES[name])
+            top.plot(time, result.force[i, k], linestyle=style, color=shades[k], label=NAMES[name])
             if name != "n":
-                bottom.plot(time, factor * result.loop(i, name)[0], style, color=shades[k], label=NAMES[name])
+                bottom.plot(time, factor * result.loop(i, name)[0], linestyle=style, color=shades[k], label=NAMES[name])
         if result.gap[i].max() > 0.0:
-            bottom.plot(time, factor * result.gap[i], STYLES[2], color=shades[2], label="gap")
+            bottom.plot(time, factor * result.gap[i], linestyle=STYLES[2], color=shades[2], label="gap")
         top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
         bottom.set(ylabel=f"Vibration, gap ({unit})", xlabel="Time (periods)")
         for ax in (top, bottom):
@@ -144,18 +145,17 @@ def plot_dissipation(
     matplotlib axes, two of them for "equivalent"
     """
     validate.choice("quantity", quantity, ("equivalent", "energy"))
-    labels = {"amplitude": "Response amplitude (m)", "frequency": "Frequency (Hz)", "preload": "Preload (N)"}
-    x = getattr(result, validate.choice("over", over, labels))
+    x = getattr(result, validate.choice("over", over, ("amplitude", "frequency", "preload")))
     parts = [slice(first, last + 1) for first, last in runs(result.branch)]
     wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
 
-    def line(axes: Axes, values: Any, style: str, colour: Any, label: str) -> None:
+    def line(axes: Axes, values: Any, style: Any, colour: Any, name: str) -> None:
         for n, part in enumerate(parts):
             alone = "." if part.stop == part.start + 1 else None
-            axes.plot(x[part], values[part], style, color=colour, marker=alone, label=label if n == 0 else None)
+            axes.plot(x[part], values[part], linestyle=style, color=colour, marker=alone, label=name if n == 0 else None)
 
     with drawing(ax, title=title) as ax:
-        ax.set(xlabel=labels[over], xscale="log" if wide else "linear")
+        ax.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear")
         if quantity == "energy":
             faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
             line(ax, result.excitation, "-", "0.7", "work of the excitation")
@@ -172,9 +172,9 @@ def plot_dissipation(
         line(right, 100.0 * result.damping_ratio, "--", light, "damping ratio")
         ax.plot([], [], "--", color=light, label="damping ratio (right)")
         ax.legend(fontsize=7.0)
-        ax.set_ylabel("Equivalent contact stiffness (N/m)")
+        ax.set_ylabel(label(Dissipation, "stiffness"))
         ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
-        right.set_ylabel("Equivalent damping ratio (%)")
+        right.set_ylabel(label(Dissipation, "damping_ratio", "%"))
         if wide:
             few_ticks(ax)
     return ax, right

@@ -24,7 +24,8 @@ from bdamper.util.warn import implausible
 
 LARGEST_MISSING = 0.01
 """Share of the modal motion in modes without shapes on the mesh, above which a picture of it warns."""
-STICK, SLIP, OPEN = range(3)
+STATES = ("stick", "slip", "open")
+STICK, SLIP, OPEN = range(len(STATES))
 """States of a contact point in pictures and maps."""
 
 

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from numpy.typing import NDArray
 
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, length
+from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, few_ticks
 from bdamper.speed.campbell import Campbell
 from bdamper.speed.crossings import RPM, Crossings, SpeedLine
 from bdamper.speed.run_up import RunUp
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
+from bdamper.util.text import length
 
 SPEED = "Rotor speed (rpm)"
 
@@ -182,9 +182,7 @@ def plot_crossings(
             ax.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
         label = f"Resonance amplitude ({name})" if quantity == "amplitude" else "Margin against fatigue"
         ax.set(xlabel=SPEED, ylabel=label, yscale="log")
-        ax.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        ax.yaxis.set_minor_formatter(NullFormatter())
+        few_ticks(ax, "y")
     return ax
 
 

@@ -12,10 +12,11 @@ from bdamper.design.compare import DesignComparison
 from bdamper.effects.hysteresis import Dissipation, Hysteresis
 from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import MARKERS, colours, drawing, length
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing
 from bdamper.plot.curves import PRELOAD, plot_curves, plot_measurement
 from bdamper.util import validate
 from bdamper.util.plotting import draws
+from bdamper.util.text import length
 
 QUANTITIES = {
     "amplitude": "Resonance amplitude (m)",
@@ -23,7 +24,6 @@ QUANTITIES = {
     "damping_ratio": "Equivalent damping ratio (%)",
     "stiffness": "Equivalent contact stiffness (N/m)",
 }
-STYLES = ("-", "--", "-.", (0, (5, 1, 1, 1, 1, 1)))
 OF = {
     Curve: ("amplitude",),
     OptimalCurve: ("amplitude", "shift"),

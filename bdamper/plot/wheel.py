@@ -11,12 +11,14 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, few_ticks, length, newtons
+from bdamper.plot.axes import DASHED, MARKERS, band, colours, drawing, lost, over_preload
 from bdamper.plot.model3d import plot_surfaces
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
+from bdamper.util.tables import label
+from bdamper.util.text import length, newtons
 from bdamper.wheel.mistuning import Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
@@ -80,7 +82,7 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
             ax.plot(curve.frequency[at], factor * curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
         if tuned is not None:
             ax.plot(tuned.frequency, factor * tuned.amplitude, color="k", linestyle=DASHED, label="tuned")
-        ax.set(xlabel="Frequency (Hz)", ylabel=f"Amplitude ({unit})")
+        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=f"Amplitude ({unit})")
     return ax
 
 
@@ -125,7 +127,7 @@ def plot_wheel_map(curve: WheelCurve, ax: Axes | None = None, *, title: str = ""
         ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
         figure: Any = ax.figure
         figure.colorbar(image, ax=ax, label=f"Amplitude ({unit})")
-        ax.set(xlabel="Frequency (Hz)", ylabel="Blade")
+        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=label(WheelCurve, "blade"))
     return ax
 
 
@@ -226,8 +228,7 @@ def plot_sample(
                 line = {"color": colour, "linestyle": styles[k - len(bands)], "marker": marker, "markersize": 4.0}
                 ax.plot(x, value[:, j], **line, label=newtons(float(preload)) if last else None)
                 if last:
-                    known = np.isfinite(low[:, j]) & np.isfinite(high[:, j])
-                    ax.fill_between(x, low[:, j], high[:, j], where=known, color=colour, alpha=0.15, linewidth=0.0)
+                    band(ax, x, low[:, j], high[:, j], colour)
         for k, q in enumerate(bands):
             ax.plot([], [], color="0.3", linestyle=styles[k - len(bands)], label=f"{q:g} % of wheels")
         if sample.held:
@@ -311,15 +312,13 @@ def plot_sample_preload(
         for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
             low, value, high = sample.percentile(q, "amplitude")[:, i, order]
             ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"worst blade, {q:g} % of wheels")
-            known = np.isfinite(low) & np.isfinite(high)
-            ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
+            band(ax, x, low, high, colour)
             best = int(np.argmin(value))
             ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
         tuned = sample.tuned_amplitude[order]
         ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
         ax.plot(x[np.argmin(tuned)], tuned.min(), "*", color="k", markersize=9.0)
-        ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Resonance amplitude (m)")
-        few_ticks(ax)
+        over_preload(ax, MistunedSample)
     return ax
 
 
@@ -340,7 +339,7 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
     """
     order = np.argsort(curve.preload)
     x, best = curve.preload[order], curve.candidates
-    lost = ~np.isfinite(curve.amplitude[order])
+    none = ~np.isfinite(curve.amplitude[order])
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.plot(x, curve.amplitude[order], "-o", color="0.1", markersize=3.5, label="highest blade")
         held = (curve.springs > 0.0) & np.isfinite(curve.amplitude)
@@ -353,9 +352,7 @@ def plot_wheel_optimal(curve: WheelOptimalCurve, ax: Axes | None = None, *, titl
         ax.plot(curve.preload[best], curve.amplitude[best], "*", color="0.1", markersize=10.0)
         tuned = int(np.nanargmin(curve.tuned_amplitude))
         ax.plot(curve.preload[tuned], curve.tuned_amplitude[tuned], "*", color="0.4", markersize=10.0)
-        if lost.any():
-            place = ax.get_xaxis_transform()
-            ax.plot(x[lost], np.full(lost.sum(), 0.03), "x", color="0.4", transform=place, label="no peak")
-        ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Resonance amplitude (m)")
-        few_ticks(ax)
+        if none.any():
+            lost(ax, x[none], "0.4", "no peak", 6.0)
+        over_preload(ax, WheelOptimalCurve)
     return ax

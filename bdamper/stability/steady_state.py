@@ -29,7 +29,7 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
-from bdamper.util.tables import ROW, Metres, Numbers, Quantity, Tabular
+from bdamper.util.tables import ROW, Amplitude, Numbers, Quantity, Tabular
 
 FEWEST = BOUNDS.look
 """Least number of periods from which a mean and a range are taken."""
@@ -83,7 +83,7 @@ class SettledResponse(Plottable, Tabular, row="period"):
         return self.harmonics[:, 0].real
 
     @property
-    def amplitude(self) -> Metres:
+    def amplitude(self) -> Amplitude:
         """(n_periods,) amplitude of the harmonic of the excitation, m."""
         return np.abs(self.harmonics[:, 1])
 

@@ -35,7 +35,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED
-from bdamper.util.tables import ROW, Hertz, Metres, Quantity, Tabular
+from bdamper.util.tables import ROW, Amplitude, Hertz, Metres, Quantity, Tabular
 
 RATE = 0.1
 """Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
@@ -131,7 +131,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="tu
         return self.status == INTERRUPTED
 
     @property
-    def amplitude(self) -> Metres:
+    def amplitude(self) -> Amplitude:
         """(n,) amplitude of the harmonic of the excitation, m."""
         return np.abs(self.harmonics[:, 1])
 

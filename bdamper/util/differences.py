@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from bdamper.util.errors import SettingError
-from bdamper.util.estimates import percent
 from bdamper.util.plotting import Fact, Summarised
 from bdamper.util.repr import brief, short
+from bdamper.util.text import aligned, percent
 
 MISSING = "not there"
 
@@ -47,10 +47,7 @@ class Differences(Summarised):
     def __str__(self) -> str:
         if not self:
             return f"{self.kinds[0]} and {self.kinds[1]}: no difference"
-        rows = self.rows()
-        width = [max(len(row[i]) for row in rows) + 2 for i in range(3)]
-        lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[3] for row in rows]
-        return "\n".join([f"{self.kinds[0]} and {self.kinds[1]} differ:", *(f"  {line.rstrip()}" for line in lines)])
+        return "\n".join([f"{self.kinds[0]} and {self.kinds[1]} differ:", *aligned(self.rows(), "  ")])
 
     def _table(self) -> list[tuple[str, ...]]:
         return [("", "first", "second", "change"), *self.rows()]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from bdamper.util.text import cut
+
 
 class BdamperError(Exception):
     """Base class of all errors raised on purpose by this package."""
@@ -19,8 +21,6 @@ class StaticError(BdamperError):
     """No static state was found under a load, so there is nothing to vibrate about."""
 
 
-_LONGEST_FOUND = 300
-
 
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """An error of one line: the item, what was expected of it and what was found instead."""
@@ -28,6 +28,5 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
 
 
 def shortened(found: object) -> str:
-    """What was found, in one line that is not too long."""
-    text = " ".join(str(found).split())
-    return text if len(text) <= _LONGEST_FOUND else text[: _LONGEST_FOUND - 3] + "..."
+    """What was found, in one line of at most 300 characters."""
+    return cut(" ".join(str(found).split()), 300)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bdamper.util.repr import brief
+from bdamper.util.text import percent
 
 
 @dataclass(frozen=True)
@@ -111,10 +112,3 @@ class ErrorEstimates:
 def error_line(errors: ErrorEstimates | None) -> str:
     """What a result prints of its error: one line of estimates, or that there are none."""
     return "error not estimated" if errors is None else errors.line
-
-
-def percent(value: float, sign: bool = False) -> str:
-    """A relative number with two digits; from 100 % on in whole percent."""
-    if not np.isfinite(value):
-        return "unknown"
-    return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"

@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bdamper.util.estimates import ErrorEstimates, SourceError, percent
+from bdamper.util.estimates import ErrorEstimates, SourceError
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, Status
 from bdamper.util.tables import Column, Cycles, Metre, Newton, Second, Tabular, from_rows
+from bdamper.util.text import percent
 
 COMPARED = 3
 """Rungs, the last that are known, that have to agree."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from threading import Event
-from typing import Any, Literal, TypeVar
+from typing import Any, TypeVar
 
 T = TypeVar("T")
 
@@ -99,27 +99,18 @@ def each(items: Sequence[T], show: bool, what: str, unit: str) -> Iterable[T]:
     return bar
 
 
-class progress_bar:
+@contextmanager
+def progress_bar(show: bool, low: float, high: float) -> Iterator[Callable[[Any], None] | None]:
     """Progress over the frequency interval, or nothing."""
+    if not show:
+        yield None
+        return
+    from tqdm.auto import tqdm
 
-    def __init__(self, show: bool, low: float, high: float) -> None:
-        self.show, self.low, self.high = show, low, high
-
-    def __enter__(self) -> Any:
-        if not self.show:
-            return None
-        from tqdm.auto import tqdm
-
-        self.bar = tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]")
+    with tqdm(total=100, unit="%", desc="tracking", bar_format="{l_bar}{bar}| {n:.0f} % [{elapsed}]") as bar:
 
         def update(point: Any) -> None:
-            now = 100.0 * (point.y[-1] - self.low) / (self.high - self.low)
-            self.bar.n = max(0.0, min(100.0, now))
-            self.bar.refresh()
+            bar.n = max(0.0, min(100.0, 100.0 * (point.y[-1] - low) / (high - low)))
+            bar.refresh()
 
-        return update
-
-    def __exit__(self, *_: object) -> Literal[False]:
-        if self.show:
-            self.bar.close()
-        return False
+        yield update

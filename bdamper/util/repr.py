@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from bdamper.util.text import cut
+
 T = TypeVar("T", bound=type)
 
 LONGEST = 60
@@ -36,15 +38,11 @@ def short(value: Any) -> str:
         return repr(value.item()) if value.ndim == 0 else f"<{' x '.join(map(str, value.shape))} {value.dtype}>"
     if isinstance(value, Mapping):
         text = "{" + ", ".join(f"{key!r}: {short(item)}" for key, item in value.items()) + "}"
-        return text if len(text) <= LONGEST else f"<{len(value)} by name: {_cut(', '.join(map(str, value)))}>"
+        return text if len(text) <= LONGEST else f"<{len(value)} by name: {cut(', '.join(map(str, value)), LONGEST)}>"
     if isinstance(value, (list, tuple)):
         text = ("[{}]" if isinstance(value, list) else "({})").format(", ".join(short(item) for item in value))
         return text if len(text) <= LONGEST else f"<{len(value)} items>"
     if is_dataclass(value) and not isinstance(value, type):
         text = repr(value)
         return text if len(text) <= LONGEST and "\n" not in text else f"{type(value).__name__}(...)"
-    return _cut(repr(value)) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)
-
-
-def _cut(text: str) -> str:
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return cut(repr(value), LONGEST) if not isinstance(value, (int, float, complex, np.generic)) else repr(value)

@@ -15,6 +15,7 @@ from typing import Any
 
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import check_folder, plain
+from bdamper.util.text import cut
 from bdamper.util.versions import HERE, Versions
 
 
@@ -109,7 +110,7 @@ class ResultsFile:
             if name not in HERE.attributes() and found.get(name) != expected:
                 raise BdamperError(
                     f"{self.path}: expected results of this {self.work}, found those of another one: {name} is "
-                    f"{_short(found.get(name))}, here {_short(expected)}"
+                    f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
                 )
 
     def _write(self, record: Mapping[str, Any]) -> None:
@@ -130,8 +131,3 @@ class ResultsFile:
 def as_line(record: Mapping[str, Any]) -> bytes:
     """One record as a line of JSON."""
     return json.dumps(record, default=plain).encode() + b"\n"
-
-
-def _short(value: Any) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 100 else text[:97] + "..."

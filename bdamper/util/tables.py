@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import FilePath, check_folder, plain
+from bdamper.util.text import spaced
 from bdamper.util.versions import HERE
 
 
@@ -85,6 +86,8 @@ Numbers = Annotated[NDArray, Quantity()]
 Texts = Annotated[tuple[str, ...], Quantity()]
 Hertz = Annotated[NDArray, Quantity("Hz")]
 Metres = Annotated[NDArray, Quantity("m")]
+Amplitude = Annotated[NDArray, Quantity("m", "Response amplitude")]
+Resonance = Annotated[NDArray, Quantity("m", "Resonance amplitude")]
 Newtons = Annotated[NDArray, Quantity("N")]
 SquareMetres = Annotated[NDArray, Quantity("m2")]
 Pascals = Annotated[NDArray, Quantity("Pa")]
@@ -268,5 +271,5 @@ def from_rows(rows: Sequence[Any]) -> dict[str, Column]:
 def label(of: Any, name: str, unit: str = "") -> str:
     """What an axis says of a column of a type of result: its label, or its name in words, and its unit."""
     mark = quantities(of)[name]
-    text, unit = mark.label or (mark.name or name).replace("_", " ").capitalize(), unit or mark.unit
+    text, unit = mark.label or spaced(mark.name or name).capitalize(), unit or mark.unit
     return f"{text} ({unit})" if unit else text

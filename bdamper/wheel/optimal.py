@@ -16,7 +16,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Statuses
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
 from bdamper.wheel.peak import WheelPeakOptions, peak
 from bdamper.wheel.results import OfWheel
 
@@ -46,7 +46,7 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
 
     preload: Newtons
     frequency: Hertz
-    amplitude: Metres
+    amplitude: Resonance
     blade: Numbers
     tuned_amplitude: Metres
     status: Annotated[Statuses, Quantity()]

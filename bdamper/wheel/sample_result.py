@@ -14,7 +14,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, left_undone, word
-from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Seconds, Tabular
+from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
 RESAMPLES = 2000
@@ -182,7 +182,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     wheels: NDArray
     standard_deviation: NDArray
     preload: Newtons
-    amplitude: Metres
+    amplitude: Resonance
     frequency: Hertz
     blade: Numbers
     residual: Numbers

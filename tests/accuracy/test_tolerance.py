@@ -12,8 +12,8 @@ import pytest
 import bdamper as bd
 from bdamper.accuracy import tolerance
 from bdamper.util.errors import BdamperError, SettingError
-from bdamper.util.estimates import percent
 from bdamper.util.ladder import Ladder, Rung
+from bdamper.util.text import percent
 from tests import models
 from tests.plain import plain_study
 

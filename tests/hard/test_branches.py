@@ -1,6 +1,7 @@
 """Branches apart from the one that is followed, closed ones, and curves that the user stops."""
 
 import threading
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -49,17 +50,17 @@ def study(**settings):
 def test_interrupted_curves_keep_what_is_there(monkeypatch, tmp_path, after):
     seen = []
 
-    class Stop(tracking.progress_bar):
-        def __enter__(self):
-            def update(point):
-                seen.append(point)
-                if len(seen) == after:
-                    raise KeyboardInterrupt
+    @contextmanager
+    def stop(*_):
+        def update(point):
+            seen.append(point)
+            if len(seen) == after:
+                raise KeyboardInterrupt
 
-            return update
+        yield update
 
     whole = study().track(200.0, (250.0, 450.0))
-    monkeypatch.setattr(tracking, "progress_bar", Stop)
+    monkeypatch.setattr(tracking, "progress_bar", stop)
     curve = study().track(200.0, (250.0, 450.0))
     assert curve.status == "interrupted"
     assert curve.reason == "by the user"

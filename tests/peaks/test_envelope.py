@@ -19,7 +19,7 @@ from bdamper.util.cost import CostMeter
 def peak(preload, amplitude, frequency=100.0):
     return Peak(
         preload, frequency, amplitude, np.array([amplitude, 2.0 * np.pi * frequency]), np.array([1.0, 0.0]), np.ones(2),
-        0.0, -1.0, np.array([1.0, 0.0, 0.0]), 0.0, 1, 1, 0, False, "converged",
+        0.0, -1.0, np.array([1.0, 0.0, 0.0]), 0.0, 1, 1, 0, False, "complete",
     )  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.util.estimates import percent
+from bdamper.util.text import percent
 from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)

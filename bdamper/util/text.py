@@ -1,0 +1,43 @@
+"""Numbers and names in the texts of results, of pictures and of tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def percent(value: float, sign: bool = False) -> str:
+    """A relative number with two digits; from 100 % on in whole percent."""
+    if not np.isfinite(value):
+        return "unknown"
+    return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
+
+
+def newtons(value: float) -> str:
+    """A force in a legend."""
+    return f"{value / 1000.0:g} kN" if 1000.0 <= value < 1e6 else f"{value:g} N"
+
+
+def length(*values: NDArray) -> tuple[float, str]:
+    """Factor from metres to the unit that suits the largest of some lengths, and that unit."""
+    largest = max(float(np.nanmax(np.abs(v), initial=0.0)) for v in values)
+    return (1e6, "µm") if largest < 1e-3 else (1e3, "mm") if largest < 1.0 else (1.0, "m")
+
+
+def spaced(name: str) -> str:
+    """The name of a setting or field in words."""
+    return name.replace("_", " ").replace(".", " ")
+
+
+def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
+    """Lines of a table, each column but the last as wide as its longest text and two spaces."""
+    width = [max(len(row[i]) for row in rows) + 2 for i in range(len(rows[0]) - 1)]
+    lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[-1] for row in rows]
+    return [f"{indent}{line}".rstrip() for line in lines]
+
+
+def cut(text: str, most: int) -> str:
+    """The text in at most so many characters."""
+    return text if len(text) <= most else text[: most - 3] + "..."
