@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.follower import Interrupted, follow
-from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
+from bdamper.continuation.follower import TWO_PI, Interrupted, follow
+from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path, PathPoint
 from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND
 
-TWO_PI = 2.0 * np.pi
 GAP = 1e-3
 """Widest part of the interval, relative to all of it, that may be left without solutions in a complete curve."""
 NO_SOLUTION = "no solution found"
@@ -37,16 +36,9 @@ the other five stay; none of 284 ordinary curves changes.
 """
 OUTSIDE = 0.03
 """Part of the interval at each end, outside of it, in which folds are looked for in any case."""
-OUTSIDE_POINTS = 1000
-"""Points that one path may take there.  With 150 one more of 100 narrow bands (``benchmarks/bench_narrow.py``, with other
-bodies) loses its highest branch."""
-ENTRIES = 4
-"""Times a curve may enter the interval."""
 ARRIVED = ("complete", "turned back")
-PLACES = (0.5, 0.2, 0.8, 0.05, 0.95)
-"""Where in a gap solutions are looked for from those beside it."""
-ASKED = 3
-"""Of these places, those at which the chain of the first point is asked."""
+PLACES = (0.5, 0.2, 0.8)
+"""Where in a gap solutions are looked for, from those beside it and by the chain of the first point."""
 
 FindStart = Callable[[float], NDArray | None]
 """The chain of the first point, by frequency (rad/s)."""
@@ -279,9 +271,9 @@ class Coverage:
         """
         low, high = self.limits
         bottom, top = self.outside
-        look = replace(self.options, locate=False, max_points=OUTSIDE_POINTS, step=0.5, max_step=1.0)
+        look = replace(self.options, locate=False, max_points=SIDE_POINTS, step=0.5, max_step=1.0)
         seen: list[PathPoint] = []
-        while len(seen) < 2 * ENTRIES:
+        while not self.system.spent:
             paths = [piece.path.points for piece in self.pieces if piece.path.status in ARRIVED]
             ends = (p for points in paths for p in (points[0], points[-1]))
             end = next((p for p in ends if p.y[-1] in self.limits and not any(_same(p.y, q) for q in seen)), None)
@@ -337,7 +329,7 @@ class Coverage:
                 c = self._solve(point.y[:-1], omega, point.scale, 30)
                 if c.status == OK:
                     return c.y
-        return next((start for start in map(find_start, places[:ASKED]) if start is not None), None)
+        return next((start for start in map(find_start, places) if start is not None), None)
 
     def _solve(self, guess: NDArray, omega: float, scale: NDArray, iterations: int) -> Correction:
         c = self.system.correct_at(guess, omega, scale, self.options.tolerance, iterations, True)

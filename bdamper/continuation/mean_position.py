@@ -7,12 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import PathPoint
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import Coordinate
 from bdamper.model.model import Model
-
-TWO_PI = 2.0 * np.pi
 
 
 def _displacement(model: Model, coordinate: Coordinate, q: float) -> str:

@@ -12,6 +12,10 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
 
+SIDE_POINTS = 1000
+"""Points of a path that is no part of a curve: outside of its interval, or along which an excitation is raised or a support
+fades.  Outside, with 150, one more of 100 narrow bands (``benchmarks/bench_narrow.py``) loses its highest branch."""
+
 
 @dataclass(frozen=True)
 class ContinuationOptions:

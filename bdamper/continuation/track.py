@@ -15,9 +15,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.coverage import TWO_PI, Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
+from bdamper.continuation.coverage import Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.follower import OUT_OF_BUDGET
+from bdamper.continuation.follower import OUT_OF_BUDGET, TWO_PI
 from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import ContinuationOptions, Path
 from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles

@@ -16,10 +16,6 @@ from bdamper.continuation.linear_curve import free
 from bdamper.problem.problem import Problem
 
 NOTE = "without a preload nothing holds the damper: this is the free response (study.free), with the damper off its seat"
-TOLERANCE = 1e-9
-"""On the residual of every point in the equations with contact."""
-CLEARANCE = 2.0
-"""Mean distance of the surfaces over the largest vibration."""
 
 
 def free_of_contact(problem: Problem, frequency: tuple[float, float], options: Any) -> Curve | None:
@@ -49,11 +45,11 @@ def free_of_contact(problem: Problem, frequency: tuple[float, float], options: A
     swing = np.abs(problem.bases[1].G[problem.friction_points, 2] @ amplitude.T).max(initial=0.0)
     overlap = max(0.0, -float(problem.point_gaps[problem.friction_points].min()))
     unknowns = curve.unknowns.copy()
-    unknowns[:, : len(away)] += (CLEARANCE * swing + overlap) / opening.min() * away
+    unknowns[:, : len(away)] += (2.0 * swing + overlap) / opening.min() * away
     residual = np.empty(len(curve))
     for i, (u, f) in enumerate(zip(unknowns, curve.frequency)):
         residual[i] = np.abs(system.evaluate(u, 2.0 * np.pi * float(f))[0] * system.row_scale).max()
-    if not len(curve) or residual.max() > TOLERANCE:
+    if not len(curve) or residual.max() > options.tolerance:
         return None
     return replace(
         curve, kind="tracking", unknowns=unknowns, harmonics=system.response(unknowns), residual=residual,

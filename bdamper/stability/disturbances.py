@@ -40,11 +40,11 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT
+from bdamper.contact.preload import OPEN, SLIP_MINUS, SLIP_PLUS, STICK
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.model.coupling import HarmonicBasis
 
 TWO_PI = 2.0 * np.pi
-STICK, SLIP_PLUS, SLIP_MINUS, OPEN = range(4)
 SMOOTH = 0.9
 """Largest change of phase (rad), of the logarithm of the size and of its derivative from one place to the next.  With 0.8
 and 1.0 36 points of six curves have the same counts, with 3 % more and 3 % fewer places."""

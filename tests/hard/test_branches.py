@@ -347,7 +347,8 @@ def test_a_support_that_fades_where_nothing_else_starts(seed, wide, monkeypatch)
     assert any("support homotopy: support gone" in line for line in curve.start_log)
     error, rounding = oracle_residuals(s, preload, curve)
     assert (error <= 1e-9 + rounding).all()
-    monkeypatch.setattr(start, "_support_homotopy", lambda *_: None)
+    homotopy, cut_off = start._homotopy, Path((), "too many points", "cut off", 0, 0)
+    monkeypatch.setattr(start, "_homotopy", lambda system, *args: cut_off if system.supported else homotopy(system, *args))
     assert not s.track(preload, interval).complete
 
 
@@ -451,7 +452,7 @@ def test_where_branches_may_turn():
 
 def test_a_path_that_breaks_off_outside_the_interval_is_told(monkeypatch):
     """It might have come back into it with a higher branch."""
-    monkeypatch.setattr(coverage, "OUTSIDE_POINTS", 5)
+    monkeypatch.setattr(coverage, "SIDE_POINTS", 5)
     s = plain_study(bd.reference_model(), excitation=bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4)
     curve = s.track(125.0, (295.0, 320.0))
     assert curve.complete and not curve.folds
@@ -552,7 +553,7 @@ def test_the_chain_of_the_first_point_says_what_was_tried(monkeypatch):
     monkeypatch.setattr(start.HarmonicSystem, "correct_at", only_on_a_support)
     found, log = find_start(s, preload, 2.0 * np.pi * 300.0, ContinuationOptions(), CostMeter(0.0))
     assert found is None
-    assert asked == [(False, 400, 0.45), (True, start.RAMP_POINTS, start.LOOSE_TURN)]
+    assert asked == [(False, 400, 0.45), (True, start.SIDE_POINTS, 0.45)]
     assert [line.split(":")[0] for line in log[1:4]] == [
         "Newton from the stuck response", "Newton with line search from the stuck response", "excitation ramp"
     ]  # fmt: skip
