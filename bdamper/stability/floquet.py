@@ -98,18 +98,16 @@ class Stability:
 def has_one_real_basis(system: HarmonicSystem) -> bool:
     """Whether all harmonics share one real set of modes with inertia, so that they describe one motion in time."""
     first = system.bases[0]
-    if (np.asarray(system.arrays["mass"]) <= 0.0).any():
-        return False
-    for basis in system.bases:
-        G = np.asarray(basis.G)
-        if G.shape != np.asarray(first.G).shape or len(basis.omega2) != len(first.omega2):
-            return False
-        size = np.abs(G).max(initial=0.0)
-        if np.abs(G.imag).max(initial=0.0) > 1e-12 * size or np.abs(G - first.G).max(initial=0.0) > 1e-12 * size:
-            return False
-        if not np.array_equal(basis.omega2, first.omega2):
-            return False
-    return True
+    real = np.abs(np.imag(first.G)).max(initial=0.0) <= 1e-12 * np.abs(first.G).max(initial=0.0)
+    one = real and _one_shape(system) and all(np.array_equal(b.omega2, first.omega2) for b in system.bases)
+    return bool(one and (np.asarray(system.arrays["mass"]) > 0.0).all())
+
+
+def _one_shape(system: HarmonicSystem) -> bool:
+    """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry."""
+    first = np.asarray(system.bases[0].G)
+    size = 1e-12 * np.abs(first).max(initial=0.0)
+    return all(np.shape(b.G) == first.shape and np.abs(b.G - first).max(initial=0.0) <= size for b in system.bases)
 
 
 def monodromy(system: HarmonicSystem, u: NDArray, omega: float) -> NDArray:
@@ -230,8 +228,9 @@ def stability_of_points(
             "all disturbances, multipliers of motion and sliders" + ("" if exact_events else " by shooting"),
             time.perf_counter() - started,
         )
+    massless = _one_shape(system) and (np.asarray(system.arrays["mass"]) <= 0.0).any()
     without_events = np.isin(system.arrays["law"], (LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_CUBIC)).any()
-    if not oscillating or without_events or _one_shape(system):
+    if not oscillating or without_events or massless:
         stable = np.array([_positive_determinant(system, u, w) for u, w in zip(unknowns, omega)], bool).reshape(n)
         note = "sign of det J: disturbances of the wave itself that grow without oscillating"
         return Stability(stable, largest, "determinant", note, time.perf_counter() - started)
@@ -257,13 +256,6 @@ def stability_of_points(
     if unknown := int((grows < 0).sum()):
         note += f"; {unknown} could not be followed and were judged by the sign of det J"
     return Stability(stable, largest, "exponents", note, time.perf_counter() - started)
-
-
-def _one_shape(system: HarmonicSystem) -> bool:
-    """Whether all harmonics have the same shapes, as on a structure without cyclic symmetry, but some without inertia."""
-    first = np.asarray(system.bases[0].G)
-    same = all(np.asarray(b.G).shape == first.shape and np.allclose(b.G, first, rtol=1e-12, atol=0.0) for b in system.bases)
-    return same and bool((np.asarray(system.arrays["mass"]) <= 0.0).any())
 
 
 def _positive_determinant(system: HarmonicSystem, u: NDArray, omega: float) -> bool:

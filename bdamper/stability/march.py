@@ -180,8 +180,8 @@ class March:
 
     def judged(self, expected: float, tolerance: float = BOUNDS.tolerance) -> tuple[str, str]:
         """Verdict and reason on whether the motion keeps to an amplitude (m); see :func:`judged`."""
-        if self.ring.unsolved:
-            return UNDECIDED, self.ring.unsolved
+        if self.ring.unsolved or self.overflowed:
+            return UNDECIDED, self.ring.unsolved or "the march left the range of numbers"
         return judged(self.amplitude, expected, tolerance, self.memory)
 
     def until_judged(

@@ -5,7 +5,7 @@ periods stay the same the response is periodic; if they repeat after some period
 damper that rattles in its seat, it is irregular and is described by a mean and a range.  Both are those of the second half
 of the periods.
 
-:func:`settle` takes a problem and a curve; :func:`march_until_settled` takes the equations and a state.
+:func:`settle` takes a problem and a curve; :func:`settled` takes a march.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
@@ -128,33 +127,18 @@ class SettledResponse(Plottable, Tabular, row="period"):
         return draw(self, "mark", ax)
 
 
-def march_until_settled(
-    system: HarmonicSystem,
-    omega: float,
-    n_blades: int,
-    engine_order: int,
-    start: NDArray | Motion,
-    *,
-    preload: float,
-    periods: int = 200,
-    steps_per_period: int | None = None,
-    progress: bool = False,
-    model_hash: str = "",
+def settled(
+    march: March, preload: float, periods: int = 200, progress: bool = False, model_hash: str = ""
 ) -> SettledResponse:
-    """March whole periods of the excitation from a state.
+    """What a march over whole periods of the excitation comes to.
 
     Parameters
     ----------
-    system : HarmonicSystem
-    omega : float, rad/s
-    n_blades, engine_order : int
-    start : (n_unknowns,) float or Motion
-        A harmonic-balance solution, of whatever frequency, or the motion at the end of an earlier response.
+    march : March
+        At its start.
     preload : float, N
         For the record.
     periods : int
-    steps_per_period : int, optional
-        By default such that the step resolves the stiffest contact.
     progress : bool
         Show a bar of the periods.
     model_hash : str
@@ -163,15 +147,12 @@ def march_until_settled(
     Raises
     ------
     SettingError
-        If the steps are too long to be stable, there are too few periods to judge, the state is one of another study, or
-        the settings describe something else than a structure in time.
+        If there are too few periods to judge.
     BdamperError
         If the march overflows.
     """
-    periods = validate.whole("periods", periods, least=FEWEST)
     watch = Stopwatch()
-    march = March.of(system, omega, n_blades, engine_order, start, steps_per_period)
-    stopped = march.run(periods, progress)
+    stopped = march.run(validate.whole("periods", periods, least=FEWEST), progress)
     if march.overflowed:
         raise BdamperError(f"the march overflows in period {len(march.harmonics)}: raise steps_per_period")
     if stopped and len(march.harmonics) < FEWEST:
@@ -179,7 +160,7 @@ def march_until_settled(
     change, ring = to_come(march.amplitude, march.memory), march.ring
     status = "interrupted" if stopped else UNDECIDED if ring.unsolved else _status(change)
     return SettledResponse(
-        frequency=omega / TWO_PI,
+        frequency=march.omega / TWO_PI,
         preload=preload,
         harmonics=np.array(march.harmonics),
         memory=march.memory,
@@ -266,15 +247,6 @@ def settle(
             raise validate.unfit("start", "a response of this study", "one of another model")
         frequency = start.frequency if frequency is None else frequency
         state = start.motion
-    return march_until_settled(
-        problem.system(start.preload),
-        2.0 * np.pi * frequency,
-        problem.model.n_blades,
-        int(problem.engine_order),
-        state,
-        preload=start.preload,
-        periods=periods,
-        steps_per_period=steps_per_period,
-        progress=progress,
-        model_hash=problem.model.hash,
-    )
+    omega, sectors = TWO_PI * frequency, (problem.model.n_blades, int(problem.engine_order))
+    march = March.of(problem.system(start.preload), omega, *sectors, state, steps_per_period)
+    return settled(march, start.preload, periods, progress, problem.model.hash)

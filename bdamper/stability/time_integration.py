@@ -22,6 +22,7 @@ contact.  The start is the harmonic-balance solution, so what is measured is whe
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from math import gcd
 from typing import NamedTuple
@@ -188,21 +189,24 @@ class Ring:
             **points,
         )
 
+    def _harmonics(self, u: NDArray) -> Iterator[tuple[int, NDArray]]:
+        """Each harmonic, negative if its wave travels backwards, and its amplitudes (n_coordinates,) complex."""
+        where = {l: s for l, s, *_ in self.blocks}
+        for harmonic, basis in enumerate(self.system.bases):
+            if len(basis.omega2):
+                l, reversed_ = self._family(harmonic)
+                out, a = np.zeros(self.n_coordinates, complex), self.system.amplitudes(np.asarray(u), harmonic)
+                out[where[l]] = a.conj() if reversed_ else a
+                yield -harmonic if reversed_ else harmonic, out
+
     def forcing(self) -> tuple[NDArray, NDArray]:
         """Harmonics (n,) of the excitation, and the factors (n, 2, 2 n_coordinates) of their cosines and sines."""
-        where = {l: s for l, s, *_ in self.blocks}
         orders, factors = [], []
-        for harmonic in range(self.system.n_harmonics + 1):
-            if not len(self.system.bases[harmonic].omega2):
-                continue
-            l, reversed_ = self._family(harmonic)
-            e = np.zeros((2, self.n_coordinates), complex)  # e exp(i harmonic theta), conjugated if it travels backwards
-            e[0, where[l]] = self.system.amplitudes(self.system.force, harmonic)
-            e[1] = 1j * e[0]
-            e = e.conj() if reversed_ else e
+        for harmonic, a in self._harmonics(self.system.force):
+            e = np.array([a, -1j * a if harmonic < 0 else 1j * a])
             e[:, self.real] = e[:, self.real].real
             if e.any():
-                orders.append(harmonic)
+                orders.append(abs(harmonic))
                 factors.append(np.concatenate([e.real, e.imag], axis=1))
         return np.array(orders, np.intc), np.array(factors).reshape(len(orders), 2, 2 * self.n_coordinates)
 
@@ -215,17 +219,11 @@ class Ring:
 
     def state(self, u: NDArray, omega: float, t: float) -> tuple[NDArray, NDArray]:
         """Coordinates and velocities (2 n_coordinates,) of a harmonic-balance solution at one instant."""
-        q = np.zeros(self.n_coordinates, complex)
-        v = np.zeros(self.n_coordinates, complex)
-        where = {l: s for l, s, _, _ in self.blocks}
-        for harmonic in range(self.system.n_harmonics + 1):
-            if not len(self.system.bases[harmonic].omega2):
-                continue
-            l, reversed_ = self._family(harmonic)
-            a = self.system.amplitudes(np.asarray(u), harmonic) * np.exp(1j * harmonic * omega * t)
-            b = 1j * harmonic * omega * a
-            q[where[l]] += a.conj() if reversed_ else a
-            v[where[l]] += b.conj() if reversed_ else b
+        q, v = np.zeros((2, self.n_coordinates), complex)
+        for harmonic, a in self._harmonics(u):
+            turned = a * np.exp(1j * harmonic * omega * t)
+            q += turned
+            v += 1j * harmonic * omega * turned
         q[self.real], v[self.real] = q[self.real].real, v[self.real].real
         return np.concatenate([q.real, q.imag]), np.concatenate([v.real, v.imag])
 

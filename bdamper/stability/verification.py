@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, March
@@ -101,31 +100,20 @@ class Verification(Plottable, Tabular):
         )
 
 
-def verify_solution(
-    system: HarmonicSystem,
-    u: NDArray,
-    omega: float,
-    n_blades: int,
-    engine_order: int,
-    *,
-    tolerance: float = BOUNDS.tolerance,
-    periods: int = BOUNDS.most,
-    steps_per_period: int | None = None,
-    progress: bool = False,
+def verified(
+    march: March, expected: NDArray, tolerance: float = BOUNDS.tolerance, periods: int = BOUNDS.most, progress: bool = False
 ) -> Verification:
-    """March from a harmonic-balance solution until it is clear whether the motion keeps to it.
+    """March until it is clear whether the motion keeps to a response.
 
     Parameters
     ----------
-    system : HarmonicSystem
-    u : (n_unknowns,) float
-    omega : float, rad/s
-    n_blades, engine_order : int
+    march : March
+        At its start, a harmonic-balance solution.
+    expected : (n_harmonics + 1,) complex, m
+        Response amplitudes of that.
     tolerance : float
     periods : int
         At most.
-    steps_per_period : int, optional
-        By default such that the step resolves the stiffest contact.
     progress : bool
         Show a bar of the periods.
 
@@ -136,10 +124,7 @@ def verify_solution(
     """
     periods = validate.whole("periods", periods, least=1)
     tolerance = validate.number("tolerance", tolerance, above=0.0, most=1.0)
-    watch = Stopwatch()
-    march = March.of(system, omega, n_blades, engine_order, u, steps_per_period)
-    ring, n = march.ring, march.steps
-    expected = np.asarray(system.response(np.asarray(u)[None])[0])
+    watch, ring, omega, n = Stopwatch(), march.ring, march.omega, march.steps
     interrupted = march.until_judged(float(abs(expected[1])), tolerance, periods, progress=progress)
     if not march.harmonics:
         raise KeyboardInterrupt
@@ -214,14 +199,6 @@ def verify(
     problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
-    return verify_solution(
-        problem.system(curve.preload),
-        curve.unknowns[i],
-        2.0 * np.pi * float(curve.frequency[i]),
-        problem.model.n_blades,
-        int(problem.engine_order),
-        tolerance=tolerance,
-        periods=periods,
-        steps_per_period=steps_per_period,
-        progress=progress,
-    )
+    system, u, omega = problem.system(curve.preload), curve.unknowns[i], TWO_PI * float(curve.frequency[i])
+    march = March.of(system, omega, problem.model.n_blades, int(problem.engine_order), u, steps_per_period)
+    return verified(march, system.response(u), tolerance, periods, progress)

@@ -11,10 +11,11 @@ from scipy.integrate import solve_ivp
 import bdamper as bd
 from bdamper.continuation.coverage import NO_SOLUTION, LeftOut
 from bdamper.stability.march import repeats_after, to_come
-from bdamper.stability.steady_state import FEWEST, SettledResponse, march_until_settled
+from bdamper.stability.steady_state import FEWEST, SettledResponse
 from bdamper.stability.time_integration import Ring
 from bdamper.util.cost import Cost
 from tests.hard.test_time_domain import rig
+from tests.marches import march_until_settled
 from tests.models import acyclic_model
 from tests.oscillators import oscillator
 

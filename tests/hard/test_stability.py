@@ -10,9 +10,9 @@ from bdamper.contact.laws import LAW_COUPLED
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
 from bdamper.stability.floquet import monodromy, multipliers, shooting_monodromy, stability_of_points
 from bdamper.stability.time_integration import Motion, Ring
-from bdamper.stability.verification import verify_solution
 from tests.event_march import Marcher
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
+from tests.marches import verify_solution
 from tests.models import acyclic_model
 from tests.plain import plain_study
 
