@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from bdamper.continuation.coverage import TWO_PI
+from bdamper.continuation.follower import TWO_PI
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak, find_peak

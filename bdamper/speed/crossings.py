@@ -15,7 +15,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.coverage import TWO_PI
+from bdamper.continuation.follower import TWO_PI
 from bdamper.design.sweep import SweepResult, sweep
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.coverage import TWO_PI
+from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
