@@ -17,11 +17,12 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, Answer, by_peak, by_tracking
+from bdamper.accuracy.ladders import AccuracyCost, by_peak, by_tracking
+from bdamper.continuation.curve import Fold
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
-from bdamper.peaks.newton import peak_scale
+from bdamper.peaks.newton import Peak, peak_scale
 from bdamper.plot import plot_accuracy, save_figure
 from bdamper.stability.time_integration import Motion, Ring
 from bdamper.util.cost import CostMeter
@@ -37,6 +38,8 @@ PRELOAD_9 = 5000.0
 """With nine points a face, which slip as much there."""
 INTERVAL = (300.0, 370.0)
 REPEATS = 3
+Answer = tuple[float, float]
+"""Amplitude (m) and frequency (Hz) of the highest peak."""
 ALL = 0.99
 """Tolerance that all values of a ladder are within, so that none is left out."""
 SHOWN = 0.01
@@ -146,15 +149,17 @@ def ways() -> str:
 
     def tracked(options: bd.ContinuationOptions) -> Callable[[], Answer]:
         def solve() -> Answer:
-            top = study.track(PRELOAD, INTERVAL, options=options).peak
-            return top.amplitude, top.frequency
+            return place(study.track(PRELOAD, INTERVAL, options=options).peak)
 
         return solve
 
+    def place(top: Peak | Fold) -> Answer:
+        return top.amplitude, top.frequency
+
     coarse, fine = (bd.ContinuationOptions(locate=False, **o) for o in ({"step": 0.1}, {"step": 0.02, "max_step": 0.05}))
     given: dict[str, Callable[[], Answer]] = {
-        "search for the peak": lambda: by_peak(study, PRELOAD, INTERVAL),
-        "tracking, maxima located": lambda: by_tracking(study, PRELOAD, INTERVAL),
+        "search for the peak": lambda: place(by_peak(study, PRELOAD, INTERVAL)),
+        "tracking, maxima located": lambda: place(by_tracking(study, PRELOAD, INTERVAL).peak),
         "tracking, steps of 0.1": tracked(coarse),
         "tracking, steps of 0.02": tracked(fine),
         **{f"sweep of {n} frequencies": partial(sweep_peak, study, PRELOAD, INTERVAL, n) for n in (50, 100, 200, 400)},

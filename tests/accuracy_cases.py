@@ -18,7 +18,7 @@ import bdamper as bd
 from bdamper.accuracy.estimate import estimate_errors
 from bdamper.accuracy.ladders import varied
 from bdamper.continuation.curve import Curve
-from bdamper.effects.indicator import embed_between
+from bdamper.effects.indicator import embed
 from bdamper.peaks.newton import Peak, find_peak
 from tests.effect_cases import Case, draw, scene, study_of
 
@@ -102,8 +102,8 @@ def compare(number: int) -> Compared | None:
 def apart_from(study: bd.Study, richer: bd.Study, curve: Curve) -> Peak | None:
     """The peak of a richer study that Newton finds from the highest point of a curve."""
     top = curve.peak
-    a, b = study.system(curve.preload), richer.system(curve.preload)
+    b = richer.system(curve.preload)
     y = np.append(curve.unknowns[top.index], 2.0 * np.pi * top.frequency)
-    start = embed_between(study, richer, a, b, curve.preload, y)
+    start = embed(study, richer, curve.preload, y)
     found = find_peak(b, start)
     return found if found.converged else None

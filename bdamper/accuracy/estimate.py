@@ -3,7 +3,7 @@
 For each source the peak is compared with the highest point of a whole curve of a richer problem.  With more harmonics that
 takes long: there the converged peak is embedded in the richer problem, Newton's method goes on to the peak there (at an end
 of the interval: to the response at this frequency), and the whole curve is followed only if it fails.  Lower peaks of the
-curve that could become the highest (:data:`NEARLY_HIGHEST`) are carried over with it.  The residual left and missed
+curve that could become the highest are carried over with it (:mod:`bdamper.effects.richer`).  The residual left and missed
 events are small: their effect follows from one Newton step (:func:`bdamper.effects.indicator.estimate_change`).
 
 Nothing is concluded from poorer settings.  A source for which the model has nothing richer, or whose richer curve cannot be
@@ -40,11 +40,11 @@ from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.track import check_curve, track
-from bdamper.effects.indicator import embed_between, estimate_change
-from bdamper.harmonic_balance.system import OK, HarmonicSystem
+from bdamper.effects.indicator import estimate_change
+from bdamper.effects.richer import Tops, compare
 from bdamper.model.model import Model
-from bdamper.peaks.least import AGREES
-from bdamper.peaks.newton import Peak, PeakOptions, find_peak, peak_scale, same_peak
+from bdamper.peaks.highest import NEAR
+from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import NOT_VERIFIED, OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
@@ -52,37 +52,8 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError
-from bdamper.util.status import COMPLETE
 
 SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver")
-NEARLY_HIGHEST = 0.7
-"""Height over that of the highest peak, from which on a lower one is carried over with it.
-
-A peak that changes by more than the rest, 30 %, may leave the top to one that is not carried over, so then a whole curve is
-taken.  In the scenes of ``benchmarks.estimate_scenes`` the changes that Newton's method finds are at most 6 %, and those of
-whole curves to 1e-4.
-"""
-LOOSE = PeakOptions(tolerance=1e-8, position_tolerance=1e-3)
-"""How exactly the peak of the richer problem is found."""
-
-
-@dataclass(frozen=True)
-class Tops:
-    """The highest peak of a study under one preload, and what else may become the highest.
-
-    Parameters
-    ----------
-    peaks : tuple of Peak
-        The highest first.
-    interval : (low, high), Hz, or None
-        Of the curve that they are from.
-    place : {"peak", "corner", "end"}
-        Whether the highest is a maximum that Newton's method has refined, another point of the curve, or an end of it.
-    """
-
-    peaks: tuple[Peak, ...]
-    interval: tuple[float, float] | None
-    place: str
 
 
 @one_thread
@@ -130,12 +101,12 @@ def estimate_errors(
     if isinstance(result, Curve):
         check_curve(problem, result)
         preload, amplitude, frequency = result.preload, result.peak.amplitude, result.peak.frequency
-        tops = _tops_of(problem, result)
+        tops = Tops.of(problem, result)
         location = tops.peaks[0].amplitude / amplitude - 1.0, tops.peaks[0].frequency / frequency - 1.0
     else:
         preload = _preload_of(problem, result, preload)
         amplitude, frequency = result.amplitude, result.frequency
-        tops = Tops((result,), None, "corner" if isinstance(problem.evaluation, Sampled) else "peak")
+        tops = Tops((result,))
     items = tuple(item for s in sources if (item := _of_source(problem, s, preload, tops, location)) is not None)
     return ErrorEstimates(preload, frequency, amplitude, items, time.perf_counter() - begin)
 
@@ -154,28 +125,9 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
     curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
     if not curve.complete:
         return f"no whole curve at {preload:.6g} N: {curve.reason}"
-    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= AGREES:
+    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= NEAR:
         return f"the curve at {preload:.6g} N is highest at {curve.peak.amplitude:.6g} m, not {best.amplitude:.6g} m"
     return curve
-
-
-def _tops_of(problem: Problem, curve: Curve) -> Tops:
-    """The highest peak of a curve and those nearly as high, refined."""
-    top, amplitude = curve.peak, curve.amplitude
-    others = [i for i, kind in enumerate(curve.point_kind) if kind == "maximum" and i != top.index]
-    found = []
-    for i in [top.index, *(i for i in others if amplitude[i] > NEARLY_HIGHEST * top.amplitude)]:
-        at, height = float(curve.frequency[i]), float(amplitude[i])
-        y = np.append(curve.unknowns[i], 2.0 * np.pi * at)
-        peak = find_peak(problem.system(curve.preload), y)
-        residual = float(curve.residual[i])
-        point = replace(peak, y=y, frequency=at, amplitude=height, residual=residual, status=COMPLETE)
-        good = peak.converged and same_peak(peak, point)
-        good = good and not isinstance(problem.evaluation, Sampled)  # samples make many small peaks
-        if i == top.index:
-            place = "end" if curve.point_kind[i] == "end" else "peak" if good else "corner"
-        found.append(peak if good and not (place == "end" and i == top.index) else point)
-    return Tops(tuple(found), (float(curve.frequency.min()), float(curve.frequency.max())), place)
 
 
 def _preload_of(problem: Problem, peak: Peak, preload: float | None) -> float:
@@ -213,67 +165,17 @@ def _of_source(
             return None
         if isinstance(richer, str):
             return result(*_unknown(richer))
-        amplitude, frequency, uncertainty, how = change_of_peak(problem, richer.problem, preload, tops)
+        by_newton = richer.problem.harmonic_numbers != problem.harmonic_numbers
+        found = compare(problem, richer.problem, preload, tops, by_newton)
     except BdamperError as error:
         return result(*_unknown(str(error)))
-    return result(amplitude, frequency, uncertainty, f"{richer.text}; {how}")
+    if not found.known:
+        return result(*_unknown(found.how))
+    return result(found.amplitude, found.frequency, 0.0, f"{richer.text}; {found.how}")
 
 
-Change = tuple[float, float, float, str]
-"""Relative change of amplitude and of frequency, how much it may miss, and how it was found."""
-
-
-def _unknown(why: str) -> Change:
+def _unknown(why: str) -> tuple[float, float, float, str]:
     return np.nan, np.nan, np.inf, why
-
-
-def change_of_peak(problem: Problem, richer: Problem, preload: float, tops: Tops) -> Change:
-    """How the highest peak (of the first problem, under ``preload`` in N) changes with the settings of a richer problem."""
-    if not richer.static(preload).converged:
-        return _unknown(f"no static state: {richer.static(preload).note}")
-    a, b = problem.system(preload), richer.system(preload)
-    embedded = [embed_between(problem, richer, a, b, preload, peak.y) for peak in tops.peaks]
-    if richer.harmonic_numbers != problem.harmonic_numbers:
-        found = None
-        if tops.place != "end":
-            found = _solved(b, embedded, tops)
-        elif len(tops.peaks) == 1:
-            found = _change_at_frequency(b, embedded[0], tops.peaks[0])
-        if found is not None:
-            return found
-    peak = tops.peaks[0]
-    interval = tops.interval or (0.85 * peak.frequency, 1.2 * peak.frequency)
-    curve = uninterrupted(track(richer, preload, interval))
-    if not curve.complete:
-        return _unknown(f"no whole curve: {curve.reason}")
-    top = curve.peak
-    if curve.peak_at_end and tops.place != "end":
-        return _unknown(f"the richer curve is highest at {top.frequency:.6g} Hz, an end of the interval")
-    return top.amplitude / peak.amplitude - 1.0, top.frequency / peak.frequency - 1.0, 0.0, "found anew by a whole curve"
-
-
-def _solved(system: HarmonicSystem, embedded: list[NDArray], tops: Tops) -> Change | None:
-    """The highest of the peaks to which Newton's method leads from each; None if it fails, or leads to another one."""
-    best: Peak | None = None
-    for y, peak in zip(embedded, tops.peaks):
-        found = find_peak(system, y, options=LOOSE)
-        changes = found.amplitude / peak.amplitude - 1.0, found.frequency / peak.frequency - 1.0
-        if not found.converged or max(map(abs, changes)) > 1.0 - NEARLY_HIGHEST:
-            return None
-        best = found if best is None or found.amplitude > best.amplitude else best
-    assert best is not None
-    first = tops.peaks[0]
-    return best.amplitude / first.amplitude - 1.0, best.frequency / first.frequency - 1.0, 0.0, "solved"
-
-
-def _change_at_frequency(system: HarmonicSystem, y: NDArray, peak: Peak) -> Change | None:
-    """To the response of another system at the frequency of a point."""
-    for search in (False, True):
-        c = system.correct_at(y[:-1], float(y[-1]), peak_scale(system, y, y[-1]), 1e-9, 60 if search else 20, search)
-        if c.status == OK:
-            change = float(abs(system.response(c.y[:-1])[1])) / peak.amplitude - 1.0
-            return change, 0.0, 0.0, "solved at the end of the interval"
-    return None
 
 
 def _missed_events(problem: Problem, preload: float, y: NDArray) -> tuple[float, float, int]:

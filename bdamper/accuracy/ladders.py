@@ -11,7 +11,6 @@ is the analysis; parts of a study that are made once (modes, contact stiffness, 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, field, fields, replace
@@ -21,11 +20,12 @@ import numpy as np
 
 from bdamper.accuracy.estimate import missing_harmonics, with_stand_ins
 from bdamper.contact.laws import Sampled
-from bdamper.continuation.curve import uninterrupted
+from bdamper.continuation.curve import Curve
 from bdamper.continuation.linear_curve import stuck
-from bdamper.continuation.track import track
+from bdamper.effects.richer import ask, whole_curve
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
+from bdamper.peaks.newton import Peak
 from bdamper.problem.plausible import check_question
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -40,28 +40,21 @@ from bdamper.util.text import percent, spaced
 
 DEFAULT = ("harmonics", "contact_points", "blade_modes")
 """Settings that are varied by default."""
-Answer = tuple[float, float]
-"""Amplitude (m) and frequency (Hz) of the highest peak; not finite if none was found."""
-Solver = Callable[[Problem, float, tuple[float, float]], Answer]
-"""Finds the answer for a study, a preload (N) and an interval of frequencies (Hz), or raises a BdamperError."""
+Solver = Callable[[Problem, float, tuple[float, float]], Curve | Peak | tuple[float, float]]
+"""Finds the highest peak of a study for a preload (N) and an interval of frequencies (Hz), or amplitude (m) and frequency
+(Hz) of it, not finite if none was found, or raises a BdamperError."""
 RICHEST, COMBINED, OWN = "richest", "combination", "the study"
 """What a run stands for, besides the name of the one setting in which it is poorer than the richest."""
 
 
-def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+def by_tracking(problem: Problem, preload: float, interval: tuple[float, float]) -> Curve:
     """The highest point of a tracking curve that is complete."""
-    curve = uninterrupted(track(problem, preload, interval))
-    if not curve.complete:
-        raise BdamperError(f"no whole curve: {curve.reason}")
-    return curve.peak.amplitude, curve.peak.frequency
+    return whole_curve(problem, preload, interval, at_end=True)
 
 
-def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Answer:
+def by_peak(problem: Problem, preload: float, interval: tuple[float, float]) -> Peak:
     """A scan that is complete, and the peak condition (:meth:`bdamper.Study.peak`)."""
-    peak = highest_peak(problem, preload, interval)
-    if not peak.converged or peak.scan != "complete":
-        raise BdamperError(f"no peak: status '{peak.status}', scan {peak.scan}")
-    return peak.amplitude, peak.frequency
+    return highest_peak(problem, preload, interval)
 
 
 QUANTITIES: dict[str, Solver] = {"curve": by_tracking, "peak": by_peak}
@@ -329,24 +322,21 @@ class _Runs:
         if self.report is not None:
             most = sum(map(len, self.ladders.values())) - len(self.ladders) + 2  # of one setting, combined, the richest
             self.report(_text(tuple(self.ladders), names), len(self.done), max(most, len(self.done) + 1))
-        amplitude, frequency, seconds, reason = np.nan, np.nan, [], ""
+        amplitude, frequency, reason, seconds = np.nan, np.nan, "", list[float]()
         try:
             study = varied(self.problem, changes)
             if study.static(self.preload).converged:
                 study.system(self.preload)
             for _ in range(self.repeats):
-                begin = time.process_time()
-                try:
-                    amplitude, frequency = self.ask(study, self.preload, self.interval)
-                finally:
-                    seconds.append(time.process_time() - begin)
+                amplitude, frequency, reason, spent, _ = ask(study, lambda p: self.ask(p, self.preload, self.interval))
+                seconds.append(spent)
         except BdamperError as failure:  # the other runs, those before it above all, are worth having without it
-            amplitude, frequency, reason = np.nan, np.nan, str(failure)
+            reason = str(failure)
         against = self.done[0] if self.done else None
         a, f = (amplitude, frequency) if against is None else (against.amplitude, against.frequency)
         error = float(max(abs(amplitude / a - 1.0), abs(frequency / f - 1.0)))
-        spent = float(np.median(seconds)) if seconds else np.nan
-        self.done.append(Run(part, names, float(amplitude), float(frequency), error, spent, reason))
+        middle = float(np.median(seconds)) if seconds else np.nan
+        self.done.append(Run(part, names, amplitude, frequency, error, middle, reason))
         return self.done[-1]
 
 

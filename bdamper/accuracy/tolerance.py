@@ -32,6 +32,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
+from bdamper.effects.richer import Question, ask, whole_curve
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal import search_file
@@ -56,19 +57,14 @@ APART = 1.2
 """Ratio of the preloads on both sides of the optimum to its own, at least: on a dense grid the next ones tell nothing more.
 Those of 50 preloads from 10 to 10,000 N did not tell that on the shipped disk five harmonics have a lower resonance at
 132 N than at its optimum, 104 N."""
-STEPS = 3
-"""Times that the preloads beside a lower one than the optimum are tried with two more harmonics, too."""
 
 Answer = TypeVar("Answer", Curve, Peak)
-Read = Callable[[Any], tuple[float, float, str]]
-"""Amplitude (m) and frequency (Hz) of an answer, and why it is not known ("" if it is)."""
 
 
 class _Rungs:
     """Answers with other harmonics on threads of their own, each timed by the processor time of its thread."""
 
-    def __init__(self, read: Read, threads: int | None) -> None:
-        self.read = read
+    def __init__(self, threads: int | None) -> None:
         self.pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
         self.stop = Event()
 
@@ -79,28 +75,22 @@ class _Rungs:
         self.stop.set()  # ends those that are still at work, after Ctrl-C
         self.pool.shutdown(cancel_futures=True)
 
-    def ask(self, problem: Problem, preload: float, answer: Callable[[Problem], Any]) -> Future[tuple[Any, Rung]]:
+    def ask(self, problem: Problem, preload: float, answer: Question) -> Future[tuple[Any, Rung]]:
         """Begin an answer; what its problem shares with others is made before."""
         if problem.static(preload).converged:
             problem.system(preload)
         return self.pool.submit(self._on_thread, problem, preload, answer)
 
-    def _on_thread(self, problem: Problem, preload: float, answer: Callable[[Problem], Any]) -> tuple[Any, Rung]:
+    def _on_thread(self, problem: Problem, preload: float, answer: Question) -> tuple[Any, Rung]:
         with ended_by(self.stop):
             return self.of(problem, preload, answer)
 
-    def of(self, problem: Problem, preload: float, answer: Callable[[Problem], Any]) -> tuple[Any, Rung]:
+    def of(self, problem: Problem, preload: float, answer: Question) -> tuple[Any, Rung]:
         """An answer (None if there is none) and its rung."""
-        rung, begin = Rung(problem.harmonic_numbers[-1], preload), time.thread_time()
-        try:
-            result = answer(problem)
-        except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-            return None, replace(rung, status=str(error), seconds=time.thread_time() - begin)
-        seconds = time.thread_time() - begin
-        amplitude, frequency, why = self.read(result)
-        if why:
-            return result, replace(rung, seconds=seconds, status=why)
-        return result, replace(rung, amplitude=float(amplitude), frequency=float(frequency), seconds=seconds)
+        found = ask(problem, answer)
+        status = found.why or "complete"
+        rung = Rung(problem.harmonic_numbers[-1], preload, found.amplitude, found.frequency, found.seconds, status=status)
+        return found.result, rung
 
 
 def _richer(problem: Problem, most: int) -> tuple[list[Problem], str]:
@@ -144,7 +134,6 @@ def converged_answer(
     preload: float,
     tolerance: float,
     answer: Callable[[Problem], Answer],
-    read: Read,
     threads: int | None = None,
 ) -> Answer:
     """The answer with as many harmonics as a relative tolerance on amplitude and frequency needs, with its ladder.
@@ -174,7 +163,7 @@ def converged_answer(
         if found[0] is not None and found[0].cost is not None:
             meter.add(found[0].cost)
 
-    with _Rungs(read, threads) as work:
+    with _Rungs(threads) as work:
         beside = [work.ask(p, preload, answer) for p in problems[1:COMPARED]]
         take(work.of(problem, preload, answer))
         interrupted = isinstance(answers[0], Curve) and answers[0].status == "interrupted"
@@ -201,12 +190,6 @@ def converged_answer(
     return replace(best, error_estimates=made.estimates(_not_asked(problem))) if isinstance(best, Curve) else best
 
 
-def _of_curve(curve: Curve) -> tuple[float, float, str]:
-    if not curve.complete:
-        return np.nan, np.nan, f"{curve.status}: {curve.reason}"
-    return curve.peak.amplitude, curve.peak.frequency, ""
-
-
 def track_to_tolerance(
     problem: Problem,
     preload: float,
@@ -230,7 +213,7 @@ def track_to_tolerance(
     def answer(p: Problem) -> Curve:
         return track(p, preload, frequency, options=options, **following)
 
-    curve = converged_answer(problem, preload, tolerance, answer, _of_curve)
+    curve = converged_answer(problem, preload, tolerance, answer)
     judged = len(curve) and curve.status != "interrupted" and (stability or problem.stability)
     return with_stability(problem, curve) if judged else curve
 
@@ -247,10 +230,7 @@ def peak_to_tolerance(
     def answer(p: Problem) -> Peak:
         return highest_peak(p, preload, frequency, **searching)
 
-    def read(peak: Peak) -> tuple[float, float, str]:
-        return peak.amplitude, peak.frequency, "" if peak.scan == "complete" else f"scan {peak.scan}"
-
-    return converged_answer(problem, preload, tolerance, answer, read)
+    return converged_answer(problem, preload, tolerance, answer)
 
 
 # ---- the optimal curve ----
@@ -270,7 +250,7 @@ def with_ladder(
 
     Tracking curves over its interval of frequency with two, four and six more harmonics at the preload of the optimum, and
     with two more at the preloads of the curve on both sides of it and at some others (:data:`SPREAD`).  Where one of these
-    gives less than the optimum, the next preloads beside it follow (:data:`STEPS` times at most).  Where the preload does
+    gives less than the optimum, the next preloads beside it follow.  Where the preload does
     not matter the middle of the curve stands for the optimum.  A curve without a least value is returned as it is.
 
     Parameters
@@ -297,14 +277,14 @@ def with_ladder(
     jobs = [(p, preload) for p in problems[:0:-1]] + [(p, at) for p in problems[1:2] for at in places]
     found: dict[tuple[int, float], Rung] = {}
     with ExitStack() as stack:
-        work = stack.enter_context(_Rungs(_of_whole_curve, threads))
+        work = stack.enter_context(_Rungs(threads))
         file = None
         if resume is not None:
             file = stack.enter_context(closing(search_file(resume, problem, frequency=curve.settings["frequency"])))
         kept = {} if file is None else file.records
         advance = stack.enter_context(counter(progress, len(jobs), 0, "ladder of harmonics", "curve"))
         stop = stack.enter_context(LongWork())
-        for _ in range(1 + STEPS):
+        while jobs:
             asked: dict[Future[tuple[Any, Rung]], str] = {}
             for p, at in jobs:
                 name = f"{p.harmonic_numbers[-1]} harmonics at {at!r} N"
@@ -312,7 +292,7 @@ def with_ladder(
                     found[p.harmonic_numbers[-1], at] = Rung(**kept[name]["rung"])
                     advance()
                 else:
-                    asked[work.ask(p, at, _whole_curve(at, curve))] = name
+                    asked[work.ask(p, at, _curve_at(at, curve))] = name
             for future in as_completed(asked):
                 rung = future.result()[1]
                 found[rung.harmonics, rung.preload] = rung
@@ -330,15 +310,9 @@ def with_ladder(
     return replace(curve, ladder=made, error_estimates=made.estimates(_not_asked(problem)))
 
 
-def _whole_curve(preload: float, curve: OptimalCurve) -> Callable[[Problem], Curve]:
+def _curve_at(preload: float, curve: OptimalCurve) -> Question:
     """What follows the whole curve over the interval (Hz) of an optimal curve."""
-    low, high = curve.settings["frequency"]
-    return lambda problem: track(problem, preload, (low, high))
-
-
-def _of_whole_curve(curve: Curve) -> tuple[float, float, str]:
-    amplitude, frequency, why = _of_curve(curve)
-    return amplitude, frequency, why or ("highest at an end of the interval" if curve.peak_at_end else "")
+    return lambda problem: whole_curve(problem, preload, curve.settings["frequency"])
 
 
 def _pair(curve: OptimalCurve, own: int, richer: Rung) -> tuple[Rung, ...]:

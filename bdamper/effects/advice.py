@@ -14,15 +14,13 @@ the advice says what the highest peak of the reference would change if this effe
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from bdamper.continuation.curve import Curve, Fold, uninterrupted
-from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed, estimate_or_unknown
+from bdamper.effects.richer import Tops, ask, compare, whole_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.effects import AXES, Effects
 from bdamper.problem.plausible import check_question
@@ -246,7 +244,7 @@ class _Reference:
         self.preload = preload
         self.frequency = frequency
         self.curve = whole_curve(problem, preload, frequency)
-        self.peak = self.curve.peak
+        self.peak, self.tops = self.curve.peak, Tops.of(problem, self.curve)
         self.work = _work(problem.system(preload))
         self.peaks = 1
 
@@ -272,24 +270,10 @@ class _Reference:
     def computed(self, leaner: Problem) -> tuple[float, float]:
         """Relative change of amplitude and frequency to the highest peak of another study."""
         self.peaks += 1
-        curve = whole_curve(leaner, self.preload, self.frequency)
-        if not curve.complete:
-            raise BdamperError(f"the curve without it ended as: {curve.status}")
-        return relative_change(self.peak, curve.peak)
-
-
-def whole_curve(problem: Problem, preload: float, frequency: tuple[float, float]) -> Curve:
-    """The tracking curve, whose highest point is no end of it; it may be a corner at which the damper drifts."""
-    curve = uninterrupted(track(problem, preload, frequency))
-    why = curve.reason if not len(curve) else "the response is highest at an end" if curve.peak_at_end else ""
-    if why:
-        raise BdamperError(f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}")
-    return curve
-
-
-def relative_change(before: Fold, after: Fold) -> tuple[float, float]:
-    """Of amplitude and frequency from one highest point to another."""
-    return after.amplitude / before.amplitude - 1.0, after.frequency / before.frequency - 1.0
+        found = compare(self.problem, leaner, self.preload, self.tops)
+        if not found.known:
+            raise BdamperError(found.how)
+        return found.amplitude, found.frequency
 
 
 def _chosen(
@@ -508,11 +492,11 @@ def check(problem: Problem, advice: Advice) -> AdviceCheck:
 
 
 def _checked(problem: Problem, advice: Advice, name: str, effects: Effects) -> CheckedPeak:
-    begin = time.process_time()
     study = replace(problem, **problem.settings_for(effects))  # shares nothing, so that its time is that of all its work
-    try:
-        curve = whole_curve(study, advice.preload, advice.interval)
-    except BdamperError as error:
-        return CheckedPeak(name, np.nan, np.nan, time.process_time() - begin, 0, str(error))
-    seconds, top = time.process_time() - begin, curve.peak
-    return CheckedPeak(name, top.amplitude, top.frequency, seconds, curve.cost.evaluations, curve.status)
+    answer = ask(study, lambda p: whole_curve(p, advice.preload, advice.interval))
+    curve = answer.result
+    if curve is None:
+        return CheckedPeak(name, np.nan, np.nan, answer.seconds, 0, answer.why)
+    return CheckedPeak(
+        name, curve.peak.amplitude, curve.peak.frequency, answer.seconds, curve.cost.evaluations, curve.status
+    )

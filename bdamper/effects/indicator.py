@@ -76,13 +76,7 @@ def embed(old: Problem, new: Problem, preload: float, y: NDArray) -> NDArray:
     -------
     (n_unknowns + 1,) float
     """
-    return embed_between(old, new, old.system(preload), new.system(preload), preload, y)
-
-
-def embed_between(
-    old: Problem, new: Problem, a: HarmonicSystem, b: HarmonicSystem, preload: float, y: NDArray
-) -> NDArray:
-    """The same for systems that exist already."""
+    a, b = old.system(preload), new.system(preload)
     out = np.zeros(b.n_unknowns + 1)
     out[-1] = y[-1]
     if b.n_mean:

@@ -11,6 +11,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.accuracy import tolerance
+from bdamper.effects import richer
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.ladder import Ladder, Rung
 from bdamper.util.text import percent
@@ -212,7 +213,7 @@ class TestOptimalCurve:
 
         monkeypatch.setattr(tolerance, "MORE_AT_OPTIMUM", 4)
         monkeypatch.setattr(tolerance.os, "cpu_count", lambda: 1)
-        monkeypatch.setattr(tolerance, "track", stopped)
+        monkeypatch.setattr(richer, "track", stopped)
         part = study.optimal_curve(**ask)
         assert tracked == [(5, 3000.0), (3, 3000.0)] and not part.interrupted
         assert numbers(part) == [1, 3, 5] and not part.ladder.others and "interrupted by the user" in str(part)
@@ -226,12 +227,12 @@ class TestOptimalCurve:
         """It reaches the main thread alone; the others leave curves with many harmonics unfinished."""
         inner, endings = tolerance.track, []
 
-        def watched(*args):
-            curve = inner(*args)
+        def watched(*args, **options):
+            curve = inner(*args, **options)
             endings.append(curve.status)
             return curve
 
-        monkeypatch.setattr(tolerance, "track", watched)
+        monkeypatch.setattr(richer, "track", watched)
         bare = replace(optimal, ladder=None)
         timer = Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
         timer.start()

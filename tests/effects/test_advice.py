@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.effects import advice as module
+from bdamper.effects import richer
 from bdamper.effects.advice import EffectAdvice, fullest, parts
 from bdamper.effects.indicator import Estimate
 from bdamper.problem.effects import Effects
@@ -148,20 +149,21 @@ def test_effects_that_change_more_together_are_taken_back():
 
 
 def test_an_effect_without_which_no_peak_or_no_whole_curve_is_found_is_called_for(full, monkeypatch):
-    def none(problem, *scene):
+    def none(problem, *scene, **named):
         if not problem.separation:
             raise bd.BdamperError("no peak there")
-        curve = found(problem, *scene)
-        return curve if problem.constraints else replace(curve, status="incomplete")
+        curve = track(problem, *scene, **named)
+        return curve if problem.constraints else replace(curve, status="incomplete", reason="lost")
 
-    found = module.whole_curve
-    monkeypatch.setattr(module, "whole_curve", none)
+    track = richer.track
+    monkeypatch.setattr(richer, "track", none)
     monkeypatch.setattr(module, "estimate_or_unknown", lambda system, y: Estimate(np.nan, np.nan, np.inf, y))
     reference = module._Reference(full, Effects.of(full), PRELOAD, INTERVAL)
     row = reference.row("separation", Effects.of(full), TOLERANCE)
-    assert (row.source, row.verdict, row.reason) == ("unknown", "keep", "no peak there") and row.size == np.inf
+    assert (row.source, row.verdict, row.size) == ("unknown", "keep", np.inf)
+    assert row.reason == "no whole curve: no peak there"
     partial = reference.row("constraints", Effects.of(full), TOLERANCE)
-    assert partial.source == "unknown" and partial.reason == "the curve without it ended as: incomplete"
+    assert partial.source == "unknown" and partial.reason == "no whole curve: incomplete: lost"
     assert reference.row("rotation X", Effects.of(full), TOLERANCE).source == "computed"
 
 
