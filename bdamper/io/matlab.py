@@ -17,14 +17,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.reading import LARGEST_COUNT, check_count
+from bdamper.io.reading import LARGEST_COUNT, MOST_EXPANDED, check_count
 from bdamper.util.errors import mismatch
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _ARRAY, _COMPRESSED = 14, 15
 _SPARSE, _NUMERIC = 5, range(6, 16)
 _COMPLEX = 0x08
-_LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
 
 
 def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
@@ -45,7 +44,7 @@ def read_mat(source: Path) -> dict[str, NDArray | sp.spmatrix]:
     for kind, content in _elements(data[128:], order, str(source)):
         if kind == _COMPRESSED:
             stream = zlib.decompressobj()
-            limit = _LARGEST_EXPANSION * len(content) + 64
+            limit = MOST_EXPANDED * len(content) + 64
             inner = stream.decompress(content, limit)
             for part, array in _elements(inner, order, str(source)):
                 if part == _ARRAY:

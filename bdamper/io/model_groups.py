@@ -2,62 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.model.checks import fits, shape_text
+from bdamper.io.reading import MOST_EXPANDED
+from bdamper.model.checks import fits, require, shape_text
 from bdamper.util.errors import mismatch
-
-UNITS = {
-    "omega2": "rad2/s2",
-    "damping_ratio": "1",
-    "drag": "1/s",
-    "modes": "kg^-1/2",
-    "locations": "kg^-1/2",
-    "flexibility": "m/N",
-    "mass": "kg",
-    "centre": "m",
-    "inertia": "kg m2",
-    "constant_force": "N kg^-1/2",
-    "direction": "1",
-    "generalised": "kg^-1/2",
-    "displacement": "m/N",
-    "points": "m",
-    "area": "m2",
-    "frame": "1",
-    "gap": "m",
-    "position": "m",
-    "stiffness": "N/m",
-    "fallback": "1",
-    "force": "N",
-    "displacement_a": "m",
-    "displacement_b": "m",
-    "quads": "1",
-    "stiffness0": "rad2/s2",
-    "stiffness2": "1",
-    "coriolis": "1",
-    "residual0": "m/N",
-    "residual2": "m s2/N",
-    "spin": "m s2",
-    "blade_stiffness": "rad2/s2",
-    "blade_mass": "1",
-    "disk_stiffness": "rad2/s2",
-    "disk_mass": "1",
-    "mode_stress": "Pa m^-1 kg^-1/2",
-    "contact_stress": "Pa/N",
-    "static_stress": "Pa s2",
-    "spread": "1",
-    "near_contact": "1",
-}
-"""Units of every dataset, by its name (by the name of its group for modes, locations, spin)."""
-
-COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
-LARGEST_EXPANSION = 1100  # deflate cannot compress by more than a factor of 1032
 
 _TYPES = {
     "real": ("f", "real numbers"),
@@ -65,12 +21,61 @@ _TYPES = {
     "integer": ("iu", "integers"),
     "bool": ("b", "booleans"),
 }
-_TYPE_OF = {"modes": "field", "locations": "field", "flexibility": "field", "quads": "integer", "fallback": "bool"} | {
-    "mode_stress": "field", "contact_stress": "field", "near_contact": "bool",
-    "stiffness0": "field", "stiffness2": "field", "coriolis": "field", "residual0": "field", "residual2": "field",
-    "disk_stiffness": "field", "disk_mass": "field",
-}  # fmt: skip
-_SHAPE_OF: dict[str, tuple[int | None, ...]] = {"omega2": (None,), "area": (None,), "mass": ()}
+
+
+@dataclass(frozen=True)
+class Data:
+    """What a dataset holds: its units, the type of its numbers, and its shape where the format fixes it."""
+
+    units: str
+    kind: Literal["real", "field", "integer", "bool"] = "real"
+    shape: tuple[int | None, ...] | None = None
+
+
+DATASETS = {
+    "omega2": Data("rad2/s2", shape=(None,)),
+    "damping_ratio": Data("1"),
+    "drag": Data("1/s"),
+    "modes": Data("kg^-1/2", "field"),
+    "locations": Data("kg^-1/2", "field"),
+    "flexibility": Data("m/N", "field"),
+    "mass": Data("kg", shape=()),
+    "centre": Data("m"),
+    "inertia": Data("kg m2"),
+    "constant_force": Data("N kg^-1/2"),
+    "direction": Data("1"),
+    "generalised": Data("kg^-1/2"),
+    "displacement": Data("m/N"),
+    "points": Data("m"),
+    "area": Data("m2", shape=(None,)),
+    "frame": Data("1"),
+    "gap": Data("m"),
+    "position": Data("m"),
+    "stiffness": Data("N/m"),
+    "fallback": Data("1", "bool"),
+    "force": Data("N"),
+    "displacement_a": Data("m"),
+    "displacement_b": Data("m"),
+    "quads": Data("1", "integer"),
+    "stiffness0": Data("rad2/s2", "field"),
+    "stiffness2": Data("1", "field"),
+    "coriolis": Data("1", "field"),
+    "residual0": Data("m/N", "field"),
+    "residual2": Data("m s2/N", "field"),
+    "spin": Data("m s2"),
+    "blade_stiffness": Data("rad2/s2"),
+    "blade_mass": Data("1"),
+    "disk_stiffness": Data("rad2/s2", "field"),
+    "disk_mass": Data("1", "field"),
+    "mode_stress": Data("Pa m^-1 kg^-1/2", "field"),
+    "contact_stress": Data("Pa/N", "field"),
+    "static_stress": Data("Pa s2"),
+    "spread": Data("1"),
+    "near_contact": Data("1", "bool"),
+}
+"""Every dataset by its name (by the name of its group for modes, locations, spin)."""
+
+COMPRESS_FROM = 4096  # bytes; below this a dataset is stored plainly
 
 
 @dataclass(frozen=True)
@@ -80,8 +85,8 @@ class Part:
     Parameters
     ----------
     kind : dataclass
-    texts, integers : tuple of str
-        Attributes.
+    texts, integers, numbers : tuple of str
+        Attributes; a number that is None is left out.
     arrays, optional : tuple of str
         Datasets that must, and that may be there.
     """
@@ -89,6 +94,7 @@ class Part:
     kind: Callable[..., Any]
     texts: tuple[str, ...] = ()
     integers: tuple[str, ...] = ()
+    numbers: tuple[str, ...] = ()
     arrays: tuple[str, ...] = ()
     optional: tuple[str, ...] = ()
 
@@ -98,13 +104,33 @@ class Part:
 
 
 def write_part(group: h5py.Group, part: Part, record: Any) -> None:
+    """Attributes and datasets of a record, in the order in which the part names them."""
     for key in part.texts:
         write_text(group, key, getattr(record, key))
     for key in part.integers:
         group.attrs[key] = int(getattr(record, key))
+    for key in part.numbers:
+        if getattr(record, key) is not None:
+            group.attrs[key] = float(getattr(record, key))
     for key in (*part.arrays, *part.optional):
         if getattr(record, key) is not None:
             write_array(group, key, getattr(record, key))
+
+
+def write_rows(
+    group: h5py.Group,
+    name: str,
+    ports: Mapping[str, slice],
+    contact: NDArray,
+    locations: Mapping[str, NDArray],
+    key: str = "",
+) -> None:
+    """Values at contact points, a dataset for each port (name and rows), and at locations; ``key`` as in `write_array`."""
+    points, places = new_group(group, name), new_group(group, "locations")
+    for port, rows in ports.items():
+        write_array(points, port, contact[rows], key or name)
+    for place_, values in locations.items():
+        write_array(places, place_, values, key or "locations")
 
 
 def new_group(parent: h5py.Group, name: str) -> h5py.Group:
@@ -118,7 +144,7 @@ def write_array(group: h5py.Group, name: str, array: NDArray, key: str = "") -> 
     if array.nbytes > COMPRESS_FROM:
         options = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
     dataset = group.create_dataset(name, data=array, **options)
-    write_text(dataset, "units", UNITS[key or name])
+    write_text(dataset, "units", DATASETS[key or name].units)
 
 
 def write_text(owner: h5py.Group | h5py.Dataset, name: str, text: str) -> None:
@@ -141,14 +167,39 @@ def place(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
     return f"{parent.file.filename}: {path}"
 
 
-def read_part(group: h5py.Group, part: Part) -> Any:
-    check_members(group, part.arrays, part.optional)
+def read_part(group: h5py.Group, part: Part, groups: Iterable[str] = ()) -> Any:
+    """The record that :func:`write_part` has written; the group may hold others of the names ``groups``."""
+    check_members(group, part.arrays, (*part.optional, *groups))
+    return part.kind(**read_fields(group, part))
+
+
+def read_fields(group: h5py.Group, part: Part) -> dict[str, Any]:
+    """The values of the fields of a part that are there."""
     named = any(field.name == "name" for field in fields(cast(Any, part.kind)))
     values: dict[str, Any] = {"name": own_name(group)} if named else {}
     values |= {key: read_text(group, key) for key in part.texts}
     values |= {key: read_integer(group, key) for key in part.integers}
-    values |= {key: read_array(group, key) for key in (*part.arrays, *part.optional) if key in group}
-    return part.kind(**values)
+    values |= {key: read_number(group, key) for key in part.numbers if key in group.attrs}
+    return values | {key: read_array(group, key) for key in (*part.arrays, *part.optional) if key in group}
+
+
+def read_rows(
+    group: h5py.Group, name: str, ports: Mapping[str, int], rest: tuple[int, ...] = (), key: str = ""
+) -> tuple[NDArray, dict[str, NDArray]]:
+    """What :func:`write_rows` has written, of ports with so many contact points: (n_points, 3, ...), (3, ...) by name."""
+    points = subgroup(group, name)
+    check_members(points, ports, [])
+    parts = [read_array(points, port, key or name, (n, 3, *rest)) for port, n in ports.items()]
+    contact = np.concatenate(parts) if parts else np.zeros((0, 3, *rest))
+    if "locations" not in group:
+        return contact, {}
+    places = subgroup(group, "locations")
+    return contact, {place_: read_array(places, place_, key or "locations", (3, *rest)) for place_ in places}
+
+
+def diameter_groups(group: h5py.Group) -> dict[int, str]:
+    """Names of the members ``nd000``, ``nd001``, ... by nodal diameter."""
+    return {int(name[2:]): name for name in group if re.fullmatch(r"nd\d{3,9}", name, re.ASCII)}
 
 
 def own_name(group: h5py.Group) -> str:
@@ -160,18 +211,16 @@ def check_members(group: h5py.Group, required: Iterable[str], optional: Iterable
     required = list(required)
     known = [*required, *optional]
     for name in required:
-        if name not in group:
-            raise mismatch(place(group, name), "this group or dataset", "nothing")
+        require(name in group, place(group, name), "this group or dataset", "nothing")
     for name in group:
-        if name not in known:
-            raise mismatch(place(group, name), f"no other names than {known}", "this one")
+        require(name in known, place(group, name), f"no other names than {known}", "this one")
         check_link(group, name)
 
 
 def check_link(group: h5py.Group, name: str) -> None:
     link = group.get(name, getlink=True)
-    if not isinstance(link, h5py.HardLink):
-        raise mismatch(place(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
+    good = isinstance(link, h5py.HardLink)
+    require(good, place(group, name), "a group or dataset in this place", f"a {type(link).__name__}")
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
@@ -198,11 +247,11 @@ def read_array(group: h5py.Group, name: str, key: str = "", shape: tuple[int | N
     if not isinstance(dataset, h5py.Dataset):
         raise mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
     check_storage(dataset, item)
-    letters, words = _TYPES[_TYPE_OF.get(key or name, "real")]
-    if dataset.dtype.kind not in letters:
-        raise mismatch(item, words, f"data of type {dataset.dtype}")
-    check_text(dataset, "units", UNITS[key or name])
-    shape = shape or _SHAPE_OF.get(name)
+    data = DATASETS[key or name]
+    letters, words = _TYPES[data.kind]
+    require(dataset.dtype.kind in letters, item, words, f"data of type {dataset.dtype}")
+    check_text(dataset, "units", data.units)
+    shape = shape or data.shape
     if shape is not None and not fits(dataset.shape, shape):
         raise mismatch(item, f"shape {shape_text(shape)}", f"{dataset.shape}")
     array = np.asarray(dataset[()])
@@ -212,25 +261,22 @@ def read_array(group: h5py.Group, name: str, key: str = "", shape: tuple[int | N
 
 def check_storage(dataset: h5py.Dataset, item: str) -> None:
     """The numbers lie in this file, and there are no more of them than its bytes can hold."""
-    if dataset.is_virtual or dataset.external is not None:
-        raise mismatch(item, "numbers stored in this file", "a reference to other files")
-    if dataset.shape is None:
-        raise mismatch(item, "numbers", "an empty dataset")
+    elsewhere = dataset.is_virtual or dataset.external is not None
+    require(not elsewhere, item, "numbers stored in this file", "a reference to other files")
+    require(dataset.shape is not None, item, "numbers", "an empty dataset")
     stored = dataset.id.get_storage_size()
     wanted = dataset.size * dataset.dtype.itemsize
-    if wanted > LARGEST_EXPANSION * stored:
-        raise mismatch(item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
+    within = wanted <= MOST_EXPANDED * stored
+    require(within, item, f"{wanted} bytes for shape {dataset.shape}", f"{stored} bytes in the file")
 
 
 def check_text(owner: h5py.Group | h5py.Dataset, name: str, expected: str) -> None:
     found = read_text(owner, name)
-    if found != expected:
-        raise mismatch(place(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
+    require(found == expected, place(owner, f"@{name}"), f"'{expected}'", f"'{found}'")
 
 
 def attribute(owner: h5py.Group | h5py.Dataset, name: str) -> Any:
-    if name not in owner.attrs:
-        raise mismatch(place(owner, f"@{name}"), "this attribute", "nothing")
+    require(name in owner.attrs, place(owner, f"@{name}"), "this attribute", "nothing")
     return owner.attrs[name]
 
 
@@ -250,7 +296,17 @@ def as_text(value: Any, item: str) -> str:
 
 
 def read_integer(owner: h5py.Group | h5py.Dataset, name: str) -> int:
+    return int(_single(owner, name, "iu", "one integer"))
+
+
+def read_number(owner: h5py.Group | h5py.Dataset, name: str) -> float:
+    value = float(_single(owner, name, "fiu", "one finite number"))
+    require(np.isfinite(value), place(owner, f"@{name}"), "one finite number", repr(attribute(owner, name)))
+    return value
+
+
+def _single(owner: h5py.Group | h5py.Dataset, name: str, letters: str, expected: str) -> Any:
     value = np.asarray(attribute(owner, name))
-    if value.dtype.kind not in "iu" or value.size != 1:
-        raise mismatch(place(owner, f"@{name}"), "one integer", repr(attribute(owner, name)))
-    return int(value.reshape(-1)[0])
+    good = value.dtype.kind in letters and value.size == 1
+    require(good, place(owner, f"@{name}"), expected, repr(attribute(owner, name)))
+    return value.reshape(-1)[0]

@@ -36,6 +36,9 @@ _CAUSES = (
 LARGEST_COUNT = 200_000_000
 """Nodes, entries and so on beyond which a count in a file is taken for damage."""
 
+MOST_EXPANDED = 1100
+"""Deflate cannot compress by more than a factor of 1032: what claims to be larger is damage."""
+
 
 @contextmanager
 def reading(path: FilePath, expected: str, library: bool = False) -> Iterator[Path]:

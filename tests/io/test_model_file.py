@@ -21,7 +21,7 @@ import pytest
 
 import bdamper.io.model_file as model_file
 from bdamper.io import load_model, save_model
-from bdamper.io.model_groups import UNITS
+from bdamper.io.model_groups import DATASETS
 from bdamper.model.model import Body, ContactStiffness, Model, StaticContact, feed_digest
 from bdamper.model.spin import SpinStatic
 from bdamper.model.stress import StressSet
@@ -281,7 +281,7 @@ def test_the_example_in_the_documentation_works(tmp_path, monkeypatch):
 def test_the_documentation_names_every_dataset_and_unit():
     text = (Path(__file__).parents[2] / "docs" / "model-file.md").read_text(encoding="utf-8")
     layout = text[text.index("## Layout") : text.index("## What each body needs")]
-    for name, units in UNITS.items():
+    for name, units in ((name, data.units) for name, data in DATASETS.items()):
         assert re.search(rf"^ +{name}\b.*\s{re.escape(units)}(\s|$)", layout, re.MULTILINE), name
     for convention in (model_file.TIME_CONVENTION, model_file.PHASE_CONVENTION):
         assert convention in layout
