@@ -32,7 +32,8 @@ from scipy.spatial.transform import Rotation
 
 from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
-from bdamper.io.reading import Lines, check_count, grouped, reading
+from bdamper.io.reading import Lines, check_count, grouped, reader
+from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
@@ -55,8 +56,7 @@ class _Binary:
         self.source = source
         self.data = source.read_bytes()
         head = self.record(0, "standard header")
-        if len(head) < 2 or head.dtype.kind != "i":
-            raise mismatch(str(source), "a binary file of Ansys", "another beginning")
+        require(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
         if int(head[0]) != kind:
             names = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
             found = names.get(int(head[0]), "another kind")
@@ -99,19 +99,16 @@ class _Binary:
 
     @staticmethod
     def _head(raw: bytes, where: str) -> tuple[int, int]:
-        if len(raw) < 8:
-            raise mismatch(where, "the head of a compressed record", "less than two words")
+        require(len(raw) >= 8, where, "the head of a compressed record", "less than two words")
         size, second = struct.unpack_from("<ii", raw, 0)
         return check_count(size, where, "a length", largest=100_000_000), second
 
     def _bits(self, raw: bytes, dtype: np.dtype, where: str) -> NDArray:
         """One bit for each of at most 32 values tells whether it follows or is zero."""
         size, code = self._head(raw, where)
-        if size > 32:
-            raise mismatch(where, "at most 32 values in a record compressed by bits", size)
+        require(size <= 32, where, "at most 32 values in a record compressed by bits", size)
         set_ = np.array([(code >> k) & 1 for k in range(size)], bool)
-        if 8 + int(set_.sum()) * dtype.itemsize > len(raw):
-            raise mismatch(where, f"{int(set_.sum())} values", "fewer: damaged")
+        require(8 + int(set_.sum()) * dtype.itemsize <= len(raw), where, f"{int(set_.sum())} values", "fewer: damaged")
         out = np.zeros(size, dtype)
         out[set_] = np.frombuffer(raw, dtype, int(set_.sum()), 8)
         return out
@@ -123,8 +120,7 @@ class _Binary:
         out = np.zeros(size, dtype)
         at = 8
         for _ in range(count):
-            if at + 8 > len(raw):
-                raise mismatch(where, f"{count} windows", "the end of the record")
+            require(at + 8 <= len(raw), where, f"{count} windows", "the end of the record")
             place, length = struct.unpack_from("<ii", raw, at)
             if place > 0:
                 length = 1
@@ -150,8 +146,7 @@ class _Header:
     def __init__(self, file: _Binary, word: int, name: str) -> None:
         self.item = f"{file.source}: {name}"
         self.values, self.largest = file.record(word, name), len(file.data)
-        if self.values.dtype.kind != "i":
-            raise mismatch(self.item, "whole numbers", str(self.values.dtype))
+        require(self.values.dtype.kind == "i", self.item, "whole numbers", str(self.values.dtype))
 
     def count(self, position: int, what: str, smallest: int = 1) -> int:
         """A number that the size of the file bounds."""
@@ -189,37 +184,34 @@ class FullMatrices:
     dropped: int
 
 
-def read_full(path: FilePath) -> FullMatrices:
+@reader("a matrix file of Ansys (.full)")
+def read_full(path: Path) -> FullMatrices:
     """Stiffness and mass of a ``.full`` file, without its empty rows.
 
     Raises
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a matrix file of Ansys (.full)") as source:
-        file = _Binary(source, _FULL)
-        head = _Header(file, _HEADER, "header")
-        for refused, expected, found in (
-            (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
-            (head[14], "symmetric matrices", "unsymmetric ones"),
-            (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
-            (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
-        ):
-            if refused:
-                raise mismatch(head.item, expected, found)
-        n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
-        dof_names, node_numbers = file.run(206, 2, "degrees of freedom and nodes")
-        counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
-        dofs = _full_dofs(source, dof_names, node_numbers, counts, n_nodes, n_eq)
-        if len(constraint) < n_eq:
-            raise mismatch(f"{source}: table of fixed components", f"{n_eq} entries", len(constraint))
-        places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
-        matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
+    file = _Binary(path, _FULL)
+    head = _Header(file, _HEADER, "header")
+    for refused, expected, found in (
+        (head[1] != -4, "a symbolically assembled matrix (-4)", head[1]),
+        (head[14], "symmetric matrices", "unsymmetric ones"),
+        (head[11], "a consistent mass matrix (LUMPM,OFF)", "a lumped one"),
+        (head[21], "no constraint equations in the matrices", f"{head[21]} of them"),
+    ):
+        require(not refused, head.item, expected, found)
+    n_eq, n_nodes = head.count(2, "a number of equations"), head.count(33, "a number of nodes")
+    dof_names, node_numbers = file.run(206, 2, "degrees of freedom and nodes")
+    counts, constraint = file.run(head.pointer(36, 37), 2, "degrees of freedom of each node")
+    dofs = _full_dofs(path, dof_names, node_numbers, counts, n_nodes, n_eq)
+    require(len(constraint) >= n_eq, f"{path}: table of fixed components", f"{n_eq} entries", len(constraint))
+    places = {"stiffness": head.pointer(19, 20), "mass": head.pointer(27, 28)}
+    matrices = [_full_matrix(file, place, n_eq, name) for name, place in places.items()]
     keep = np.flatnonzero(constraint[:n_eq] >= 0)
     empty = matrices[0].diagonal()[keep] == 0.0
     keep = keep[~empty]
-    if len(keep) == 0:
-        raise mismatch(str(path), "free components", "none")
+    require(len(keep) > 0, str(path), "free components", "none")
     kept = [m[keep][:, keep].tocsr() for m in matrices]
     wrong = dofs[keep, 1] > 3
     if wrong.any():
@@ -242,8 +234,7 @@ def _full_dofs(source: Path, dof_names: NDArray, numbers: NDArray, counts: NDArr
 def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matrix:
     """One triangle, row by row: columns, then values."""
     item = f"{name} matrix"
-    if word <= 0:
-        raise mismatch(f"{file.source}: {item}", "a matrix", "none in the file")
+    require(word > 0, f"{file.source}: {item}", "a matrix", "none in the file")
     rows, columns, values = [], [], []
     records = file.run(word, 2 * n_eq, item)
     for row in range(n_eq):
@@ -257,8 +248,7 @@ def _full_matrix(file: _Binary, word: int, n_eq: int, name: str) -> sp.csr_matri
         columns.append(column.astype(np.int64) - 1)
         values.append(value.astype(float))
     i, j, entries = np.concatenate(rows), np.concatenate(columns), np.concatenate(values)
-    if not np.isfinite(entries).all():
-        raise mismatch(f"{file.source}: {item}", "finite numbers", "others")
+    require(np.isfinite(entries).all(), f"{file.source}: {item}", "finite numbers", "others")
     return triangle_to_full(np.minimum(i, j), np.maximum(i, j), entries, n_eq)
 
 
@@ -292,15 +282,15 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
 # Archive
 
 
-def read_cdb(path: FilePath) -> FEBody:
+@reader("an archive of Ansys (.cdb)", ".cdb")
+def read_cdb(path: Path) -> FEBody:
     """Nodes, solid elements and components of nodes of an archive (CDWRITE).
 
     Raises
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "an archive of Ansys (.cdb)") as source:
-        return _Archive(Lines(source, "latin-1")).body()
+    return _Archive(Lines(path, "latin-1")).body()
 
 
 class _Archive:
@@ -440,7 +430,8 @@ def _node_axes(angles: NDArray) -> NDArray:
 # Results
 
 
-def read_rst(path: FilePath) -> FEBody:
+@reader("a result file of Ansys (.rst)", ".rst")
+def read_rst(path: Path) -> FEBody:
     """Nodes, solid elements and modes of a modal analysis, cyclic or not.
 
     Returns
@@ -453,27 +444,26 @@ def read_rst(path: FilePath) -> FEBody:
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a result file of Ansys (.rst)") as source:
-        file = _Binary(source, _RESULT)
-        head = _Header(file, _HEADER, "header")
-        n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
-        room = head.count(4, "room for result sets", n_sets)
-        index = file.record(head.pointer(11, 41), "index of result sets")
-        if len(index) < 2 * room or index.dtype.kind != "i":
-            raise mismatch(f"{source}: index of result sets", f"{2 * room} whole numbers", len(index))
-        places = [_long(index[k], index[room + k]) for k in range(n_sets)]
-        frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
-        numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
-        diameter = np.zeros(n_sets, int)
-        n_sectors, indices = head[21], head.pointer(17, 44)
-        if n_sectors > 1 and indices > 0:
-            diameter = np.abs(file.record(indices, "harmonic indices")[:n_sets].astype(int))
-        if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
-            raise mismatch(str(source), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
-        body, axes = _rst_mesh(file, head.pointer(16, 47))
-        shapes = [_rst_shape(file, place, numbers, axes, k) for k, place in enumerate(places)]
-        each = zip(diameter.tolist(), frequency.tolist(), shapes)
-        modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
+    file = _Binary(path, _RESULT)
+    head = _Header(file, _HEADER, "header")
+    n_nodes, n_sets = head.count(3, "a number of nodes"), head.count(9, "a number of result sets")
+    room = head.count(4, "room for result sets", n_sets)
+    index = file.record(head.pointer(11, 41), "index of result sets")
+    if len(index) < 2 * room or index.dtype.kind != "i":
+        raise mismatch(f"{path}: index of result sets", f"{2 * room} whole numbers", len(index))
+    places = [_long(index[k], index[room + k]) for k in range(n_sets)]
+    frequency = file.record(head.pointer(12, 42), "frequencies")[:n_sets].astype(float)
+    numbers = file.record(head.pointer(15, 46), "node numbers")[:n_nodes].astype(np.int64)
+    diameter = np.zeros(n_sets, int)
+    n_sectors, indices = head[21], head.pointer(17, 44)
+    if n_sectors > 1 and indices > 0:
+        diameter = np.abs(file.record(indices, "harmonic indices")[:n_sets].astype(int))
+    if min(len(frequency), len(diameter)) < n_sets or len(numbers) < n_nodes:
+        raise mismatch(str(path), f"{n_sets} result sets of {n_nodes} nodes", "shorter tables")
+    body, axes = _rst_mesh(file, head.pointer(16, 47))
+    shapes = [_rst_shape(file, place, numbers, axes, k) for k, place in enumerate(places)]
+    each = zip(diameter.tolist(), frequency.tolist(), shapes)
+    modes = modes_by_diameter(((d, hertz, 1.0, numbers, shape) for d, hertz, shape in each), str(path))
     notes = (f"{n_sectors} sectors",) if n_sectors > 1 else ()
     return replace(body, modes=modes, notes=notes)
 
@@ -494,8 +484,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
         offsets = file.record(place, "index of elements")
         words = np.ascontiguousarray(offsets).astype("<i4").view("<i8") if len(offsets) >= 2 * n_elements else offsets
         for k in range(n_elements):
-            if k >= len(words):
-                raise mismatch(f"{file.source}: index of elements", f"{n_elements} entries", len(words))
+            require(k < len(words), f"{file.source}: index of elements", f"{n_elements} entries", len(words))
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(element)
@@ -509,16 +498,14 @@ def _rst_shape(file: _Binary, word: int, numbers: NDArray, axes: dict[int, NDArr
     item, n = head.item, head.count(3, "a number of nodes")
     per_node = check_count(head[20] + head[98], item, "a number of values of each node", 3, 64)
     names = [head[21 + j] for j in range(head[20])] if 0 < head[20] <= 30 else []
-    if names[:3] != [1, 2, 3]:
-        raise mismatch(item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
+    require(names[:3] == [1, 2, 3], item, "displacements UX, UY, UZ", f"degrees of freedom {names}")
     place = word + (head.pointer(105, 106) or head[11])
     values = file.record(place, f"displacements of result set {k + 1}").astype(float)
     if len(values) < n * per_node or n != len(numbers):
         raise mismatch(item, f"{per_node} values of each of {len(numbers)} nodes", f"{len(values)} values")
     out = values[: n * per_node].reshape(n, per_node)[:, :3].copy()
     out[out == 2.0**100] = 0.0
-    if not np.isfinite(out).all():
-        raise mismatch(item, "finite displacements", "others")
+    require(np.isfinite(out).all(), item, "finite displacements", "others")
     for j, number in enumerate(numbers.tolist()):
         if number in axes:
             out[j] = axes[number].T @ out[j]

@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.contact_faces import ContactFaces, LaidContacts, lay_contacts
 from bdamper.io.corner_order import check_corner_order
 from bdamper.io.fe_body import FEBody, Units
@@ -43,10 +44,6 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-
-MATCH_TOLERANCE = 1e-5
-"""Largest distance of matching nodes of the sector faces, relative to the size of the sector (files round positions)."""
-MOST_MODES = 1000
 
 
 @brief
@@ -162,8 +159,8 @@ def build_model(
 
 
 def _counts(n_modes: int, n_damper_modes: int) -> dict[str, int]:
-    blade = validate.whole("n_modes", n_modes, 1, MOST_MODES)
-    return {"blade": blade, "damper": validate.whole("n_damper_modes", n_damper_modes, 6, MOST_MODES)}
+    blade = validate.whole("n_modes", n_modes, 1, BOUNDS.modes)
+    return {"blade": blade, "damper": validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)}
 
 
 def _prepared(blade: FEBody, damper: FEBody | None, place: Placement) -> dict[str, PreparedBody]:
@@ -233,7 +230,7 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
     first, second = (body.node_set(s, "sector_faces") for s in given)
     # Nodes on the axis of rotation would be their own image; nothing in a disk stands there.
     pitch = 2.0 * np.pi / n_blades
-    tolerance = MATCH_TOLERANCE * body.size
+    tolerance = BOUNDS.sector_faces * body.size
     problems = []
     for left, right, words in ((first, second, "the first set lies toward -X"), (second, first, "the sets came swapped")):
         try:

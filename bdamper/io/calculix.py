@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody, Modes, modes_by_diameter
 from bdamper.io.matrices import as_integers, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, Lines, grouped, reading
+from bdamper.io.reading import LARGEST_COUNT, Lines, grouped, read_body, reader
+from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
@@ -60,15 +61,13 @@ class _Deck:
 
     def read(self, source: Path, depth: int = 0) -> None:
         """One file, with those that it includes."""
-        if depth > 5:
-            raise mismatch(str(source), "at most five files included in each other", "more")
+        require(depth <= 5, str(source), "at most five files included in each other", "more")
         with open(source, encoding="utf-8", errors="replace") as file:
             for keyword, parameters, lines in self._blocks(file):
                 item = f"{source}: {keyword}" + (f" in line {lines[0][0] - 1}" if lines else "")
                 if keyword == "*INCLUDE":
                     included = source.parent / parameters.get("INPUT", "")
-                    if not included.is_file():
-                        raise mismatch(item, "an existing file", f"'{included.name}'")
+                    require(included.is_file(), item, "an existing file", f"'{included.name}'")
                     self.read(included, depth + 1)
                 else:
                     self._block(keyword, parameters, lines, item)
@@ -189,8 +188,7 @@ class _Deck:
         unique = dict(zip(self.numbers, self.positions))
         numbers = np.array(list(unique), dtype=np.int64)
         nodes = np.array(list(unique.values()), float)
-        if not np.isfinite(nodes).all():
-            raise mismatch(f"{self.source}: *NODE", "finite positions", "others")
+        require(np.isfinite(nodes).all(), f"{self.source}: *NODE", "finite positions", "others")
         sets = {name: np.unique(np.array(m, dtype=np.int64)) for name, m in self.node_sets.items() if m}
         for name, members in self.node_surfaces.items():
             known = [sets[m.upper()] for m in members if m.upper() in sets]
@@ -217,8 +215,7 @@ class _Deck:
                 if members is None:
                     raise mismatch(item, f"an element or a set out of {sorted(self.element_sets)}", f"'{who[:30]}'")
                 for element in members:
-                    if element not in self.element_of:
-                        raise mismatch(item, "solid elements of this deck", f"element {element}")
+                    require(element in self.element_of, item, "solid elements of this deck", f"element {element}")
                     own = self.element_of[element]
                     faces = _SURFACE_FACES[N_CORNER[len(own)]]
                     face = label.upper().removeprefix("S")
@@ -235,7 +232,8 @@ class _Deck:
         return out
 
 
-def read_inp(path: FilePath) -> FEBody:
+@reader("an input file of CalculiX", ".inp")
+def read_inp(path: Path) -> FEBody:
     """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
 
     Names of sets are in capitals.  Steps, loads and materials are ignored.
@@ -244,44 +242,42 @@ def read_inp(path: FilePath) -> FEBody:
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "an input file of CalculiX") as source:
-        deck = _Deck(source)
-        deck.read(source)
-        return deck.body()
+    deck = _Deck(path)
+    deck.read(path)
+    return deck.body()
 
 
 # -----------------------------------------------------------------------------------------------------------
 # Matrices
 
 
+@reader("lines of row, column, value")
 def _triplets(path: Path, n: int) -> sp.csr_matrix:
     """Symmetric matrix (n, n) from lines of row, column, value."""
-    with reading(path, "lines of row, column, value") as source:
-        table = np.loadtxt(source, ndmin=2, encoding="ascii", comments=None)
-        if table.shape[1] != 3:
-            raise mismatch(str(source), "three numbers a line", f"{table.shape[1]}")
-        row, column = (as_integers(table[:, k], f"{source}: column {k + 1}") - 1 for k in (0, 1))
-        if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
-            found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
-            raise mismatch(str(source), f"rows and columns 1 to {n}, as many as lines of the .dof file", found)
-        if not np.isfinite(table[:, 2]).all():
-            raise mismatch(str(source), "finite numbers", "others")
-        return triangle_to_full(row, column, table[:, 2], n)
+    table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
+    if table.shape[1] != 3:
+        raise mismatch(str(path), "three numbers a line", f"{table.shape[1]}")
+    row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
+    if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
+        found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
+        raise mismatch(str(path), f"rows and columns 1 to {n}, as many as lines of the .dof file", found)
+    require(np.isfinite(table[:, 2]).all(), str(path), "finite numbers", "others")
+    return triangle_to_full(row, column, table[:, 2], n)
 
 
+@reader("lines like 12.3, node and component")
 def _dof_table(path: Path) -> NDArray:
-    with reading(path, "lines like 12.3, node and component") as source:
-        rows = []
-        for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):
-            if not line.strip():
-                continue
-            node, _, component = line.strip().partition(".")
-            if not (node.isdigit() and component.isdigit()):
-                raise mismatch(f"{source}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
-            rows.append((int(node), int(component)))
-        if not rows:
-            raise mismatch(str(source), "at least one line", "none")
-        return np.array(rows, dtype=np.int64)
+    rows = []
+    for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+        if not line.strip():
+            continue
+        node, _, component = line.strip().partition(".")
+        if not (node.isdigit() and component.isdigit()):
+            raise mismatch(f"{path}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
+        rows.append((int(node), int(component)))
+    if not rows:
+        raise mismatch(str(path), "at least one line", "none")
+    return np.array(rows, dtype=np.int64)
 
 
 def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
@@ -292,7 +288,7 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     job : path-like
         ``job.sti``, ``job.mas`` and ``job.dof`` are read; an ending of the name is left aside.
     mesh : path-like, optional
-        Input file, or result file (.frd), with nodes and elements; by default ``job.inp``, else ``job.frd``.
+        File with nodes and elements, of any kind that :func:`read_body` reads; by default ``job.inp``, else ``job.frd``.
     modes : path-like or tuple of them
         Result files (.frd) of modal analyses to compare with.
 
@@ -306,7 +302,7 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     if mesh is None:
         candidates = [base.with_name(base.name + ending) for ending in (".inp", ".frd")]
         mesh = next((c for c in candidates if c.is_file()), candidates[0])
-    body = read_frd(mesh) if str(mesh).lower().endswith(".frd") else read_inp(mesh)
+    body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
     dofs = _dof_table(base.with_name(base.name + ".dof"))
     stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
     mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
@@ -322,18 +318,19 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
 # Results
 
 
-def read_frd(path: FilePath) -> FEBody:
+@reader("a result file of CalculiX in text form (.frd)", ".frd")
+def read_frd(path: Path) -> FEBody:
     """Nodes, solid elements and modes of a result file in text form.
 
     Raises
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a result file of CalculiX in text form (.frd)") as source:
-        return _Frd(source).body()
+    return _Frd(path).body()
 
 
-def read_frd_stress(path: FilePath) -> list[tuple[NDArray, NDArray]]:
+@reader("a result file of CalculiX in text form (.frd)")
+def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     """Nodal stress of a result file in text form (``*EL FILE`` with ``S``), in the file's unit.
 
     Returns
@@ -346,15 +343,14 @@ def read_frd_stress(path: FilePath) -> list[tuple[NDArray, NDArray]]:
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a result file of CalculiX in text form (.frd)") as source:
-        file = _Frd(source, stress=True)
-        file.body()
-        if not file.stress:
-            raise mismatch(str(source), "blocks of stress (STRESS)", "none")
-        for k, (own, _) in enumerate(file.stress):
-            if len(np.unique(own)) < len(own) or not np.isin(own, file.numbers).all():
-                raise mismatch(f"{source}: stress {k + 1}", "each node once, those of the mesh", "others")
-        return file.stress
+    file = _Frd(path, stress=True)
+    file.body()
+    if not file.stress:
+        raise mismatch(str(path), "blocks of stress (STRESS)", "none")
+    for k, (own, _) in enumerate(file.stress):
+        if len(np.unique(own)) < len(own) or not np.isin(own, file.numbers).all():
+            raise mismatch(f"{path}: stress {k + 1}", "each node once, those of the mesh", "others")
+    return file.stress
 
 
 class _Frd:
@@ -377,30 +373,26 @@ class _Frd:
         numbers, values = [], []
         start = 8 if head.rstrip().endswith("0") else 13
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
-            if not line.startswith(" -1"):
-                raise self.lines.error("a line of values (-1)", f"'{line[:40]}'")
+            self.lines.require(line.startswith(" -1"), "a line of values (-1)", f"'{line[:40]}'")
             try:
                 numbers.append(int(line[3:start]))
                 values.append([float(line[start + 12 * k : start + 12 * k + 12]) for k in range(n_values)])
             except ValueError:
                 raise self.lines.error(f"a node number and {n_values} values", f"'{line[:60]}'") from None
         out = np.array(values, float).reshape(-1, n_values)
-        if not np.isfinite(out).all():
-            raise self.lines.error("finite values in the block above", "others")
+        self.lines.require(np.isfinite(out).all(), "finite values in the block above", "others")
         return np.array(numbers, np.int64), out
 
     def _element_block(self) -> None:
         while not (line := self.lines.take("the end of a block (-3)")).startswith(" -3"):
             words = line[3:].split()
-            if not line.startswith(" -1") or len(words) < 2:
-                raise self.lines.error("an element (-1)", f"'{line[:40]}'")
+            self.lines.require(line.startswith(" -1") and len(words) >= 2, "an element (-1)", f"'{line[:40]}'")
             n = _FRD_SOLIDS.get(int(words[1]))
             nodes: list[int] = []
             while self.lines.follows(" -2"):
                 text = self.lines.take("nodes")[3:].rstrip()
                 nodes += [int(text[k : k + 10]) for k in range(0, len(text), 10)]
-            if n is not None and len(nodes) != n:
-                raise self.lines.error(f"{n} nodes of an element", len(nodes))
+            self.lines.require(n in (None, len(nodes)), f"{n} nodes of an element", len(nodes))
             if n is not None:
                 self.elements.append(nodes)
 
@@ -418,8 +410,7 @@ class _Frd:
                 mode = int(line[10:].split()[0])
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
-        if len(self.numbers) == 0:
-            raise mismatch(self.source, "a block of nodes (2C)", "none")
+        require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
         modes = modes_by_diameter(self.modes, self.source)
         return FEBody(self.numbers, self.nodes, elements=grouped(self.elements), modes=modes, source=self.source)
 
@@ -447,6 +438,5 @@ class _Frd:
         elif name == "DISPI" and self.modes and self.latest == (diameter, mode):  # the imaginary part follows the real one
             *_, own, real = self.modes[-1]
             nodes, imaginary = self._rows(head, 3)
-            if not np.array_equal(own, nodes):
-                raise mismatch(f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
+            require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
             self.modes[-1] = (diameter, frequency, 1.0, nodes, real + 1j * imaginary)

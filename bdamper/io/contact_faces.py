@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.import_report import FaceSummary
 from bdamper.io.prepare import FaceSet, PreparedBody
 from bdamper.model.model import ContactStiffness, Interface, Port, turn
@@ -23,18 +24,6 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError, mismatch
 from bdamper.util.repr import brief
 from bdamper.util.warn import implausible
-
-SMALLEST_OVERLAP = 0.05
-"""Share of the smaller face that two faces must have in common."""
-LARGEST_DISTANCE = 0.2
-"""Distance of two faces, or gap between them, over the width of what they have in common."""
-LARGEST_MISFIT = 0.02
-"""Distance of the meshes of two faces beside the gap that is given, over their width, and lack of overlap of faces that are
-equal in area; more than that draws a warning."""
-EQUAL_AREAS = 0.01
-FRAME_TOLERANCE = 1e-6
-MOST_POINTS = 400
-"""Contact points on one face; a study with more than some 200 takes minutes."""
 
 
 @brief
@@ -93,9 +82,9 @@ class ContactFaces:
         counts = tuple(self.points) if pair else (self.points,)  # type: ignore[arg-type]
         if len(counts) != (2 if pair else 1):
             raise validate.unfit(f"{item}: points", "a number of contact points or two, along t1 and t2", self.points)
-        counts = tuple(validate.whole(f"{item}: points", n, 1, MOST_POINTS) for n in counts)
-        if int(np.prod(counts)) > MOST_POINTS:
-            raise validate.unfit(f"{item}: points", f"at most {MOST_POINTS} contact points on a face", self.points)
+        counts = tuple(validate.whole(f"{item}: points", n, 1, BOUNDS.points) for n in counts)
+        if int(np.prod(counts)) > BOUNDS.points:
+            raise validate.unfit(f"{item}: points", f"at most {BOUNDS.points} contact points on a face", self.points)
         object.__setattr__(self, "points", counts if pair else counts[0])
         if not isinstance(self.gap, str):
             object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap, unit="m"))
@@ -115,7 +104,7 @@ class ContactFaces:
 def _check_frame(frame: NDArray, item: str) -> None:
     rows = frame if isinstance(frame, np.ndarray | Sequence) and np.shape(frame) == (3, 3) else None
     axes = np.array([validate.numbers(f"{item}: frame", row, 3) for row in rows]) if rows is not None else np.zeros((3, 3))
-    if not np.allclose(axes @ axes.T, np.eye(3), atol=FRAME_TOLERANCE) or np.linalg.det(axes) < 0.0:
+    if not np.allclose(axes @ axes.T, np.eye(3), atol=BOUNDS.axes) or np.linalg.det(axes) < 0.0:
         expected = "three rows t1, t2, n of length 1 at right angles, right-handed"
         raise validate.unfit(f"{item}: frame", expected, np.asarray(frame).tolist())
 
@@ -235,15 +224,15 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, are
     """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face."""
     pair = f"{contact.item} between {contact.body_a} and {contact.body_b}"
     area = float(means.area.sum())
-    if area_b is not None and contact.patches is None and area < SMALLEST_OVERLAP * min(area_a, area_b):
-        expected = f"faces that have at least {100 * SMALLEST_OVERLAP:.0f} % of the smaller one in common"
+    if area_b is not None and contact.patches is None and area < BOUNDS.overlap * min(area_a, area_b):
+        expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
         raise mismatch(pair, expected, f"{area:.4g} m2 of {area_a:.4g} and {area_b:.4g} m2")
     width, distance = np.sqrt(area), means.distance
     farthest = distance[np.abs(distance).argmax()]
-    if abs(farthest) > LARGEST_DISTANCE * width:
+    if abs(farthest) > BOUNDS.distance * width:
         found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
         raise mismatch(pair, "faces that lie on each other", found)
-    if not isinstance(contact.gap, str) and abs(contact.gap) > LARGEST_DISTANCE * width:
+    if not isinstance(contact.gap, str) and abs(contact.gap) > BOUNDS.distance * width:
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
         raise mismatch(f"{contact.item}: gap", "metres, much less than the width of the face", found)
     _warn_of_misfit(contact, pair, means, area_a, area_b)
@@ -256,15 +245,15 @@ def _warn_of_misfit(contact: ContactFaces, pair: str, means: PatchMeans, area_a:
     if not isinstance(contact.gap, str):
         off = means.distance - contact.gap
         worst = float(off[np.abs(off).argmax()])
-        if area_b is not None and abs(worst) > LARGEST_MISFIT * width:
-            expected = f"meshes within {LARGEST_MISFIT * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
+        if area_b is not None and abs(worst) > BOUNDS.misfit * width:
+            expected = f"meshes within {BOUNDS.misfit * width:.2g} m of the gap {contact.gap:g} m (or gap='measured')"
             implausible(pair, expected, f"{abs(worst):.3g} m {'farther apart' if worst > 0.0 else 'into each other'}")
-    if area_b is None or contact.patches is not None or abs(area_a / area_b - 1.0) > EQUAL_AREAS:
+    if area_b is None or contact.patches is not None or abs(area_a / area_b - 1.0) > BOUNDS.agreement:
         return
     share = area / min(area_a, area_b)
-    if share < 1.0 - LARGEST_MISFIT:
+    if share < 1.0 - BOUNDS.misfit:
         found = f"{100.0 * share:.3g} % in common, as of a shift by some {(1.0 - share) * width:.2g} m"
-        implausible(pair, f"faces of equal areas that match to {100 * LARGEST_MISFIT:g} %", found)
+        implausible(pair, f"faces of equal areas that match to {100 * BOUNDS.misfit:g} %", found)
 
 
 def _centre_and_normal(facets: Facets, nodes: NDArray) -> tuple[NDArray, NDArray]:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.prepare import PreparedBody
 from bdamper.reduction.facets import N_CORNER
 
@@ -21,12 +22,6 @@ _QUADRILATERALS = {
 }
 """Corners of the faces with four of them, in turn."""
 _OTHERS = {8: {"in rows, as (0,0,0), (1,0,0), (0,1,0), (1,1,0), (0,0,1) ...": [0, 1, 3, 2, 4, 5, 7, 6]}, 6: {}}
-ROUNDING = 1e-9
-COSINE = 0.1
-"""Of the angle between two corner normals of a face: a cube with the corners of one face turned by one place has 0,
-the most distorted element of the reference sector 0.67."""
-MOST = 0.5
-"""Share of the elements that may be twisted where no other order fits: sliver elements of a good mesh are few."""
 
 
 def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
@@ -45,10 +40,10 @@ def twisted(corners: NDArray, nodes: NDArray) -> NDArray:
     normal = np.cross(np.roll(x, -1, axis=2) - x, np.roll(x, 1, axis=2) - x)
     length = np.linalg.norm(normal, axis=-1)
     size = np.ptp(x, axis=(1, 2)).max(axis=1)[:, None, None] ** 2
-    flat = np.where(length > ROUNDING * size, length, np.inf)[..., None]  # a collapsed corner has no normal
+    flat = np.where(length > BOUNDS.same_place * size, length, np.inf)[..., None]  # a collapsed corner has no normal
     cosine = np.einsum("efic,efjc->efij", normal / flat, normal / flat)
     known = np.isfinite(flat) & np.isfinite(flat).swapaxes(-1, -2)
-    return np.asarray((known & (cosine < COSINE)).any(axis=(1, 2, 3)))
+    return np.asarray((known & (cosine < BOUNDS.corner_cosine)).any(axis=(1, 2, 3)))
 
 
 def check_corner_order(body: PreparedBody) -> None:
@@ -70,7 +65,7 @@ def check_corner_order(body: PreparedBody) -> None:
         if not len(wrong):
             continue
         fits = [name for name, order in _OTHERS[n].items() if not twisted(corners[wrong][:, order], body.nodes).any()]
-        if fits or len(wrong) > MOST * len(elements):
+        if fits or len(wrong) > BOUNDS.odd_ones * len(elements):
             half = n // 2
             raise body.error(
                 f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}",

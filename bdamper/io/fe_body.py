@@ -14,6 +14,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from bdamper.model.checks import require
 from bdamper.util import validate
 from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief
@@ -76,12 +77,10 @@ class Modes:
     def __post_init__(self) -> None:
         item = f"{self.source or 'modes'}, nodal diameter {self.nodal_diameter}"
         n, m = len(self.numbers), len(self.frequency)
-        if self.nodal_diameter < 0:
-            raise mismatch(item, "a nodal diameter >= 0", self.nodal_diameter)
+        require(self.nodal_diameter >= 0, item, "a nodal diameter >= 0", self.nodal_diameter)
         if self.shapes.shape != (n, 3, m):
             raise mismatch(item, f"shapes ({n}, 3, {m}) for {n} nodes and {m} frequencies", self.shapes.shape)
-        if len(np.unique(self.numbers)) != n:
-            raise mismatch(item, "each node once", "a repeated node number")
+        require(len(np.unique(self.numbers)) == n, item, "each node once", "a repeated node number")
         if not (np.isfinite(self.frequency).all() and np.isfinite(self.shapes).all()):
             raise mismatch(item, "finite frequencies and shapes", "others")
         if self.modal_mass is not None:

@@ -51,8 +51,7 @@ class Sectors:
         self.mask = self.body.fixed(held)
         _check_reached(self.body, self.wanted, self.mask, held)
         free = int((~self.mask).sum())
-        if free < 12:
-            raise self.body.error("matrices", "more than a dozen free components", free)
+        self.body.require(free >= 12, "matrices", "more than a dozen free components", free)
         self.n_modes = min(self.wanted.n_modes, max(1, (free - 3 * len(self.ring.right)) // 2))
         self._made: dict[int, CyclicSector] = {}
 

@@ -40,8 +40,7 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     else:
         known = ~np.isnan(shapes[:, 0].real).reshape(-1, 3).any(axis=1)
         both = known[ring.left] & known[ring.right]
-        if not both.any():
-            raise body.error(item, "values at matching nodes of the two sector faces", "none")
+        body.require(both.any(), item, "values at matching nodes of the two sector faces", "none")
         left, right, frequency = ring.left[both], ring.right[both], np.asarray(modes.frequency, float)
         with body.refusing(item, "travelling waves"):
             waves = travelling_waves(frequency, np.nan_to_num(shapes), left, right, ring.n_blades, d)
@@ -104,8 +103,7 @@ def _rows(body: PreparedBody, matrix: sp.csr_matrix, shapes: NDArray, item: str)
 def _location_modes(body: PreparedBody, locations: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
     rows = location_rows(locations, shapes)
     for name, values in rows.items():
-        if np.isnan(values.real).any():
-            raise body.error(f"location '{name}'", "values of the modes at its node", "none")
+        body.require(not np.isnan(values.real).any(), f"location '{name}'", "values of the modes at its node", "none")
     return rows
 
 
@@ -139,8 +137,7 @@ def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray 
 def _by_diameter(body: PreparedBody) -> dict[int, Modes]:
     out: dict[int, Modes] = {}
     for modes in body.given.modes:
-        if modes.nodal_diameter in out:
-            raise body.error("modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
+        body.require(modes.nodal_diameter not in out, "modes", "each nodal diameter once", f"{modes.nodal_diameter} twice")
         out[modes.nodal_diameter] = modes
     return out
 
@@ -149,13 +146,11 @@ def _normalised(
     body: PreparedBody, given: Mapping[int, Modes], d: int, ring: Ring, n_modes: int
 ) -> tuple[NDArray, NDArray, str]:
     """Lowest modes of a nodal diameter: omega2, mass-normalised shapes on all nodes, and where the modal mass is from."""
-    if d not in given:
-        raise body.error("modes", f"modes of nodal diameter {d}", f"those of {sorted(given)}")
+    body.require(d in given, "modes", f"modes of nodal diameter {d}", f"those of {sorted(given)}")
     modes = given[d]
     waves = _waves(body, modes, ring)
     mass, source = _modal_mass(body, modes, waves)
-    if not np.all(mass > 0.0):
-        raise body.error(f"modes of nodal diameter {d}", "modal masses > 0", mass)
+    body.require(np.all(mass > 0.0), f"modes of nodal diameter {d}", "modal masses > 0", mass)
     frequency = np.asarray(modes.frequency, float)[waves.index]
     if not np.all(frequency > 0.0):
         raise body.error(f"modes of nodal diameter {d}", "frequencies > 0 of a held sector", frequency.min())

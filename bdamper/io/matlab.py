@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.reading import LARGEST_COUNT, MOST_EXPANDED, check_count
+from bdamper.model.checks import require
 from bdamper.util.errors import mismatch
 
 _TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
@@ -60,24 +61,20 @@ def _elements(data: bytes, order: str, item: str) -> Iterator[tuple[int, bytes]]
         kind, length = struct.unpack_from(order + "II", data, at)
         if kind >> 16:  # a small element: length and type share the first word, the data are in the second
             length, kind, start, step = kind >> 16, kind & 0xFFFF, at + 4, 8
-            if length > 4:
-                raise mismatch(item, "small elements of at most four bytes", length)
+            require(length <= 4, item, "small elements of at most four bytes", length)
         else:
             start = at + 8
             step = 8 + (length if kind == _COMPRESSED else (length + 7) // 8 * 8)
-        if start + length > len(data):
-            raise mismatch(item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
+        require(start + length <= len(data), item, f"{length} bytes of data", f"{len(data) - start}: damaged or truncated")
         yield kind, data[start : start + length]
         at += step
 
 
 def _numbers(part: tuple[int, bytes], order: str, item: str) -> NDArray:
     kind, content = part
-    if kind not in _TYPES:
-        raise mismatch(item, "numbers", f"data of type {kind}")
+    require(kind in _TYPES, item, "numbers", f"data of type {kind}")
     dtype = np.dtype(order + _TYPES[kind])
-    if len(content) % dtype.itemsize:
-        raise mismatch(item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
+    require(not len(content) % dtype.itemsize, item, f"numbers of {dtype.itemsize} bytes", f"{len(content)} bytes")
     return np.frombuffer(content, dtype)
 
 

@@ -14,13 +14,15 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import FEBody
 from bdamper.io.matlab import read_mat
 from bdamper.io.matrix_market import read_market
-from bdamper.io.reading import LARGEST_COUNT, check_count, grouped, reading
+from bdamper.io.reading import LARGEST_COUNT, check_count, grouped, reader
+from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
 
 
-def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
+@reader("a matrix as .npz, .npy, .mat or .mtx", library=True)
+def read_matrix(path: Path, name: str | None = None) -> sp.csr_matrix:
     """A square matrix from a file, the kind of which follows from its ending.
 
     Parameters
@@ -36,20 +38,9 @@ def read_matrix(path: FilePath, name: str | None = None) -> sp.csr_matrix:
     (n, n) sparse, float
         For Abaqus text with nodes see :func:`read_abaqus_matrix`, which also returns the table of them.
     """
-    with reading(path, "a matrix as .npz, .npy, .mat or .mtx", library=True) as source:
-        kind = source.suffix.lower()
-        if kind == ".npz":
-            return square_matrix(_from_npz(source, name), str(source))
-        if kind == ".npy":
-            return square_matrix(np.load(source, allow_pickle=False), str(source))
-        if kind == ".mat":
-            content = read_mat(source)
-            return square_matrix(content[_chosen(list(content), name, source)], str(source))
-        if kind in (".mtx", ".mm"):
-            if _is_market(source):
-                return square_matrix(read_market(source), str(source))
-            return read_abaqus_matrix(source)[0]
-        raise mismatch(str(source), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    kind = path.suffix.lower()
+    require(kind in _MATRICES, str(path), "the ending .npz, .npy, .mat or .mtx", f"'{kind}'")
+    return square_matrix(_MATRICES[kind](path, name), str(path))
 
 
 def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
@@ -61,6 +52,15 @@ def _from_npz(source: Path, name: str | None) -> sp.spmatrix | NDArray:
                 check_count(count, f"{source}: shape", "a count")
             return sp.load_npz(source)
         return archive[_chosen(names, name, source)]
+
+
+def _from_mat(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    content = read_mat(source)
+    return content[_chosen(list(content), name, source)]
+
+
+def _from_text(source: Path, name: str | None) -> sp.spmatrix | NDArray:
+    return read_market(source) if _is_market(source) else read_abaqus_matrix(source)[0]
 
 
 def _chosen(names: list[str], name: str | None, source: Path) -> str:
@@ -76,6 +76,16 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
 def _is_market(source: Path) -> bool:
     with open(source, "rb") as file:
         return file.read(14).lower() == b"%%matrixmarket"
+
+
+_MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
+    ".npz": _from_npz,
+    ".npy": lambda source, name: np.load(source, allow_pickle=False),
+    ".mat": _from_mat,
+    ".mtx": _from_text,
+    ".mm": _from_text,
+}
+"""What reads a matrix, by the ending of the name."""
 
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
@@ -123,8 +133,7 @@ def number_table(text: str, item: str, columns: tuple[int, ...], comments: tuple
     if not rows:
         raise mismatch(item, "at least one line of numbers", "none")
     table = np.array(rows)
-    if not np.isfinite(table).all():
-        raise mismatch(item, "finite numbers", "others")
+    require(np.isfinite(table).all(), item, "finite numbers", "others")
     return table
 
 
@@ -135,7 +144,8 @@ def as_integers(values: NDArray, item: str) -> NDArray:
     return values.astype(np.int64)
 
 
-def read_abaqus_matrix(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
+@reader("Abaqus coordinate text")
+def read_abaqus_matrix(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
     """Matrix from Abaqus coordinate text.
 
     Lines of ``row, column, value`` (``FORMAT=COORDINATE``), or of ``node, dof, node, dof, value``
@@ -147,22 +157,21 @@ def read_abaqus_matrix(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
     dofs : (n, 2) int or None
         Node and component of each row.
     """
-    with reading(path, "Abaqus coordinate text") as source:
-        with open(source, encoding="ascii", errors="replace") as file:
-            table = number_table(file.read(), str(source), (3, 5))
-        dofs = None
-        if table.shape[1] == 3:
-            row, column = (as_integers(table[:, k], f"{source}: column {k + 1}") - 1 for k in (0, 1))
-        else:
-            pairs = as_integers(table[:, :4].ravel(), str(source)).reshape(-1, 2)
-            dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
-            ends: NDArray = np.asarray(inverse).reshape(-1, 2)
-            row = ends[:, 0]
-            column = ends[:, 1]
-        n = int(max(row.max(), column.max())) + 1
-        if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
-            raise mismatch(str(source), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
-        return triangle_to_full(row, column, table[:, -1], n), dofs
+    with open(path, encoding="ascii", errors="replace") as file:
+        table = number_table(file.read(), str(path), (3, 5))
+    dofs = None
+    if table.shape[1] == 3:
+        row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
+    else:
+        pairs = as_integers(table[:, :4].ravel(), str(path)).reshape(-1, 2)
+        dofs, inverse = np.unique(pairs, axis=0, return_inverse=True)
+        ends: NDArray = np.asarray(inverse).reshape(-1, 2)
+        row = ends[:, 0]
+        column = ends[:, 1]
+    n = int(max(row.max(), column.max())) + 1
+    if min(row.min(), column.min()) < 0 or n > 10 * len(row) or n > LARGEST_COUNT:
+        raise mismatch(str(path), "rows and columns counted from 1, all of them used", f"{n} from {len(row)} entries")
+    return triangle_to_full(row, column, table[:, -1], n), dofs
 
 
 def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> sp.csr_matrix:
@@ -173,48 +182,48 @@ def triangle_to_full(row: NDArray, column: NDArray, value: NDArray, n: int) -> s
     return matrix
 
 
-def read_nodes(path: FilePath) -> tuple[NDArray, NDArray]:
+@reader("CSV with the columns number, x, y, z")
+def read_nodes(path: Path) -> tuple[NDArray, NDArray]:
     """Node numbers (n,) and positions (n, 3) from CSV with the columns number, x, y, z."""
-    with reading(path, "CSV with the columns number, x, y, z") as source:
-        table = number_table(source.read_text(errors="replace"), str(source), (4,))
-        return as_integers(table[:, 0], f"{source}: column 1"), table[:, 1:]
+    table = number_table(path.read_text(errors="replace"), str(path), (4,))
+    return as_integers(table[:, 0], f"{path}: column 1"), table[:, 1:]
 
 
-def read_dofs(path: FilePath) -> NDArray:
+@reader("CSV with the columns node, component")
+def read_dofs(path: Path) -> NDArray:
     """Node number and component (1, 2, 3) of each matrix row, (n, 2), from CSV or from text like ``12.3``."""
-    with reading(path, "CSV with the columns node, component") as source:
-        table = number_table(source.read_text(errors="replace").replace(".", " "), str(source), (2,))
-        return as_integers(table.ravel(), str(source)).reshape(-1, 2)
+    table = number_table(path.read_text(errors="replace").replace(".", " "), str(path), (2,))
+    return as_integers(table.ravel(), str(path)).reshape(-1, 2)
 
 
-def read_set(path: FilePath) -> NDArray:
+@reader("CSV of node numbers")
+def read_set(path: Path) -> NDArray:
     """Node numbers (n,) from CSV with any number of them a line, or faces (n, 3 | 4 | 6 | 8), one a line.
 
     A file with a single number a line is a set of nodes; one with a fixed count of 3, 4, 6 or 8 a line holds faces.
     """
-    with reading(path, "CSV of node numbers") as source:
-        table = number_table(source.read_text(errors="replace"), str(source), (1, 3, 4, 6, 8))
-        whole: Any = as_integers(table.ravel(), str(source)).reshape(table.shape)
-        return whole[:, 0] if whole.shape[1] == 1 else whole
+    table = number_table(path.read_text(errors="replace"), str(path), (1, 3, 4, 6, 8))
+    whole: Any = as_integers(table.ravel(), str(path)).reshape(table.shape)
+    return whole[:, 0] if whole.shape[1] == 1 else whole
 
 
-def read_elements(path: FilePath) -> tuple[NDArray, ...]:
+@reader("CSV of the node numbers of solid elements")
+def read_elements(path: Path) -> tuple[NDArray, ...]:
     """Solid elements from CSV: the node numbers of one element a line (4, 6, 8, 10, 15 or 20), corners first.
 
     Hexahedra: four corners in turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
     """
-    with reading(path, "CSV of the node numbers of solid elements") as source:
-        elements = []
-        for k, line in enumerate(source.read_text(errors="replace").splitlines(), 1):
-            words = line.replace(",", " ").replace(";", " ").split()
-            if not words or words[0].startswith(("#", "*", "%")):
-                continue
-            if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
-                raise mismatch(f"{source}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
-            elements.append([int(w) for w in words])
-        if not elements:
-            raise mismatch(str(source), "at least one element", "none")
-        return grouped(elements)
+    elements = []
+    for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+        words = line.replace(",", " ").replace(";", " ").split()
+        if not words or words[0].startswith(("#", "*", "%")):
+            continue
+        if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
+            raise mismatch(f"{path}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
+        elements.append([int(w) for w in words])
+    if not elements:
+        raise mismatch(str(path), "at least one element", "none")
+    return grouped(elements)
 
 
 def read_arrays(
@@ -285,10 +294,10 @@ def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:
     return read(given) if isinstance(given, str | os.PathLike) else given
 
 
-def _with_table(path: FilePath) -> tuple[sp.csr_matrix, NDArray | None]:
-    with reading(path, "a matrix") as source:
-        if source.suffix.lower() == ".mtx" and not _is_market(source):
-            return read_abaqus_matrix(source)
+@reader("a matrix")
+def _with_table(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
+    if path.suffix.lower() == ".mtx" and not _is_market(path):
+        return read_abaqus_matrix(path)
     return read_matrix(path), None
 
 

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from bdamper.io.reading import check_count
+from bdamper.model.checks import require
 from bdamper.util.errors import mismatch
 
 
@@ -36,8 +37,7 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     start = 1
     while start < len(lines) and (not lines[start].strip() or lines[start].lstrip().startswith("%")):
         start += 1
-    if start == len(lines):
-        raise mismatch(item, "a line of sizes", "the end of the file")
+    require(start < len(lines), item, "a line of sizes", "the end of the file")
     coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
     try:
         sizes = [int(w) for w in lines[start].split()]
@@ -51,8 +51,7 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
     count = sizes[2] if coordinate else n_values
     body = [line for line in lines[start + 1 :] if line.strip()]
-    if count != len(body):
-        raise mismatch(f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
+    require(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
     width = 3 if coordinate else 1
     words = " ".join(body).split()
     if len(words) != width * count:

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.checks import require
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError, mismatch
 from bdamper.util.hdf5 import Storable
@@ -204,8 +205,7 @@ def load_measured(path: str | PathLike[str]) -> Measured:
 
 def _lines(path: str | PathLike[str]) -> tuple[list[tuple[int, str]], list[str]]:
     """Numbered lines of a CSV file without comments and empty ones, and the names in the first of them in small letters."""
-    if Path(path).is_dir():
-        raise mismatch(str(path), "a CSV file", "a folder")
+    require(not Path(path).is_dir(), str(path), "a CSV file", "a folder")
     try:
         with open(path, newline="", encoding="utf-8-sig") as file:
             content = list(enumerate(file, 1))
@@ -225,8 +225,7 @@ def _rows(path: str | PathLike[str], lines: list[tuple[int, str]], head: list[st
             expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
             raise mismatch(f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
         yield number, row
-    if len(lines) == 1:
-        raise mismatch(str(path), "rows of numbers after the header", "none")
+    require(len(lines) > 1, str(path), "rows of numbers after the header", "none")
 
 
 ANGLES = {"": 1.0, "rad": 1.0, "deg": np.pi / 180.0, "°": np.pi / 180.0}

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,8 @@ from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody, Modes
 from bdamper.io.matrices import square_matrix, triangle_to_full
-from bdamper.io.reading import check_count, grouped, reading
+from bdamper.io.reading import check_count, grouped, reader
+from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.hdf5 import FilePath
 
@@ -38,26 +40,26 @@ def _library(module: str, name: str) -> Any:
         ) from error
 
 
-def read_op4(path: FilePath) -> dict[str, sp.csr_matrix]:
+@reader("an OP4 file", library=True)
+def read_op4(path: Path) -> dict[str, sp.csr_matrix]:
     """All square matrices of an OP4 file, by name.
 
     Raises
     ------
     FileNotFoundError, ModelError
     """
-    reader = _library("pyNastran.op4.op4", "OP4")
-    with reading(path, "an OP4 file", library=True) as source:
-        _check_op4_sizes(source)
-        content = reader(debug=False).read_op4(str(source))
-        out = {}
-        for name, value in content.items():
-            data = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
-            if data is not None and len(data.shape) == 2 and data.shape[0] == data.shape[1]:
-                stored = sp.coo_matrix(data)
-                full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
-                out[name] = square_matrix(full, f"{source}: {name}")
-        if not out:
-            raise mismatch(str(source), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
+    op4 = _library("pyNastran.op4.op4", "OP4")
+    _check_op4_sizes(path)
+    content = op4(debug=False).read_op4(str(path))
+    out = {}
+    for name, value in content.items():
+        data = getattr(value, "data", value[1] if isinstance(value, tuple) else value)
+        if data is not None and len(data.shape) == 2 and data.shape[0] == data.shape[1]:
+            stored = sp.coo_matrix(data)
+            full = triangle_to_full(stored.row, stored.col, stored.data, data.shape[0])
+            out[name] = square_matrix(full, f"{path}: {name}")
+    if not out:
+        raise mismatch(str(path), "a square matrix", {k: getattr(v, "shape", None) for k, v in content.items()})
     return out
 
 
@@ -73,7 +75,8 @@ def _check_op4_sizes(source: Any) -> None:
             check_count(count, f"{source}: head", "a size of a matrix", 1, max(1000, size))
 
 
-def read_bdf(path: FilePath) -> FEBody:
+@reader("a bulk data file of Nastran", ".bdf", ".dat", ".nas", library=True)
+def read_bdf(path: Path) -> FEBody:
     """Grid points, solid elements, sets and DMIG matrices KAAX and MAAX of a bulk data file.
 
     Raises
@@ -81,45 +84,41 @@ def read_bdf(path: FilePath) -> FEBody:
     FileNotFoundError, ModelError
     """
     bdf = _library("pyNastran.bdf.bdf", "BDF")
-    with reading(path, "a bulk data file of Nastran", library=True) as source:
-        model = bdf(debug=None)
-        text = source.read_text(encoding="latin-1")
-        if re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE):
-            model.read_bdf(str(source), xref=False, encoding="latin-1")
-        else:  # bulk data alone, with or without the lines around them
-            cards = re.split(r"^\s*BEGIN\s+BULK.*$", text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
-            model.read_bdf(StringIO(cards), punch=True, xref=False)
-        if not model.nodes:
-            raise mismatch(str(source), "grid points (GRID)", "none")
-        labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
-        numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
-        if not np.isfinite(nodes).all():
-            raise mismatch(f"{source}: GRID", "finite positions", "others")
-        elements, skipped = [], Counter[str]()
-        for element in model.elements.values():
-            corners = _SOLIDS.get(element.type)
-            if corners is None:
-                skipped[element.type] += 1
-                continue
-            own = [n for n in element.nodes if n not in (None, 0)]
-            if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
-                own = own[:corners]
-            elements.append(own)
-        axes = _displacement_axes(model, numbers, nodes)
-        sets = {
-            f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids
-        }
-        notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
-        body = FEBody(
-            numbers,
-            nodes,
-            elements=grouped(elements),
-            node_sets=sets,
-            node_axes=axes,
-            source=str(source),
-            notes=notes,
-        )
-        return _with_dmig(body, model, str(source))
+    model = bdf(debug=None)
+    text = path.read_text(encoding="latin-1")
+    if re.search(r"^\s*CEND\b", text, re.MULTILINE | re.IGNORECASE):
+        model.read_bdf(str(path), xref=False, encoding="latin-1")
+    else:  # bulk data alone, with or without the lines around them
+        cards = re.split(r"^\s*BEGIN\s+BULK.*$", text, maxsplit=1, flags=re.MULTILINE | re.IGNORECASE)[-1]
+        model.read_bdf(StringIO(cards), punch=True, xref=False)
+    if not model.nodes:
+        raise mismatch(str(path), "grid points (GRID)", "none")
+    labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
+    numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
+    require(np.isfinite(nodes).all(), f"{path}: GRID", "finite positions", "others")
+    elements, skipped = [], Counter[str]()
+    for element in model.elements.values():
+        corners = _SOLIDS.get(element.type)
+        if corners is None:
+            skipped[element.type] += 1
+            continue
+        own = [n for n in element.nodes if n not in (None, 0)]
+        if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
+            own = own[:corners]
+        elements.append(own)
+    axes = _displacement_axes(model, numbers, nodes)
+    sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
+    notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
+    body = FEBody(
+        numbers,
+        nodes,
+        elements=grouped(elements),
+        node_sets=sets,
+        node_axes=axes,
+        source=str(path),
+        notes=notes,
+    )
+    return _with_dmig(body, model, str(path))
 
 
 def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:
@@ -207,8 +206,7 @@ def read_nastran(
         rows = 6 * len(body.numbers)
         for path, name in zip((stiffness, mass or stiffness), names):
             content = read_op4(path)
-            if name not in content:
-                raise mismatch(str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
+            require(name in content, str(path), f"a matrix '{name}'", f"the matrices {sorted(content)}")
             if content[name].shape[0] != rows:
                 wanted = f"{rows} rows: six for each of {len(body.numbers)} grid points"
                 raise mismatch(str(path), wanted, content[name].shape[0])
@@ -219,8 +217,9 @@ def read_nastran(
     return replace(body, modes=modes)
 
 
+@reader("an OP2 file with real eigenvectors", library=True)
 def read_op2(
-    path: FilePath, nodal_diameter: int = 0, subcase: int | None = None, axes: Mapping[int, NDArray] | None = None
+    path: Path, nodal_diameter: int = 0, subcase: int | None = None, axes: Mapping[int, NDArray] | None = None
 ) -> Modes:
     """Real modes of an OP2 file.
 
@@ -239,27 +238,25 @@ def read_op2(
     FileNotFoundError, ModelError
     """
     op2 = _library("pyNastran.op2.op2", "OP2")
-    with reading(path, "an OP2 file with real eigenvectors", library=True) as source:
-        model = op2(debug=None)
-        model.read_op2(str(source), build_dataframe=False, skip_undefined_matrices=True)
-        if not model.eigenvectors:
-            raise mismatch(str(source), "eigenvectors", "none")
-        cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
-        if subcase is None:
-            subcase = sorted(cases)[0]
-        if subcase not in cases:
-            raise mismatch(str(source), f"a subcase out of {sorted(cases)}", subcase)
-        found = cases[subcase]
-        grid = found.node_gridtype[:, 1] == 1
-        shapes = np.moveaxis(np.asarray(found.data)[:, grid, :3], 0, 2).astype(float)
-        numbers = found.node_gridtype[grid, 0].astype(np.int64)
-        for k, number in enumerate(numbers.tolist()):
-            if axes and number in axes:
-                shapes[k] = np.asarray(axes[number]).T @ shapes[k]
-        frequency = np.asarray(found.mode_cycles, float)
-        mass = None
-        for table in model.eigenvalues.values():
-            generalised = np.asarray(getattr(table, "generalized_mass", np.empty(0)), float)
-            if len(generalised) == len(frequency) and np.all(generalised > 0.0):
-                mass = generalised
-        return Modes(nodal_diameter, frequency, numbers, shapes, mass, str(source))
+    model = op2(debug=None)
+    model.read_op2(str(path), build_dataframe=False, skip_undefined_matrices=True)
+    if not model.eigenvectors:
+        raise mismatch(str(path), "eigenvectors", "none")
+    cases = {(key[0] if isinstance(key, tuple) else key): value for key, value in model.eigenvectors.items()}
+    if subcase is None:
+        subcase = sorted(cases)[0]
+    require(subcase in cases, str(path), f"a subcase out of {sorted(cases)}", subcase)
+    found = cases[subcase]
+    grid = found.node_gridtype[:, 1] == 1
+    shapes = np.moveaxis(np.asarray(found.data)[:, grid, :3], 0, 2).astype(float)
+    numbers = found.node_gridtype[grid, 0].astype(np.int64)
+    for k, number in enumerate(numbers.tolist()):
+        if axes and number in axes:
+            shapes[k] = np.asarray(axes[number]).T @ shapes[k]
+    frequency = np.asarray(found.mode_cycles, float)
+    mass = None
+    for table in model.eigenvalues.values():
+        generalised = np.asarray(getattr(table, "generalized_mass", np.empty(0)), float)
+        if len(generalised) == len(frequency) and np.all(generalised > 0.0):
+            mass = generalised
+    return Modes(nodal_diameter, frequency, numbers, shapes, mass, str(path))

@@ -17,16 +17,13 @@ import numpy as np
 import scipy.sparse.linalg
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import FEBody
 from bdamper.io.prepare import PreparedBody
 from bdamper.model.model import ModalBasis
 from bdamper.reduction.spin import IN_PLANE, Rotation
 from bdamper.util import validate
 from bdamper.util.errors import ModelError, SettingError
-
-SMALLEST_OVERLAP = 0.99
-LINEAR = 0.1
-"""Largest deviation of the stiffness at a third speed from a straight line in the squared speed, relative to the change."""
 
 
 def over_speed(bodies: Mapping[float, FEBody]) -> FEBody:
@@ -87,7 +84,7 @@ def rotation_of(body: PreparedBody) -> Rotation | None:
             raise body.error(f"mass matrix at {omega:g} rad/s", "that of the other speed", "another")
         share = (omega**2 - first**2) / (last**2 - first**2)
         apart = norm(structure.stiffness - low.stiffness - share * change) / norm(change)
-        if not apart <= LINEAR:
+        if not apart <= BOUNDS.on_line:
             expected = f"a stiffness on the line between {first:g} and {last:g} rad/s in the squared speed"
             raise body.error(f"matrices at {omega:g} rad/s", expected, f"{100 * apart:.3g} % of the change beside it")
     softening = _spin_softening(body, per_squared_speed)
@@ -145,7 +142,7 @@ def basis_from_modes(
     known = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
     overlap = np.linalg.lstsq(shapes[known], moved[known], rcond=None)[0]
     left, sizes, right = np.linalg.svd(overlap)
-    if not (sizes[-1] >= SMALLEST_OVERLAP and sizes[0] <= 2.0 - SMALLEST_OVERLAP):
+    if not BOUNDS.combination[0] <= sizes[-1] <= sizes[0] <= BOUNDS.combination[1]:
         expected = f"combinations of the modes at {first:g} rad/s (singular values of the overlap within 1 % of 1)"
         raise body.error(item, expected, f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together")
     turning = left @ right

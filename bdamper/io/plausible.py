@@ -7,38 +7,16 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import UNITS
 from bdamper.io.prepare import PreparedBody
+from bdamper.model.checks import require
 from bdamper.model.model import Body
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.structure import Structure
 from bdamper.util.errors import mismatch
 
-SIZE = (1e-3, 30.0)
-"""Largest extent of a body, m."""
-
-DENSITY = (200.0, 30000.0)
-"""Mass over volume, kg/m3."""
-
-FREQUENCY = (0.1, 5e6)
-"""Lowest elastic frequency, Hz."""
-
-WAVE_SPEED = (1000.0, 15000.0)
-"""Of longitudinal waves in solids of which machines are made, m/s: 2200 in lead and in plastics, 12900 in beryllium."""
-
-DAMPER_SIZE = (1e-3, 10.0)
-"""Extent of a damper over that of the sector."""
-
-RADIAL_ANGLE = 15.0
-"""Largest angle (degrees) between ``radial`` and the middle of a narrow sector: a lean of the blade explains so much."""
-
 OVERRIDE = "pass check_units=False if they are right"
-
-AGREEMENT = 0.01
-"""Relative difference up to which two programs are said to agree on a frequency."""
-
-RIGID_TOLERANCE = 3e-3
-"""Strain of a rigid motion: the root of its energy over that of a stretch with the same displacements."""
 
 
 def ratio_in_words(ratio: float) -> str | None:
@@ -66,12 +44,11 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
         If they do not agree; the message names a mistaken unit that explains the ratio.
     """
     n = min(len(found), len(expected))
-    if n == 0:
-        raise mismatch(item, f"frequencies to compare with {source}", "none")
+    require(n > 0, item, f"frequencies to compare with {source}", "none")
     found, expected = np.sort(found)[:n], np.sort(expected)[:n]
     ratio = found / np.maximum(expected, 1e-300)
     error = float(np.abs(ratio - 1.0).max())
-    if error <= AGREEMENT:
+    if error <= BOUNDS.agreement:
         return error
     middle = float(np.median(ratio))
     shown = ", ".join(f"{f:.6g}" for f in found[:3])
@@ -87,8 +64,7 @@ def check_frequencies_against(
     """Compare with frequencies (Hz) from another source, and return the text of the check."""
     worst = 0.0
     for d, values in expected.items():
-        if d not in frequencies:
-            raise mismatch(source, f"nodal diameters out of {sorted(frequencies)}", d)
+        require(d in frequencies, source, f"nodal diameters out of {sorted(frequencies)}", d)
         item = f"{name}, nodal diameter {d}"
         worst = max(worst, compare_frequencies(frequencies[d], np.asarray(values, float), item, source))
     return f"frequencies agree with {source} to {100 * worst:.2g} %"
@@ -106,12 +82,11 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
     motion[:, :3] *= body.size
     stretch = np.stack([(arm * np.eye(3)[k]).ravel() for k in range(3)], axis=1)
     energy, scale = (np.einsum("ij,ij->j", u, structure.stiffness @ u) for u in (motion, stretch))
-    if not scale.max() > 0.0:
-        raise body.error("stiffness matrix", "a body that resists being stretched", "no force at all")
+    body.require(scale.max() > 0.0, "stiffness matrix", "a body that resists being stretched", "no force at all")
     strain = np.sqrt(np.abs(energy) / scale.max())
     worst = int(np.argmax(strain))
-    if not strain[worst] <= RIGID_TOLERANCE:
-        if not strain[:3].max() <= RIGID_TOLERANCE:
+    if not strain[worst] <= BOUNDS.rigid_strain:
+        if not strain[:3].max() <= BOUNDS.rigid_strain:
             worst = int(np.argmax(strain[:3]))
             hint = "fixed nodes, springs to the ground, or a table of nodes and components that does not belong to it"
         else:
@@ -128,7 +103,7 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
 def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
     """Check that both bodies come in the same unit of length: a damper is not a thousand times smaller than the sector."""
     ratio = damper.size / max(blade.size, 1e-300)
-    if not DAMPER_SIZE[0] <= ratio <= DAMPER_SIZE[1]:
+    if not BOUNDS.damper_size[0] <= ratio <= BOUNDS.damper_size[1]:
         raise mismatch(
             f"{blade.where} and {damper.where}: positions",
             "bodies in the same unit of length",
@@ -140,7 +115,7 @@ def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
 def check_radial(body: PreparedBody, n_blades: int) -> None:
     """Check that a sector narrower than a half circle stands where ``radial`` points."""
     pitch = 360.0 / n_blades
-    limit = max(pitch, RADIAL_ANGLE)
+    limit = max(pitch, BOUNDS.radial_angle)
     nodes = body.nodes[body.used]
     x, y, _ = 0.5 * (nodes.min(axis=0) + nodes.max(axis=0))
     if limit >= 180.0 or np.hypot(x, y) < 0.05 * body.size:
@@ -210,8 +185,8 @@ def _check_within(
 
 def check_sizes(body: PreparedBody, made: Body) -> list[str]:
     """Refuse sizes, densities, wave speeds and frequencies far from anything built; the texts of the checks otherwise."""
-    hint = f"{'millimetres' if body.size > SIZE[1] else 'another unit of length'} suspected"
-    _check_within(body, "positions", "an extent of", SIZE, body.size, "m", hint)
+    hint = f"{'millimetres' if body.size > BOUNDS.size[1] else 'another unit of length'} suspected"
+    _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
     texts = [f"{body.name}: extent {body.size:.4g} m"]
     if body.volume is not None and body.has_matrices:
         along = np.tile([0.0, 0.0, 1.0], len(body.nodes))
@@ -219,13 +194,13 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
         density = mass / body.volume if body.volume > 0 else np.inf
         u = body.place.units
         raw = density / u.mass * u.length**3
-        fitting = [k for k, v in UNITS.items() if DENSITY[0] <= raw * v.mass / v.length**3 <= DENSITY[1]]
+        fitting = [k for k, v in UNITS.items() if BOUNDS.density[0] <= raw * v.mass / v.length**3 <= BOUNDS.density[1]]
         hint = f"units='{fitting[0]}' would fit" if fitting else "the mass matrix is in other units"
-        _check_within(body, "mass matrix", "a density of", DENSITY, density, "kg/m3", hint)
+        _check_within(body, "mass matrix", "a density of", BOUNDS.density, density, "kg/m3", hint)
         texts.append(f"{body.name}: mass {mass:.6g} kg on free nodes, volume {body.volume:.6g} m3, {density:.4g} kg/m3")
     if body.has_matrices:
         speed, what = wave_speed(body), "a material in which longitudinal waves travel at"
-        limits = (WAVE_SPEED[0], np.inf) if body.fixed(None).any() else WAVE_SPEED
+        limits = BOUNDS.wave_speed_held if body.fixed(None).any() else BOUNDS.wave_speed
         hint = f"a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that of a metal (some 6000 m/s), other "
         hint += "units of the stiffness or the mass matrix suspected"
         _check_within(body, "stiffness and mass matrix", what, limits, speed, "m/s", hint, digits=3)
@@ -235,5 +210,5 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
         if len(elastic):
             lowest = float(np.sqrt(elastic.min()) / (2.0 * np.pi))
             hint = "units of mass or stiffness off by powers of 10 suspected"
-            _check_within(body, f"nodal diameter {d}", "a lowest frequency of", FREQUENCY, lowest, "Hz", hint)
+            _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
     return texts

@@ -17,19 +17,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
+from bdamper.model.checks import require
 from bdamper.model.model import Port
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
-
-SYMMETRY_TOLERANCE = 1e-6
-"""Largest difference between a matrix and its transpose, relative to its largest entry."""
-
-PICTURE_MODES = 10
-"""Number of modes at a nodal diameter whose shapes on the surface are kept for pictures."""
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]
@@ -70,7 +66,7 @@ def placement(axis: object, radial: object, origin: object, units: str | Units) 
     """
     given = {"axis": axis, "radial": radial, "origin": origin}
     z, y, start = (validate.numbers(name, value, 3) for name, value in given.items())
-    if not np.linalg.norm(z) or abs(z @ y) > 1e-6 * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
+    if not np.linalg.norm(z) or abs(z @ y) > BOUNDS.axes * np.linalg.norm(z) * np.linalg.norm(y) or not np.linalg.norm(y):
         raise SettingError(f"axis and radial: expected two directions at right angles, found {axis!r} and {radial!r}")
     if not isinstance(units, Units):
         units = UNITS[validate.choice("units (or Units(...))", units, sorted(UNITS))]
@@ -152,15 +148,13 @@ class PreparedBody:
         numbers, nodes = np.asarray(g.numbers), np.asarray(g.nodes, float)
         if numbers.ndim != 1 or nodes.shape != (len(numbers), 3) or len(numbers) == 0:
             raise self.error("nodes", "numbers (n,) and positions (n, 3)", f"{numbers.shape}, {nodes.shape}")
-        if numbers.dtype.kind not in "iu":
-            raise self.error("nodes", "whole node numbers", numbers.dtype)
-        if not np.isfinite(nodes).all():
-            raise self.error("nodes", "finite positions", "others")
+        self.require(numbers.dtype.kind in "iu", "nodes", "whole node numbers", numbers.dtype)
+        self.require(np.isfinite(nodes).all(), "nodes", "finite positions", "others")
         unique, count = np.unique(numbers, return_counts=True)
         if len(unique) < len(numbers):
             raise self.error("nodes", "each node number once", f"{unique[count.argmax()]} {count.max()} times")
         self.nodes: NDArray = self.place.units.length * (nodes - self.place.origin) @ self.place.rotation.T
-        if np.abs(self.nodes).max() > 1e9:
+        if np.abs(self.nodes).max() > BOUNDS.position:
             raise self.error("nodes", "positions of some metres", f"{np.abs(self.nodes).max():.3g} m")
         self._sorted = np.argsort(numbers, kind="stable")
         self._ascending = numbers[self._sorted]
@@ -168,13 +162,17 @@ class PreparedBody:
     def keep_pictures(self, nodal_diameter: int, shapes: NDArray) -> None:
         """Keep the first modes of a model (3 n_nodes, n_modes) for pictures."""
         if self.elements:
-            kept = shapes.reshape(-1, 3, shapes.shape[1])[..., :PICTURE_MODES].copy()
+            kept = shapes.reshape(-1, 3, shapes.shape[1])[..., : BOUNDS.pictured].copy()
             if np.isfinite(kept[self.used]).all():
                 self.pictures[nodal_diameter] = kept
 
     def error(self, item: str, expected: str, found: object) -> ModelError:
         """The error for something about this body that does not fit."""
         return mismatch(f"{self.where}: {item}", expected, found)
+
+    def require(self, good: bool | np.bool_, item: str, expected: str, found: object) -> None:
+        """Raise that error unless something is good."""
+        require(good, f"{self.where}: {item}", expected, found)
 
     @contextmanager
     def refusing(self, item: str, expected: str) -> Iterator[None]:
@@ -202,8 +200,7 @@ class PreparedBody:
             If there is no node of such a number.
         """
         numbers = np.asarray(numbers)
-        if numbers.dtype.kind not in "iu":
-            raise self.error(item, "whole node numbers", f"numbers of type {numbers.dtype}")
+        self.require(numbers.dtype.kind in "iu", item, "whole node numbers", f"numbers of type {numbers.dtype}")
         place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
         missing = self._ascending[place] != numbers
         if missing.any():
@@ -220,8 +217,7 @@ class PreparedBody:
             known = sorted({*self.given.node_sets, *self.given.face_sets})
             raise self.error(item, f"a set out of {known}", f"'{given}'")
         array = np.asarray(given)
-        if array.ndim != 1 or len(array) == 0:
-            raise self.error(item, "node numbers (n,)", f"shape {array.shape}")
+        self.require(array.ndim == 1 and len(array) != 0, item, "node numbers (n,)", f"shape {array.shape}")
         return np.unique(self.index(array, item))
 
     @cached_property
@@ -255,8 +251,7 @@ class PreparedBody:
             if not self.elements:
                 raise self.error(item, "faces, or elements besides the set of nodes", "nodes alone")
             found = facets_on_nodes(self.boundary, nodes)
-            if len(found) == 0:
-                raise self.error(item, "nodes that hold at least one whole face of an element", "none")
+            self.require(len(found) > 0, item, "nodes that hold at least one whole face of an element", "none")
             return found
         for group in groups:
             if group.ndim != 2 or group.shape[1] not in (3, 4, 6, 8) or len(group) == 0:
@@ -298,7 +293,7 @@ class PreparedBody:
     def check_repeated(self) -> None:
         """Refuse nodes at the same place: they are usually a mesh that was not merged."""
         used = self.used
-        pairs = cKDTree(self.nodes[used]).query_pairs(1e-9 * max(self.size, 1e-30), output_type="ndarray")
+        pairs = cKDTree(self.nodes[used]).query_pairs(BOUNDS.same_place * max(self.size, 1e-30), output_type="ndarray")
         if len(pairs):
             a, b = self.given.numbers[used[pairs[0]]]
             found = f"nodes {a} and {b} at one place and {len(pairs)} such pairs in all"
@@ -359,14 +354,12 @@ class PreparedBody:
         rows, _ = self._table
         matrix = sp.csr_matrix(given)
         n_eq = len(rows)
-        if matrix.shape != (n_eq, n_eq):
-            raise mismatch(item, f"shape ({n_eq}, {n_eq})", matrix.shape)
+        require(matrix.shape == (n_eq, n_eq), item, f"shape ({n_eq}, {n_eq})", matrix.shape)
         matrix = square_matrix(matrix, item)
         scale = float(abs(matrix).max())
-        if scale == 0.0:
-            raise mismatch(item, "numbers other than 0", "none")
+        require(scale != 0.0, item, "numbers other than 0", "none")
         difference = abs(matrix - matrix.T).tocoo()
-        if difference.nnz and difference.data.max() > SYMMETRY_TOLERANCE * scale:
+        if difference.nnz and difference.data.max() > BOUNDS.symmetry * scale:
             k = int(difference.data.argmax())
             r, c = int(difference.row[k]), int(difference.col[k])
             raise mismatch(
@@ -396,7 +389,7 @@ class PreparedBody:
         blocks = np.broadcast_to(q, (len(self.nodes), 3, 3)).copy()
         for number, axes in self.given.node_axes.items():
             axes = np.asarray(axes, float)
-            if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > 1e-6:
+            if axes.shape != (3, 3) or np.abs(axes @ axes.T - np.eye(3)).max() > BOUNDS.axes:
                 expected = "three rows at right angles, of length 1"
                 raise self.error(f"axes of node {number}", expected, axes.tolist())
             k = int(self.index(np.array([number]), "axes of nodes")[0])
@@ -428,8 +421,7 @@ class PreparedBody:
         """Mode shapes of a file (n, 3, m) as rows of all nodes (3 n_nodes, m), NaN where the file has none."""
         out = np.full((len(self.nodes), 3, shapes.shape[2]), np.nan, shapes.dtype)
         known = np.isin(numbers, self.given.numbers)
-        if not known.any():
-            raise self.error(item, "nodes of this body", "none of them")
+        self.require(known.any(), item, "nodes of this body", "none of them")
         rows = self.index(numbers[known], item)
         turned = np.broadcast_to(self.place.rotation, (len(rows), 3, 3))
         out[rows] = np.einsum("nij,njm->nim", turned, shapes[known])

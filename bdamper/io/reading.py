@@ -1,19 +1,33 @@
-"""Errors while a file of another program is read: all of them become one ModelError that names the file."""
+"""Reading files of other programs: one registry of readers, and what they share.
+
+A reader is a function of a path under :func:`reader`, which turns every failure in it into one ModelError that names the
+file, what was expected of it and what was found; with endings of names, :func:`read_body` finds it by them.  Checks within
+a file go through :func:`bdamper.model.checks.require` or, where there are lines, :meth:`Lines.require`.
+"""
 
 from __future__ import annotations
 
 import struct
 import warnings
 import zlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import wraps
 from pathlib import Path
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, ModelError, mismatch
 from bdamper.util.hdf5 import FilePath
+
+P = ParamSpec("P")
+T = TypeVar("T")
+
+_BODIES: dict[str, Callable[[FilePath], Any]] = {}
+"""Readers that return an FEBody, by the endings of the names of their files."""
 
 # Exceptions that damaged input causes in parsers and libraries.  Programming errors of this package (AttributeError,
 # NameError) pass unchanged; libraries that raise those too are read with ``library=True``.
@@ -74,10 +88,52 @@ def reading(path: FilePath, expected: str, library: bool = False) -> Iterator[Pa
         raise mismatch(str(source), expected, found) from error
 
 
+def reader(
+    expected: str, *endings: str, library: bool = False
+) -> Callable[[Callable[Concatenate[Path, P], T]], Callable[Concatenate[FilePath, P], T]]:
+    """Decorate a function that reads one kind of file, parameters as in :func:`reading`.
+
+    With ``endings`` it returns an :class:`bdamper.io.FEBody` and reads files whose names end so.
+    """
+
+    def decorate(function: Callable[Concatenate[Path, P], T]) -> Callable[Concatenate[FilePath, P], T]:
+        @wraps(function)
+        def read(path: FilePath, *args: P.args, **keywords: P.kwargs) -> T:
+            with reading(path, expected, library) as source:
+                return function(source, *args, **keywords)
+
+        _BODIES.update(dict.fromkeys(endings, read))
+        return read  # type: ignore[return-value]  # the path may be given by its name, too
+
+    return decorate
+
+
+def read_body(path: FilePath) -> Any:
+    """A body from a file of any program: its reader follows from the ending of the name.
+
+    Parameters
+    ----------
+    path : path-like
+        ``.inp`` and ``.frd`` of CalculiX or Abaqus, ``.cdb`` and ``.rst`` of Ansys, ``.bdf``, ``.dat`` and ``.nas`` of
+        Nastran, ``.unv`` and ``.uff``.
+
+    Returns
+    -------
+    FEBody
+        Nodes and what else the file has: elements, sets, modes.
+
+    Raises
+    ------
+    FileNotFoundError, ModelError
+    """
+    ending = Path(path).suffix.lower()
+    require(ending in _BODIES, str(path), f"a name that ends in one of {sorted(_BODIES)}", f"'{ending}'")
+    return _BODIES[ending](path)
+
+
 def check_count(value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT) -> int:
     """A count read from a file, if it can be one."""
-    if not smallest <= value <= largest:
-        raise mismatch(item, f"{what} from {smallest} to {largest}", value)
+    require(smallest <= value <= largest, item, f"{what} from {smallest} to {largest}", value)
     return int(value)
 
 
@@ -96,8 +152,7 @@ class Lines:
 
     def take(self, what: str) -> str:
         """The next line, which is to hold ``what``."""
-        if self._read == len(self._lines):
-            raise mismatch(str(self.source), what, "the end of the file")
+        require(self._read < len(self._lines), str(self.source), what, "the end of the file")
         self._read += 1
         return self._lines[self._read - 1]
 
@@ -109,6 +164,10 @@ class Lines:
     def item(self) -> str:
         """How messages name the line that was read last."""
         return f"{self.source}: line {self._read}"
+
+    def require(self, good: bool | np.bool_, expected: str, found: object) -> None:
+        """Raise the error for the line that was read last unless it is good."""
+        require(good, self.item, expected, found)
 
     def error(self, expected: str, found: object) -> ModelError:
         """The error for the line that was read last."""

@@ -12,15 +12,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.bounds import BOUNDS
 from bdamper.io.prepare import PreparedBody
 from bdamper.reduction.free_body import rigid_motions
-
-FORCE = 0.01
-"""Force of a rigid motion on a node, over the sum of the sizes of its parts.  On the reference sector and damper at most
-4e-15 in the right order, 4e-5 with positions rounded to a micrometre; at least 0.1 and at the median 0.4 to 0.8 in the
-order of components.  Stress stiffening adds some stress over modulus."""
-MOST = 0.5
-"""Share of the nodes on which there may be such forces: springs to the ground act on few."""
 
 
 def strained_share(body: PreparedBody) -> float | None:
@@ -42,7 +36,7 @@ def strained_share(body: PreparedBody) -> float | None:
 
     parts = size(abs(structure.stiffness) @ np.abs(motion))
     ratio = size(structure.stiffness @ motion) / np.maximum(parts, 1e-300)
-    return float((ratio.max(axis=1) > FORCE).mean())
+    return float((ratio.max(axis=1) > BOUNDS.rigid_force).mean())
 
 
 def _listed(body: PreparedBody) -> NDArray:
@@ -65,7 +59,7 @@ def _order_that_fits(body: PreparedBody) -> str | None:
             continue
         other = PreparedBody(body.name, replace(body.given, dofs=listed[order]), body.place)
         share = strained_share(other)
-        if share is not None and share <= MOST:
+        if share is not None and share <= BOUNDS.odd_ones:
             return words
     return None
 
@@ -85,7 +79,7 @@ def check_row_order(body: PreparedBody) -> None:
     if share is None:
         body.checks.append(f"{body.name}: order of the rows not checked, every node is a neighbour of a held one")
         return
-    if share <= MOST:
+    if share <= BOUNDS.odd_ones:
         where = "no force on any node" if share == 0.0 else f"a force on {100 * share:.2g} % of the nodes only"
         body.checks.append(f"{body.name}: away from held nodes rigid motions cost {where}, so rows are those of the table")
         return

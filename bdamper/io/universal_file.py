@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.measured import Measurement
-from bdamper.io.reading import Lines, grouped, reading
+from bdamper.io.reading import Lines, grouped, reader
+from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, mismatch
-from bdamper.util.hdf5 import FilePath
 
 _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
@@ -50,7 +50,8 @@ def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
     return out
 
 
-def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody:
+@reader("a universal file", ".unv", ".uff", library=True)
+def read_unv(path: Path, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody:
     """Nodes, solid elements and modes of a universal file.
 
     Parameters
@@ -63,25 +64,24 @@ def read_unv(path: FilePath, nodal_diameters: Mapping[int, int] | int = 0) -> FE
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a universal file", library=True) as source:
-        numbers: list[NDArray] = []
-        positions: list[NDArray] = []
-        found = []
-        for data in _sets(source, (15, 55, 2411, 2414)):
-            if data["type"] in (15, 2411):
-                numbers.append(np.asarray(data["node_nums"], float))
-                positions.append(np.column_stack([np.asarray(data[k], float) for k in "xyz"]))
-            else:
-                mode = _mode(data, f"{source}: data set of type {data['type']}")
-                if mode is None:
-                    continue
-                d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(mode[0], -1)
-                if d >= 0:
-                    found.append((d, *mode[1:]))
-        if not numbers:
-            raise mismatch(str(source), "nodes (data set 15 or 2411)", "none")
-        labels = np.concatenate(numbers).astype(np.int64)
-        elements = _elements(source)
+    numbers: list[NDArray] = []
+    positions: list[NDArray] = []
+    found = []
+    for data in _sets(path, (15, 55, 2411, 2414)):
+        if data["type"] in (15, 2411):
+            numbers.append(np.asarray(data["node_nums"], float))
+            positions.append(np.column_stack([np.asarray(data[k], float) for k in "xyz"]))
+        else:
+            mode = _mode(data, f"{path}: data set of type {data['type']}")
+            if mode is None:
+                continue
+            d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(mode[0], -1)
+            if d >= 0:
+                found.append((d, *mode[1:]))
+    if not numbers:
+        raise mismatch(str(path), "nodes (data set 15 or 2411)", "none")
+    labels = np.concatenate(numbers).astype(np.int64)
+    elements = _elements(path)
     modes = modes_by_diameter(found, str(path))
     return FEBody(labels, np.concatenate(positions), elements=elements, modes=modes, source=str(path))
 
@@ -108,16 +108,14 @@ def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, 
         raise mismatch(item, "three displacements at every node", f"{[k for k in keys if k in data]}")
     nodes = np.asarray(data["node_nums"]).astype(np.int64)
     shape = np.column_stack([np.asarray(data[key]) for key in keys])
-    if shape.shape != (len(nodes), 3):
-        raise mismatch(item, f"values of {len(nodes)} nodes", f"{shape.shape}")
+    require(shape.shape == (len(nodes), 3), item, f"values of {len(nodes)} nodes", f"{shape.shape}")
     return number, frequency, mass, nodes, shape
 
 
 def _components(data: dict[str, Any], item: str) -> dict[str, NDArray]:
     """Displacements x, y, z of data set 2414, real or as pairs of real and imaginary parts."""
     rows = data["data_at_node"]
-    if len({len(row) for row in rows}) != 1:
-        raise mismatch(item, "as many values at every node", sorted({len(row) for row in rows}))
+    require(len({len(row) for row in rows}) == 1, item, "as many values at every node", sorted({len(row) for row in rows}))
     values = np.array(rows, float)
     if int(data["data_type"]) in (5, 6):
         values = values[:, 0::2] + 1j * values[:, 1::2]
@@ -157,30 +155,30 @@ def _elements(source: Path) -> tuple[NDArray, ...]:
     return grouped(elements)
 
 
-def read_measurements(path: FilePath) -> tuple[Measurement, ...]:
+@reader("a universal file", library=True)
+def read_measurements(path: Path) -> tuple[Measurement, ...]:
     """Functions over frequency (data set 58) of a universal file.
 
     Raises
     ------
     FileNotFoundError, ModelError
     """
-    with reading(path, "a universal file", library=True) as source:
-        out: list[Measurement] = []
-        for data in _sets(source, (58,)):
-            if int(data.get("abscissa_spec_data_type", 18)) != 18:
-                continue  # not over frequency
-            name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
-            out.append(
-                Measurement(
-                    name,
-                    np.asarray(data["x"], float),
-                    np.asarray(data["data"]).astype(complex),
-                    int(data.get("rsp_node", 0)),
-                    int(data.get("rsp_dir", 0)),
-                    str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", ""),
-                    str(source),
-                )
+    out: list[Measurement] = []
+    for data in _sets(path, (58,)):
+        if int(data.get("abscissa_spec_data_type", 18)) != 18:
+            continue  # not over frequency
+        name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
+        out.append(
+            Measurement(
+                name,
+                np.asarray(data["x"], float),
+                np.asarray(data["data"]).astype(complex),
+                int(data.get("rsp_node", 0)),
+                int(data.get("rsp_dir", 0)),
+                str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", ""),
+                str(path),
             )
-        if not out:
-            raise mismatch(str(source), "functions over frequency (data set 58)", "none")
+        )
+    if not out:
+        raise mismatch(str(path), "functions over frequency (data set 58)", "none")
     return tuple(out)

@@ -17,6 +17,7 @@ from bdamper.io import (
     Measurement,
     read_abaqus_matrix,
     read_arrays,
+    read_body,
     read_calculix,
     read_dofs,
     read_frd,
@@ -216,6 +217,21 @@ def test_deck(tmp_path):
         np.testing.assert_allclose(vectors, [[0, 0, 1], [2, 0, 0]], atol=1e-15)
         assert body.node_sets["POINTS"].tolist() == [1, 4, 7]
         assert "elements of type S4 are not read" in str(body)
+
+
+def test_the_reader_follows_from_the_ending(tmp_path):
+    for name in ("a.inp", "B.INP"):
+        (tmp_path / name).write_text(DECK)
+        body = read_body(tmp_path / name)
+        np.testing.assert_array_equal(body.nodes, read_inp(tmp_path / name).nodes)
+        assert len(body.elements) == len(read_inp(tmp_path / name).elements) > 0
+    (tmp_path / "a.frd").write_text(DECK)
+    with pytest.raises(ModelError, match=r"a\.frd: expected a block of nodes \(2C\), found none"):
+        read_body(tmp_path / "a.frd")
+    with pytest.raises(FileNotFoundError, match=r"there is no file '.*none\.cdb'"):
+        read_body(tmp_path / "none.cdb")
+    with pytest.raises(ModelError, match=r"a\.stp: expected a name that ends in one of \['\.bdf', .*found '\.stp'"):
+        read_body(tmp_path / "a.stp")
 
 
 BAD_DECKS = [
