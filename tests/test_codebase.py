@@ -1,9 +1,11 @@
 """The house: which room may use what, sizes, who may import what, and that the documents run."""
 
 import ast
+import io
 import os
 import re
 import runpy
+import tokenize
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -229,6 +231,269 @@ def test_tests_mirror_the_rooms():
     across = {"anchors", "c", "core", "data", "examples", "fuzz", "golden", "hard", "physics", "unit"}
     folders = {path.parent.name for path in (ROOT / "tests").glob("*/test_*.py")}
     assert folders - across <= rooms
+
+
+# ---- what is counted, and what stands in one place ----
+
+CODE, CONSTANTS = 23_726, 358
+"""Lines with code and numeric constants of modules that the package may have."""
+
+
+def spans(nodes) -> set[int]:
+    return {line for node in nodes for line in range(node.lineno, node.end_lineno + 1)}
+
+
+def is_text(node: ast.AST) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+
+
+def code_lines(path: Path) -> int:
+    """Lines with code: no texts that stand by themselves, comments, blank lines and imports."""
+    text, skipped = path.read_text(), ("NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER", "COMMENT")
+    nodes = list(ast.walk(ast.parse(text)))
+    code = set()
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if tokenize.tok_name[token.type] not in skipped:
+            code |= set(range(token.start[0], token.end[0] + 1))
+    return len(code - spans(n for n in nodes if is_text(n)) - spans(n for n in nodes if is_import(n)))
+
+
+def is_import(node: ast.AST) -> bool:
+    return isinstance(node, ast.Import | ast.ImportFrom)
+
+
+def constants(path: Path) -> list[tuple[str, str]]:
+    """Names in capitals that a module assigns, with what each is given."""
+    found = []
+    for node in ast.parse(path.read_text()).body:
+        if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            several = isinstance(node.value, ast.Tuple) and len(names) > 1
+            values = node.value.elts if several else [node.value] * len(names)
+            for name, value in zip(names, values):
+                if isinstance(name, ast.Name) and name.id.isupper():
+                    found.append((name.id, ast.unparse(value if several else node.value)))
+    return found
+
+
+def test_the_package_does_not_grow():
+    numeric = sum(any(c.isdigit() for c in value) for path in python_files() for _, value in constants(path))
+    assert sum(map(code_lines, python_files())) <= CODE
+    assert numeric <= CONSTANTS
+
+
+SEVERAL = {
+    ("continuation", "TWO_PI"), ("peaks", "AGREES"), ("peaks", "AT_END"), ("peaks", "LEVEL"), ("peaks", "NEAR"),
+    ("plot", "STYLES"), ("speed", "FOLLOWING"), ("stability", "FEWEST"),
+}  # fmt: skip
+"""Public names that several modules of one room assign; they shall become fewer."""
+
+
+def test_a_name_has_one_value_in_its_room():
+    """A public name in capitals is assigned once in a room; another room may mean something else by it."""
+    where: dict[tuple[str, str], set[str]] = {}
+    for path in python_files():
+        for name, _ in constants(path):
+            if not name.startswith("_") and len(name) > 1:  # type variables have one letter
+                where.setdefault((room(module_name(path)), name), set()).add(module_name(path))
+    found = {key: modules for key, modules in where.items() if len(modules) > 1 and key not in SEVERAL}
+    assert not found, found
+
+
+def calls(path: Path) -> set[str]:
+    """What a file calls, as it is written."""
+    return {ast.unparse(n.func) for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Call)}
+
+
+def callers(pattern: str) -> set[str]:
+    return {module_name(p) for p in python_files() if any(re.search(pattern, call) for call in calls(p))}
+
+
+ONE_OF_EACH = {
+    # linear equations outside the core: statics, fits, reductions, and what still has a Newton method of its own
+    r"linalg\.(solve|lstsq|inv|pinv|lu_factor|lu_solve|cho_factor|cho_solve)$": {
+        "contact.preload", "contact.preload_forces", "contact.residual_modes", "contact.stiffness", "effects.indicator",
+        "harmonic_balance.system", "io.over_speed", "model.coupling", "model.local", "model.validation",
+        "peaks.sensitivity", "reduction.bonded", "reduction.free_body", "reduction.local_coordinates",
+        "reduction.patches", "speed.run_up", "stability.time_integration", "wheel.krylov",
+    },
+    # the Newton method of the core, and the elimination of a wheel
+    r"\bcore\.(correct|peak|solve)$": {"harmonic_balance.system", "wheel.system"},
+    # a corrected point: the follower, its starts and events, what verifies a solution; and wheels
+    r"system\.(correct|correct_at|solve)$|^correct$": {
+        "continuation.coverage", "continuation.events", "continuation.follower", "continuation.start", "effects.richer",
+        "peaks.highest", "peaks.newton", "wheel.peak", "wheel.solution", "wheel.static", "wheel.track",
+    },
+    # HDF5
+    r"create_dataset$|create_group$": {"io.model_file", "io.model_groups", "util.hdf5"},
+}  # fmt: skip
+"""Calls, and the modules that may make them; the lists shall become shorter."""
+
+
+@pytest.mark.parametrize("pattern", list(ONE_OF_EACH))
+def test_one_of_each(pattern):
+    found = callers(pattern)
+    assert found, "the pattern finds nothing"
+    assert found <= ONE_OF_EACH[pattern], f"use what there is: {found - ONE_OF_EACH[pattern]}"
+
+
+# ---- objects that are made stay as they are ----
+
+WRITES = {"speed.family": 2, "speed.run_up": 3}
+"""Writes to ``__dict__`` and ``__class__`` that are left; they shall become fewer."""
+PLANTED = {"speed.family": 1, "util.hdf5": 1, "util.validate": 1}
+"""Uses of ``object.__setattr__`` on what is not being made; ``validate.fields`` is called by what is."""
+
+
+def is_kept(node: ast.AST) -> bool:
+    """``x.__dict__``, ``vars(x)``, ``x.__class__`` or an entry of one."""
+    node = node.value if isinstance(node, ast.Subscript) else node
+    called = isinstance(node, ast.Call) and last_name(node.func) == "vars"
+    return called or (isinstance(node, ast.Attribute) and node.attr in ("__dict__", "__class__"))
+
+
+def writes(tree: ast.AST) -> int:
+    """To ``__dict__`` and ``__class__``: assigned, deleted, or by a method of the mapping that changes it."""
+    n = 0
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign | ast.Delete):
+            targets = [node.target] if isinstance(node, ast.AugAssign | ast.AnnAssign) else node.targets
+            parts = [part for target in targets for part in getattr(target, "elts", [target])]
+            n += sum(is_kept(part) for part in parts)
+        elif isinstance(node, ast.Call):
+            method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
+            n += method in ("update", "pop", "popitem", "setdefault", "clear", "__setitem__") and is_kept(node.func.value)
+    return n
+
+
+def planted(tree: ast.AST) -> int:
+    """Uses of ``object.__setattr__`` and ``setattr`` but on ``self`` in ``__post_init__`` and methods that it calls."""
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    making = [node for node in functions if node.name == "__post_init__"]
+    asked = {last_name(n.func) for node in making for n in ast.walk(node) if isinstance(n, ast.Call)}
+    making += [node for node in functions if node.name.startswith("_") and node.name in asked]
+    inside = {id(n) for node in making for n in ast.walk(node)}
+    setters = "object.__setattr__", "super().__setattr__", "setattr"
+    found = [node for node in ast.walk(tree) if isinstance(node, ast.Call) and ast.unparse(node.func) in setters]
+    return sum(id(node) not in inside or ast.unparse(node.args[0]) != "self" for node in found)
+
+
+@pytest.mark.parametrize(("count", "left"), [(writes, WRITES), (planted, PLANTED)])
+def test_objects_stay_as_they_were_made(count, left):
+    found = {module_name(path): count(ast.parse(path.read_text())) for path in python_files()}
+    assert not {name: n for name, n in found.items() if n > left.get(name, 0)}
+
+
+@pytest.mark.parametrize(
+    ("count", "text", "n"),
+    [
+        (writes, "a.__dict__['x'] = 1\na.__dict__.update(x=1)\na.__class__ = B\ndel a.__dict__['x']\nvars(a)['x'] = 1", 5),
+        (writes, "x = a.__dict__.get('y'), a.__class__.__name__\n'__str__' in base.__dict__", 0),
+        (planted, "class A:\n def __post_init__(self):\n  object.__setattr__(self, 'x', 1)\n  self._more()\n"
+                  " def _more(self):\n  object.__setattr__(self, 'y', 1)", 0),
+        (planted, "class A:\n def __post_init__(self):\n  object.__setattr__(other, 'x', 1)\n"
+                  " def with_(self):\n  object.__setattr__(self, 'y', 1)", 2),
+    ],
+)  # fmt: skip
+def test_the_guards_see_writes(count, text, n):
+    assert count(ast.parse(text)) == n
+
+
+# ---- words ----
+
+ANY = {
+    "accuracy": 1, "contact": 1, "continuation": 1, "design": 1, "fatigue": 6, "fe": 1, "io": 7, "masses": 6,
+    "peaks": 2, "plot": 10, "problem": 2, "speed": 5, "stability": 1, "util": 20,
+}  # fmt: skip
+"""Public parameters whose type is left open, by room: they shall become fewer."""
+
+
+def open_parameters(tree: ast.AST) -> list[str]:
+    """Parameters of public functions and methods that are annotated with ``Any`` alone."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and not node.name.startswith("_"):
+            given = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
+            found += [f"{node.name}({a.arg})" for a in given if a.annotation and ast.unparse(a.annotation) == "Any"]
+    return found
+
+
+def test_public_functions_say_what_they_take():
+    found: dict[str, list[str]] = {}
+    for path in python_files():
+        found.setdefault(room(module_name(path)), []).extend(open_parameters(ast.parse(path.read_text())))
+    more = {name: names for name, names in found.items() if len(names) > ANY.get(name, 0)}
+    assert not more, more
+
+
+LONGEST_DOCSTRING = 30
+LONG = {
+    "Crossings", "Curve", "Effects", "FEBody", "Hysteresis", "MarginCurve", "MistunedSample", "OptimalCurve", "Peak",
+    "RunUp", "Settings", "WheelPeak", "accuracy_cost", "bladed_disk", "build_model", "crossings", "from_fe", "lumped",
+    "mistuned_sample", "optimal_curve", "settle", "stability.disturbances", "stability.floquet", "sweep",
+    "sweep_in_time", "verify",
+}  # fmt: skip
+"""Names with longer docstrings, which shall become fewer."""
+NAMED = re.compile(
+    r"\bshipped (?:disk|rig|model)|\b(?:paper|bladed)_disk\b|\btest_rig\b"
+    r"|(?<![\w.])\d[\d.,]* (?:ms|s|seconds?|minutes?)\b"
+)
+"""Shipped models and seconds: a measurement on one, which docs/measured.md holds."""
+MEASURED = {
+    "accuracy": 3, "continuation": 4, "fe": 1, "peaks": 6, "plot": 1, "problem": 1, "reduction": 2, "shipped": 1,
+    "speed": 2, "stability": 3, "wheel": 6,
+}  # fmt: skip
+"""Docstrings with measurements, by room, which shall become fewer."""
+
+
+def docstrings(tree: ast.AST) -> list[tuple[str, str]]:
+    """Names and texts: docstrings, and texts under a constant or a field."""
+    found = []
+    for node in ast.walk(tree):
+        for child in getattr(node, "body", []) if isinstance(getattr(node, "body", None), list) else []:
+            if is_text(child):
+                found.append((getattr(node, "name", ""), child.value.value))
+    return found
+
+
+def test_docstrings_stay_short():
+    long = {
+        name or module_name(path)
+        for path in python_files()
+        for name, text in docstrings(ast.parse(path.read_text()))
+        if len(text.strip().splitlines()) > LONGEST_DOCSTRING
+    }
+    assert long <= LONG, long - LONG
+
+
+def test_measurements_stand_in_the_documents():
+    found: dict[str, int] = {}
+    for path in python_files():
+        n = sum(bool(NAMED.search(text)) for _, text in docstrings(ast.parse(path.read_text())))
+        found[room(module_name(path))] = found.get(room(module_name(path)), 0) + n
+    more = {name: n for name, n in found.items() if n > MEASURED.get(name, 0)}
+    assert not more, f"to docs/measured.md: {more}"
+
+
+def test_the_stub_of_the_core_names_all_of_it():
+    from bdamper import _core
+
+    stub = ast.parse((PACKAGE / "_core.pyi").read_text())
+    classes = {node.name: node for node in stub.body if isinstance(node, ast.ClassDef)}
+    functions = {node.name for node in stub.body if isinstance(node, ast.FunctionDef)}
+    public = {name for name in functions | set(classes) if not name.startswith("_")}
+    assert public == {name for name in dir(_core) if not name.startswith("__")}
+    for name, node in classes.items():
+        kind = getattr(_core, name, None)
+        if kind is None:  # what classes of the stub share
+            continue
+        body = [*node.body, *(n for base in node.bases if (above := classes.get(last_name(base))) for n in above.body)]
+        members = {n.name for n in body if isinstance(n, ast.FunctionDef)}
+        members |= {n.target.id for n in body if isinstance(n, ast.AnnAssign)}
+        skipped = {"n_fields", "n_sequence_fields", "n_unnamed_fields", "count", "index"}
+        there = {n for n in vars(kind) if not n.startswith("_")} - (skipped if issubclass(kind, tuple) else set())
+        assert {n for n in members if not n.startswith("__")} == there, name
 
 
 @pytest.mark.slow

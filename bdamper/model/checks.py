@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util.errors import mismatch
 
-HERMITIAN_TOLERANCE = 1e-8
+SINGLE, ROUNDING = 1e-6, 1e-8
+"""Tolerances, relative to the size of the numbers compared: for data of single precision where such data are common
+(normals, modes), and for the rounding of a large factorisation elsewhere."""
 
 _TYPES = {
     "real": ((np.float64,), "real numbers in double precision"),
@@ -44,7 +44,7 @@ def check_type(value: object, expected: type, item: str) -> None:
         raise mismatch(item, f"a {expected.__name__}", f"a {type(value).__name__}")
 
 
-def check_array(array: Any, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
+def check_array(array: object, shape: tuple[int | None, ...], item: str, kind: str = "real") -> None:
     """Type, shape (None stands for any size) and finiteness."""
     if not isinstance(array, np.ndarray):
         raise mismatch(item, "a NumPy array", f"a {type(array).__name__}")
@@ -81,7 +81,7 @@ def check_all(good: NDArray, array: NDArray, expected: str, item: str) -> None:
 def check_hermitian(matrix: NDArray, item: str, word: str = "Hermitian") -> None:
     error = np.abs(matrix - matrix.conj().T)
     size = np.abs(matrix).max(initial=0.0)
-    if not error.max(initial=0.0) <= HERMITIAN_TOLERANCE * size:
+    if not error.max(initial=0.0) <= ROUNDING * size:
         at = tuple(int(i) for i in np.unravel_index(np.argmax(error), error.shape))
         raise mismatch(item, f"a {word} matrix", f"a difference of {error[at]:.3g} at {at}, size {size:.3g}")
 

@@ -28,6 +28,7 @@ from scipy.linalg import eigh
 
 from bdamper.model.basis import ModalBasis
 from bdamper.model.checks import (
+    ROUNDING,
     check_all,
     check_array,
     check_hermitian,
@@ -38,9 +39,6 @@ from bdamper.model.checks import (
 )
 from bdamper.util.errors import mismatch
 from bdamper.util.repr import brief
-
-UNCOUPLED = 1e-8
-"""Largest entry of the stiffness between cantilever modes and other coordinates, relative to their own stiffnesses."""
 
 
 @brief
@@ -211,12 +209,12 @@ def _check_cantilever(local: LocalBasis, item: str) -> None:
     expected[:, :m] = np.diag(local.omega2)
     size = np.sqrt(np.maximum(np.abs(np.diag(local.blade_stiffness)), local.omega2.min()))
     error = np.abs(local.blade_stiffness[:m] - expected) / np.outer(size[:m], size)
-    if not error.max() <= UNCOUPLED:
+    if not error.max() <= ROUNDING:
         i, j = (int(k) for k in np.unravel_index(error.argmax(), error.shape))
         found = f"{local.blade_stiffness[i, j]:.9g} instead of {expected[i, j]:.9g} at ({i}, {j})"
         raise mismatch(f"{item}/blade_stiffness", "omega2 on the diagonal of cantilever modes, 0 beside", found)
     smallest = np.linalg.eigvalsh(local.blade_stiffness / np.outer(size, size))[0]
-    require(smallest >= -UNCOUPLED, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
+    require(smallest >= -ROUNDING, f"{item}/blade_stiffness", "no negative eigenvalue", f"{smallest:.3g} of its size")
 
 
 def _check_flexibility(local: LocalBasis, n: int, item: str) -> None:

@@ -25,7 +25,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from os import PathLike
+from typing import Any, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -270,7 +271,7 @@ class Model(Plottable):
             start += n
         raise KeyError(f"body '{body}' has no port {port}; it has {list(self.bodies[body].ports)}")
 
-    def plot_mode(self, mode: int = 1, path: Any = None, **options: Any) -> Any:
+    def plot_mode(self, mode: int = 1, path: str | PathLike[str] | None = None, **options: Any) -> Any:
         """Draw a mode of a blade in 3-D, counted from 1 (:func:`bdamper.plot.plot_mode`)."""
         return draw(self, "plot_mode", mode, path, **options)
 
@@ -345,7 +346,13 @@ class Model(Plottable):
         return digest.hexdigest()[:16]
 
 
-def feed_digest(digest: Any, key: str, value: object) -> None:
+class Digest(Protocol):
+    """What hashes bytes."""
+
+    def update(self, data: bytes, /) -> None: ...
+
+
+def feed_digest(digest: Digest, key: str, value: object) -> None:
     """Add a value of any kind that a model holds to a digest, with the path that leads to it."""
     if isinstance(value, np.ndarray):
         digest.update(f"{key}:{value.dtype.str}{value.shape}".encode())

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from bdamper.model.checks import check_array, check_hermitian, check_one_of, check_type, require
+from bdamper.model.checks import SINGLE, check_array, check_hermitian, check_one_of, check_type, require
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.spin import SpeedBasis, SpinStatic
 from bdamper.util.errors import mismatch
 
 STIFFNESS_TOLERANCE = 1e-9
-FLEXIBILITY_TOLERANCE = 1e-6
 
 
 def check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
@@ -48,7 +47,7 @@ def check_speed(basis: ModalBasis, speed: SpeedBasis, item: str) -> None:
     whole = speed.residual(speed.omega_ref) + (shapes[:, used] / basis.omega2[used]) @ shapes[:, used].conj().T
     error = np.linalg.norm(whole - basis.flexibility) / (np.linalg.norm(basis.flexibility) or 1.0)
     expected = "residual0 + omega_ref^2 residual2 + Phi Omega^-2 Phi^H = flexibility"
-    require(error <= FLEXIBILITY_TOLERANCE, f"{item}/residual0", expected, f"a relative difference of {error:.3g}")
+    require(error <= SINGLE, f"{item}/residual0", expected, f"a relative difference of {error:.3g}")
 
 
 def check_spin(body: Body, spin: SpinStatic, item: str) -> None:

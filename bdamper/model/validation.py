@@ -26,6 +26,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.model.checks import (
+    ROUNDING,
+    SINGLE,
     check_all,
     check_array,
     check_hermitian,
@@ -37,6 +39,7 @@ from bdamper.model.checks import (
     is_positive_definite,
     require,
 )
+from bdamper.model.coupling import RIGID_NAMES
 from bdamper.model.local import LocalBasis, check_local
 from bdamper.model.model import (
     Body,
@@ -54,16 +57,10 @@ from bdamper.model.spin_checks import check_speed, check_spin
 from bdamper.model.stress import StressSet, check_stress
 from bdamper.util.errors import mismatch
 
-N_RIGID = 6
+N_RIGID = len(RIGID_NAMES)
 SOURCES = ("eq4", "unit_traction", "residual_modes", "user")
 
-# Tolerances, relative to the size of the numbers compared.  They admit data of single precision where such
-# data are common (normals, modes), and the rounding of a large factorisation elsewhere.
-FRAME_TOLERANCE = 1e-6
 RIGID_TOLERANCE = 1e-5
-UNIT_TOLERANCE = 1e-6
-SEMIDEFINITE_TOLERANCE = 1e-6
-REAL_TOLERANCE = 1e-8
 NEAREST_FREQUENCY = 0.05  # of the lowest mode of a local basis with few shapes of the interface
 
 
@@ -167,7 +164,7 @@ def _check_interface(interface: Interface, model: Model, item: str) -> None:
 def _check_frame(frame: NDArray, item: str) -> None:
     error = np.abs(frame @ frame.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     worst = int(np.argmax(error))
-    if not error[worst] <= FRAME_TOLERANCE:
+    if not error[worst] <= SINGLE:
         found = f"an error of {error[worst]:.3g} in their products at point {worst}"
         raise mismatch(item, "orthonormal rows t1, t2, n", found)
     left = np.flatnonzero(np.linalg.det(frame) < 0)
@@ -269,7 +266,7 @@ def _check_local(body: Body, model: Model, item: str) -> None:
     for d, basis in body.bases.items():
         omega2 = local.nodal_diameter(d).omega2[: basis.n_modes]
         ratio = np.sqrt(omega2 / np.sort(basis.omega2)[: len(omega2)])
-        if not (ratio.min() >= 1.0 - SEMIDEFINITE_TOLERANCE and ratio[0] <= 1.0 + NEAREST_FREQUENCY):
+        if not (ratio.min() >= 1.0 - SINGLE and ratio[0] <= 1.0 + NEAREST_FREQUENCY):
             expected = f"frequencies of nd{d:03d} or above, the lowest within {100 * NEAREST_FREQUENCY:g} %"
             raise mismatch(item, expected, f"{ratio[0]:.6g} times the lowest, {ratio.min():.9g} times at least")
 
@@ -357,7 +354,7 @@ def _check_flexibility(basis: ModalBasis, n_rigid: int, item: str) -> None:
     shapes = basis.contact_modes.reshape(len(flexibility), basis.n_modes)[:, n_rigid:]
     rest = flexibility - (shapes / basis.omega2[n_rigid:]) @ shapes.conj().T
     size = np.linalg.norm(flexibility)
-    allowed = SEMIDEFINITE_TOLERANCE * size
+    allowed = SINGLE * size
     if not (np.isfinite(size) and np.isfinite(rest).all()):
         raise mismatch(
             item, "numbers whose squares are finite", f"sizes up to {np.abs(flexibility).max():.3g}"
@@ -379,7 +376,7 @@ def _check_real(basis: ModalBasis, item: str, lumped: bool) -> None:
         size = max((np.abs(values).max(initial=0.0) for values in arrays.values()), default=0.0)
         for key, values in arrays.items():
             largest = np.abs(values.imag).max(initial=0.0)
-            if not largest <= REAL_TOLERANCE * size:
+            if not largest <= ROUNDING * size:
                 found = f"imaginary parts up to {largest:.3g}, size {size:.3g}"
                 raise mismatch(f"{item}/{key}", "real numbers at nodal diameter 0", found)
 
@@ -390,7 +387,7 @@ def _check_load(load: BodyLoad, basis: ModalBasis, item: str) -> None:
     check_array(load.generalised, (basis.n_modes,), f"{item}/generalised")
     check_array(load.displacement, (len(basis.contact_modes), 3), f"{item}/displacement")
     length = np.linalg.norm(load.direction)
-    require(abs(length - 1) <= UNIT_TOLERANCE, f"{item}/direction", "a unit vector", f"length {length:.9g}")
+    require(abs(length - 1) <= SINGLE, f"{item}/direction", "a unit vector", f"length {length:.9g}")
 
 
 # -----------------------------------------------------------------------------------------------------------

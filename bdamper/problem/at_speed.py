@@ -23,7 +23,7 @@ Table = Mapping[float, float] | Callable[[float], float]
 """A function of one number, or its values: linear in between, and refused outside."""
 
 
-def read(name: str, table: Any, at: float) -> float:
+def read(name: str, table: Table, at: float) -> float:
     """The value of a function, or of a table interpolated linearly, at a number within it."""
     if callable(table):
         return validate.number(f"{name} at {at:g}", table(at))
@@ -33,7 +33,7 @@ def read(name: str, table: Any, at: float) -> float:
     return float(np.interp(at, places, [table[x] for x in places]))
 
 
-def _check_table(name: str, table: Any) -> None:
+def _check_table(name: str, table: object) -> None:
     if callable(table):
         return
     if not isinstance(table, Mapping) or not table:
@@ -88,7 +88,7 @@ class Conditions:
         return Conditions(**given)
 
     def __repr__(self) -> str:  # the same from run to run
-        def named(value: Any) -> str:
+        def named(value: object) -> str:
             return f"{value.__module__}.{value.__qualname__}" if hasattr(value, "__qualname__") else repr(value)
 
         given = {f.name: getattr(self, f.name) for f in fields(self)}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +61,9 @@ def _check_stiffness(problem: Problem, kind: str) -> None:
 
 
 @one_thread
-def check_question(problem: Problem, preload: Sequence[float] | NDArray, frequency: Any = None) -> None:
+def check_question(
+    problem: Problem, preload: Sequence[float] | NDArray, frequency: tuple[float, float] | None = None
+) -> None:
     """Warn of preloads (N), valid ones, and of an interval (Hz, optional), not checked yet, as a user asks for them.
 
     Functions that users call do this once, for the whole range; those that others call a thousand times, in threads and

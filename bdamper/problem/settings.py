@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, asdict, dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from bdamper.problem.effects import (
     BLADE_MODES,
     HARMONICS,
     LAW_NAMES,
+    SWITCHES,
     Effects,
     check_law,
     check_traction,
@@ -38,8 +39,6 @@ PAPER: Mapping[str, Any] = {
     "contact_stiffness": "eq4", "blade_modes": 10, "damper_modes": 0, "harmonics": 1, "single_basis": True
 }  # fmt: skip
 """Settings of the paper (sections 2.2, 3.2 and 4.1): ``Study(model, ..., **PAPER)``, ``study.with_(**PAPER)``."""
-SWITCHES = ("bias", "variable_normal_load", "separation", "constraints")
-"""Effects of which a text tells where they are off."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -392,7 +391,16 @@ class Settings:
         return settings
 
 
-def check_result(problem: Any, result: Any, name: str = "result") -> None:
+class SomeResult(Protocol):
+    """What a result keeps of the study that it is of."""
+
+    @property
+    def settings(self) -> dict[str, Any]: ...
+    @property
+    def model_hash(self) -> str: ...
+
+
+def check_result(problem: Settings, result: SomeResult, name: str = "result") -> None:
     """Refuse a result of another model, of another rotor speed among them, or of other settings.
 
     Parameters

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError, mismatch
@@ -75,7 +75,9 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     # ---- where deviations come from ----
 
     @classmethod
-    def from_frequencies(cls, frequency: Any, reference: Any = None, source: str = "given frequencies") -> Self:
+    def from_frequencies(
+        cls, frequency: ArrayLike, reference: ArrayLike | None = None, source: str = "given frequencies"
+    ) -> Self:
         """Deviations of measured frequencies of the blades, each clamped at its root.
 
         Parameters
@@ -99,7 +101,7 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
         return cls(values / (base[0] if values.ndim == 1 else base) - 1.0, "kept", source)
 
     @classmethod
-    def from_csv(cls, path: FilePath, reference: Any = None) -> Self:
+    def from_csv(cls, path: FilePath, reference: ArrayLike | None = None) -> Self:
         """Deviations of measured blade frequencies in a file, each blade clamped at its root.
 
         Parameters

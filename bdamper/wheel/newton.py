@@ -18,6 +18,8 @@ from bdamper.wheel.system import PLAIN, Ease, Inverse, Linearised, WheelSystem
 
 Plane = tuple[NDArray, float]
 
+TOLERANCE = 1e-9
+"""On the residual, relative to excitation and static load."""
 LOOSE = 1e-2
 """Largest relative residual of a Newton step's linear equations."""
 SLOW = 0.2
@@ -56,7 +58,7 @@ def correct(
     omega: float,
     plane: Plane | None = None,
     *,
-    tolerance: float = 1e-9,
+    tolerance: float = TOLERANCE,
     least: int = 0,
     most: int = 12,
     line_search: bool = False,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from bdamper.util.status import COMPLETE, HELD, Statuses
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
 from bdamper.wheel.peak import WheelPeakOptions, peak
 from bdamper.wheel.results import OfWheel
+from bdamper.wheel.wheel_problem import WheelProblem
 
 
 @brief
@@ -102,7 +103,9 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         return "\n".join(f"{fact.name}: {fact.text}" for fact in self.facts()) + f"\n  {self.cost}"
 
 
-def optimal_curve(wheel: Any, preloads: Sequence[float], *, options: WheelPeakOptions | None = None) -> WheelOptimalCurve:
+def optimal_curve(
+    wheel: WheelProblem, preloads: Sequence[float], *, options: WheelPeakOptions | None = None
+) -> WheelOptimalCurve:
     """Highest amplitude of any blade at each of several preloads, every one searched for anew.
 
     Parameters

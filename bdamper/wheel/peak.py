@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, replace
-from typing import Any
+from math import tau
 
 import numpy as np
 import scipy.linalg
@@ -28,11 +28,12 @@ from numpy.typing import NDArray
 
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
-from bdamper.wheel.newton import Corrected, Plane, correct, plane_across, size_of, solved
+from bdamper.wheel.newton import TOLERANCE, Corrected, Plane, correct, plane_across, size_of, solved
 from bdamper.wheel.results import WheelPeak
 from bdamper.wheel.solution import SPRINGS, solution
 from bdamper.wheel.system import PLAIN, Ease, Inverse, WheelSystem
-from bdamper.wheel.track import TOLERANCE, TWO_PI, cost_of
+from bdamper.wheel.track import cost_of
+from bdamper.wheel.wheel_problem import WheelProblem
 
 GAIN, EXACT = 1e-5, 1e-8
 """By how much, relatively, an amplitude may still rise where a climb ends: on the way, and at the highest peak."""
@@ -60,8 +61,6 @@ the highest peak, 2.5 % above that of the first."""
 RISE = 0.06
 """By how much any peak may rise when it is freed.  On the 12 other wheels of the module's docstring the highest is that
 after freeing all four peaks; without this one of them is 1.7 % too low."""
-HALF = 10.0**-0.5
-"""Of the springs, where the next ones lead to no peak at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +138,7 @@ class WheelPeakOptions:
         validate.fields(self, validate.whole, "climbs", "least", "most", least=1)
 
 
-def band(wheel: Any, preload: float) -> tuple[float, float, float]:
+def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
     """Frequencies (Hz) between which blades may have peaks, and the width of the tuned peak at half its power.
 
     Every contact point is replaced by the spring and the damper that do what it does in the first harmonic at the tuned
@@ -179,12 +178,12 @@ def band(wheel: Any, preload: float) -> tuple[float, float, float]:
     deviation = wheel.mistuning.deviation
     low = min(omega, *found.values()) * (1.0 + min(0.0, float(deviation.min()))) - 2.0 * width
     high = max(omega, *found.values()) * (1.0 + max(0.0, float(deviation.max()))) + 2.0 * width
-    return low / TWO_PI, high / TWO_PI, width / TWO_PI
+    return low / tau, high / tau, width / tau
 
 
 @one_thread
 def peak(
-    wheel: Any,
+    wheel: WheelProblem,
     preload: float,
     frequency: tuple[float, float] | None = None,
     *,
@@ -218,12 +217,12 @@ def peak(
     low, high, width = band(wheel, preload)
     low, high = frequency or (low, high)
     n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
-    points = TWO_PI * np.linspace(low, high, n)
+    points = tau * np.linspace(low, high, n)
     swept = _sweep(system, mean, points, options.loose)
     gap = _gap(points, swept)
-    climbs = _Climbs(wheel, system, TWO_PI * width, (float(points[0]), float(points[-1])))
+    climbs = _Climbs(wheel, system, tau * width, (float(points[0]), float(points[-1])))
     peaks = climbs.held(_candidates(wheel, swept, options.climbs))
-    held = np.array([(c.blade, c.at.omega / TWO_PI, c.height) for c in peaks]).reshape(-1, 3)
+    held = np.array([(c.blade, c.at.omega / tau, c.height) for c in peaks]).reshape(-1, 3)
     peaks = climbs.exact(climbs.freed(peaks))
     top = max(peaks, key=lambda peak: peak.height, default=None)
     best, springs = (None, 0.0) if top is None else (top.at, top.springs[-1])
@@ -231,7 +230,7 @@ def peak(
     empty = np.zeros((wheel.n_blades, 0))
     return WheelPeak(
         preload=float(preload),
-        frequency=np.nan if best is None else best.omega / TWO_PI,
+        frequency=np.nan if best is None else best.omega / tau,
         amplitude=np.nan if top is None else top.height,
         blade=-1 if top is None else top.blade,
         tuned_frequency=tuned.frequency,
@@ -239,7 +238,7 @@ def peak(
         response=empty if best is None else wheel.response(best.X),
         shares=empty if best is None else wheel.damper_shares(best.at.shares),
         climbs=np.column_stack([held, np.array([(c.springs[-1], c.height) for c in peaks]).reshape(-1, 2)]),
-        sweep_frequency=np.array([found.omega for found in met]) / TWO_PI,
+        sweep_frequency=np.array([found.omega for found in met]) / tau,
         sweep_amplitude=np.array([np.abs(wheel.response(found.X)[:, 1]) for found in met]).reshape(-1, wheel.n_blades),
         status=_status(top, gap, springs),
         reason=_reason(top, gap, f"{len(peaks)} peaks climbed from {len(met)} of {n} points"),
@@ -288,7 +287,7 @@ def _gap(omega: NDArray, swept: list[Corrected | None]) -> tuple[float, float] |
     return float(omega[begin[k]]), float(omega[end[k] - 1])
 
 
-def _candidates(wheel: Any, swept: list[Corrected | None], n: int) -> list[tuple[Corrected, int]]:
+def _candidates(wheel: WheelProblem, swept: list[Corrected | None], n: int) -> list[tuple[Corrected, int]]:
     """Highest local maxima of single blades on the sweep, of different blades or frequencies; ends of gaps count, too.
 
     Another blade at the same frequency counts only if it is nearly as high (``NEARLY``).
@@ -320,7 +319,7 @@ def _reason(top: _Climbed | None, gap: tuple[float, float] | None, found: str) -
             f"amplitude by some {100.0 * top.error:.2g} %"
         )
     if gap is not None:
-        parts.append(f"no solution found between {gap[0] / TWO_PI:.6g} and {gap[1] / TWO_PI:.6g} Hz")
+        parts.append(f"no solution found between {gap[0] / tau:.6g} and {gap[1] / tau:.6g} Hz")
     return "; ".join(parts)
 
 
@@ -338,7 +337,7 @@ class _Climbs:
         Peaks beyond it do not count.
     """
 
-    wheel: Any
+    wheel: WheelProblem
     system: WheelSystem
     width: float
     band: tuple[float, float]
@@ -385,7 +384,7 @@ class _Climbs:
         """The same peak with the next springs, or with those on the way to them."""
         before = peak.springs[-1]
         target = next(springs for springs in WEAKER if springs < 0.99 * before)
-        nearer = HALF * before
+        nearer = before * np.sqrt(WEAKER[1] / WEAKER[0])  # half of a step on the way
         for springs in (target, nearer) if nearer > max(1.01 * target, 0.2 * WEAKER[2]) else (target,):
             found = self._of_highest(peak.at, peak.blade, Ease(springs=springs), peak.plane)
             if found is not None:
@@ -413,7 +412,7 @@ class _Climbs:
 
 
 def climb(
-    wheel: Any,
+    wheel: WheelProblem,
     system: WheelSystem,
     X: NDArray,
     omega: float,

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.model.model import Model
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import Storable
@@ -228,7 +229,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic."""
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
-    def plot_wheel(self, model: Any, *arguments: Any, **options: Any) -> Any:
+    def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:
         """Draw all blades of the model in 3-D, coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
 

@@ -31,8 +31,8 @@ SPRINGS = 1.0
 no solution, with 0.3 and 1 all have; the highest amplitudes of both differ by 0.3 %."""
 DAMPING = 0.03, 0.3
 """Damping from which to set off."""
-LEAST = 2e-4
-"""Below this the next step is to none."""
+SLIGHT = 2e-4
+"""Damping below which the next step is to none."""
 EASY = 0.2
 """Newton step, relative to the vibration, with which solutions on the way are content."""
 
@@ -72,7 +72,7 @@ def _undamped(
     """The solution to which that with damping leads as the damping is taken back."""
     ratio = 0.3
     while damping > 0.0:
-        lower = damping * ratio if damping * ratio > LEAST else 0.0
+        lower = damping * ratio if damping * ratio > SLIGHT else 0.0
         eased = replace(ease, damping=lower)
         new = near(system, found.X, found.omega, eased, tolerance, EASY if lower else content)
         if new.converged:

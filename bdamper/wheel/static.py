@@ -16,12 +16,11 @@ from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.points import PointArrays
 from bdamper.util.errors import SettingError, StaticError
 from bdamper.wheel.constants import Constants
-from bdamper.wheel.newton import correct, walked
+from bdamper.wheel.newton import TOLERANCE, correct, walked
 from bdamper.wheel.static_points import StaticPoints
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
 
-TOLERANCE = 1e-10
 STEPS = 8
 
 
@@ -86,9 +85,9 @@ def static_wheel(
         while done != target:
             now = target if abs(target - done) <= 1.000001 * abs(step) else done + step
             system = system_at(now, start)
-            found = correct(system, X, 0.0, tolerance=TOLERANCE, most=40, line_search=True)
+            found = correct(system, X, 0.0, tolerance=0.1 * TOLERANCE, most=40, line_search=True)
             if not found.converged:
-                found = walked(system, X, 0.0, tolerance=TOLERANCE)
+                found = walked(system, X, 0.0, tolerance=0.1 * TOLERANCE)
             if not found.converged:
                 step *= 0.5
                 if abs(step) < least:

@@ -12,8 +12,8 @@ circulant: one matrix for each nodal diameter, applied by a Fourier transform ov
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from bdamper.model.local_model import local_model
 from bdamper.problem.problem import Problem
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
+from bdamper.wheel.mistuning import Mistuning
 
 
 @brief
@@ -84,7 +85,7 @@ class Structure:
         return self.n + self.n_damper
 
     @classmethod
-    def of(cls, study: Problem, mistuning: Any = None) -> Structure:
+    def of(cls, study: Problem, mistuning: Mistuning | None = None) -> Structure:
         """The structure of a wheel with the settings of a study.
 
         Parameters
@@ -135,7 +136,7 @@ class Structure:
             sector=sector,
         )
 
-    def with_mistuning(self, mistuning: Any) -> Structure:
+    def with_mistuning(self, mistuning: Mistuning) -> Structure:
         """The same wheel with other blades."""
         return replace(self, stiffness=_blades(self.local, self.n_blades, mistuning))
 
@@ -143,7 +144,7 @@ class Structure:
         """The same wheel with dampers (n_blades,) times as heavy."""
         return replace(self, damper_mass=self.damper_mass[:1] * factor[:, None])
 
-    def location_rows(self, location: str, direction: Any, what: str) -> NDArray:
+    def location_rows(self, location: str, direction: str | Sequence[float], what: str) -> NDArray:
         """(n,) motion of a location on the blade along a direction, by its coordinates."""
         place = self.tuned.model.locations[location]
         if self.local.locations.get(location) is None:
@@ -216,7 +217,7 @@ def _reversed(local: LocalBasis) -> tuple[LocalBasis, NDArray]:
     return turned, order
 
 
-def _blades(local: LocalBasis, n_blades: int, mistuning: Any) -> NDArray:
+def _blades(local: LocalBasis, n_blades: int, mistuning: Mistuning | None) -> NDArray:
     """(n_blades, n, n) stiffness of every blade."""
     out = np.repeat(local.blade_stiffness[None], n_blades, axis=0)
     if mistuning is None:

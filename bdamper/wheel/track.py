@@ -9,6 +9,8 @@ the last points instead of tangents, which would each cost a solution of the equ
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from math import tau
 from typing import Any
 
 import numpy as np
@@ -18,16 +20,14 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.status import NOT_FOUND
-from bdamper.wheel.newton import Corrected, correct, plane_across, size_of, solved, walked
+from bdamper.wheel.newton import TOLERANCE, Corrected, correct, plane_across, size_of, solved, walked
 from bdamper.wheel.results import WheelCurve
 from bdamper.wheel.solution import solution
 from bdamper.wheel.system import PLAIN, Ease, WheelSystem
+from bdamper.wheel.wheel_problem import WheelProblem
 
-TWO_PI = 2.0 * np.pi
-TOLERANCE = 1e-9
-"""On the residual, relative to excitation and static load."""
-FIRST, LEAST = 0.05, 1e-6
-"""First and least step, relative to the vibration."""
+FIRST, SHORTEST = 0.05, 1e-6
+"""First and shortest step, relative to the vibration."""
 SHORT = 5e-3
 """Step below which a path tries whether a damper has come free."""
 
@@ -100,7 +100,7 @@ def _along(a: tuple[NDArray, float], b: tuple[NDArray, float], unit: float, unit
 
 @one_thread
 def track(
-    wheel: Any,
+    wheel: WheelProblem,
     preload: float,
     frequency: tuple[float, float],
     *,
@@ -137,12 +137,12 @@ def track(
     ease = Ease(springs=validate.number("springs", springs, least=0.0))
     system, mean = wheel.system(preload)
     before = system.evaluations, system.factorisations, system.iterations
-    limits = TWO_PI * frequency[0], TWO_PI * frequency[1]
+    limits = tau * frequency[0], tau * frequency[1]
     records: list[tuple[Any, ...]] = []
 
     def keep(found: Corrected, kind: str) -> None:
         shares = wheel.damper_shares(found.at.shares)
-        records.append((found.omega / TWO_PI, wheel.response(found.X), shares, found.residual, kind))
+        records.append((found.omega / tau, wheel.response(found.X), shares, found.residual, kind))
 
     first = start(system, mean, limits[1 if from_high else 0], ease)
     if first is None:
@@ -182,7 +182,9 @@ def cost_of(system: WheelSystem, watch: tuple[float, float], before: tuple[int, 
     )
 
 
-def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) -> tuple[str, str]:
+def follow(
+    path: Path, keep: Callable[[Corrected, str], None], up: bool, max_points: int, max_step: float
+) -> tuple[str, str]:
     """Follows the curve until it leaves the interval; returns status and reason."""
     system, (low, high) = path.system, path.limits
     step, rising, inverse = FIRST, up, None
@@ -199,7 +201,7 @@ def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) ->
             if end.converged and path.distance((end.X, end.omega), here, unit, unit_omega) < 2.0 * step:
                 keep(end, "end")
                 whole = (bound == high) == up
-                where = f"{bound / TWO_PI:.6g} Hz"
+                where = f"{bound / tau:.6g} Hz"
                 return ("complete", f"reached {where}") if whole else ("turned back", f"came back to {where}")
         new = None if beyond else correct(
             system, X, omega, plane, ease=path.ease, tolerance=TOLERANCE, least=1, most=12, inverse=inverse,
@@ -219,8 +221,8 @@ def follow(path: Path, keep: Any, up: bool, max_points: int, max_step: float) ->
                     keep(new, "regular")
                     step = SHORT
                     continue
-            if step < LEAST:
-                return "stalled", f"at {here[1] / TWO_PI:.6g} Hz: no solution at the smallest step"
+            if step < SHORTEST:
+                return "stalled", f"at {here[1] / tau:.6g} Hz: no solution at the smallest step"
             continue
         inverse = new.inverse
         turned = (new.omega > here[1]) != rising

@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, Self
+from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bdamper.peaks.highest import highest_peak
-from bdamper.peaks.newton import Peak
-from bdamper.problem.problem import Problem
-from bdamper.util import validate
-from bdamper.util.blas import one_thread
-from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-from bdamper.wheel.constants import Constants
-from bdamper.wheel.loading import Loaded, loaded, wheel_constants, wheel_system
-from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.optimal import optimal_curve
 from bdamper.wheel.peak import peak
-from bdamper.wheel.structure import Structure
-from bdamper.wheel.system import WheelSystem
 from bdamper.wheel.track import track
+from bdamper.wheel.wheel_problem import WheelProblem
 
 
 @brief
 @dataclass(frozen=True, eq=False)
-class Wheel:
+class Wheel(WheelProblem):
     """All blades and dampers of a wheel at once, blades mistuned and dampers different.
 
     Laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local basis of the
@@ -53,149 +37,6 @@ class Wheel:
         If a setting does not fit a wheel, or the model has no local basis.
     """
 
-    study: Problem
-    mistuning: Any = None
-    dampers: DamperVariation | None = None
-    forces: Any = None
-    _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
-    _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
-    _structure: Structure | None = field(default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        validate.instance("study", self.study, Problem, "a Study")
-        n = self.study.model.n_blades
-        given = self.mistuning
-        if given is None:
-            given = np.zeros(n)
-        mistuning = given if isinstance(given, Mistuning) else Mistuning(given)
-        if mistuning.n_blades != n:
-            raise SettingError(f"mistuning: expected deviations of {n} blades, found {mistuning.n_blades}")
-        object.__setattr__(self, "mistuning", mistuning)
-        if self.dampers is not None:
-            validate.instance("dampers", self.dampers, DamperVariation)
-            if self.dampers.n_blades != n:
-                raise SettingError(f"dampers: expected {n} dampers, found {self.dampers.n_blades}")
-        if self.forces is not None:
-            try:
-                forces = np.array(self.forces, complex)
-            except (TypeError, ValueError):
-                forces = np.array(np.nan)
-            if forces.shape != (n,) or not np.isfinite(forces).all() or not forces.any():
-                raise validate.unfit("forces", f"{n} finite complex numbers, not all zero", self.forces)
-            object.__setattr__(self, "forces", forces)
-        shared = self._structure
-        if shared is None:
-            shared = Structure.of(self.study, self.mistuning)
-        if self.dampers is not None:
-            shared = shared.with_damper_mass(self.dampers.mass)
-        object.__setattr__(self, "_structure", shared)
-
-    def with_(self, **changes: Any) -> Self:
-        """The same wheel with another ``mistuning``, other ``dampers`` or ``forces``; what does not change is shared."""
-        for name in changes:
-            validate.choice("settings of a wheel", name, ("mistuning", "dampers", "forces"))
-        if "mistuning" in changes:
-            given = np.zeros(self.n_blades) if changes["mistuning"] is None else changes["mistuning"]
-            mistuning = given if isinstance(given, Mistuning) else Mistuning(given)
-            changes["mistuning"] = mistuning
-            if mistuning.n_blades == self.n_blades:
-                changes["_structure"] = self.structure.with_mistuning(mistuning)
-        if "dampers" in changes and changes["dampers"] is None:
-            changes["_structure"] = changes.get("_structure", self.structure).with_damper_mass(np.ones(self.n_blades))
-        return replace(self, **changes)
-
-    @property
-    def structure(self) -> Structure:
-        """Matrices of the wheel."""
-        assert self._structure is not None
-        return self._structure
-
-    @property
-    def n_blades(self) -> int:
-        return self.study.model.n_blades
-
-    def tuned(self) -> Any:
-        """The study of one sector that spans the same space as this wheel, with the same contact stiffness."""
-        return self.structure.tuned
-
-    @cached_property
-    def excitation(self) -> NDArray:
-        """(n_blades, n_sector) complex forces on the coordinates, first harmonic."""
-        s, tuned = self.structure, self.structure.tuned
-        e = tuned.excitation
-        row = s.location_rows(e.location, e.direction, "excitation")
-        n = np.arange(self.n_blades)
-        turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades
-        wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * turned)
-        out = np.zeros((self.n_blades, s.n_sector), complex)
-        out[:, : s.n] = (wave if self.forces is None else self.forces)[:, None] * row
-        if not out.any():
-            raise SettingError(f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'")
-        return out
-
-    @cached_property
-    def response_row(self) -> NDArray:
-        """(n,) blade coordinates to the response."""
-        place = self.structure.tuned.response_location
-        return self.structure.location_rows(place.location, place.direction, "response")
-
-    def response(self, X: NDArray) -> NDArray:
-        """(n_blades, n_harmonics + 1) complex response of unknowns."""
-        x = X[..., : self.structure.n] @ self.response_row
-        out = np.empty((x.shape[0], x.shape[1] // 2 + 1), complex)
-        out[:, 0] = x[:, 0]
-        out[:, 1:] = x[:, 1::2] - 1j * x[:, 2::2]
-        return out
-
-    def damper_shares(self, shares: NDArray) -> NDArray:
-        """(n_blades, 3) stick, slip and open of every damper, from those of all points (n_blades, n_points, 5)."""
-        rub = self.structure.tuned.friction > 0.0
-        part = shares[:, rub] if rub.any() else np.full((len(shares), 1, 5), np.nan)
-        stick, slip = 0.5 * (part[..., 0] + part[..., 2]), 0.5 * (part[..., 1] + part[..., 3])
-        return np.stack([stick, slip, part[..., 4]], axis=-1).mean(axis=1)
-
-    @cached_property
-    def constants(self) -> Constants:
-        """What the equations have in common whatever the preload, and memory for their elimination."""
-        return wheel_constants(self.structure, self.dampers)
-
-    def system(self, preload: float) -> tuple[WheelSystem, NDArray]:
-        """Equations at a preload (N), with counts of their own, and the mean motion (n_blades, n_sector) at rest."""
-        preload = self.tuned().check_preload(preload)
-        if preload not in self._states:
-            self._states[preload] = loaded(self.structure, preload, self.dampers)
-        state = self._states[preload]
-        return wheel_system(self.constants, state, self.excitation), state.mean
-
-    @one_thread
-    def tuned_peak(self, preload: float) -> Peak:
-        """Highest peak of the tuned wheel at a preload, by its one sector."""
-        if preload not in self._tuned_peaks:
-            self._tuned_peaks[preload] = highest_peak(self.tuned(), preload)
-        return self._tuned_peaks[preload]
-
-    def settings(self) -> dict[str, Any]:
-        """Settings that results keep."""
-        return self.tuned().record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)}
-
-    def track(self, preload: float, frequency: tuple[float, float], **options: Any) -> Any:
-        """Response of all blades over a frequency interval (:func:`bdamper.wheel.track.track`)."""
-        return track(self, preload, frequency, **options)
-
-    def peak(self, preload: float, frequency: tuple[float, float] | None = None, **options: Any) -> Any:
-        """Highest amplitude of any blade at a preload (:func:`bdamper.wheel.peak.peak`)."""
-        return peak(self, preload, frequency, **options)
-
-    def optimal_curve(self, preloads: Sequence[float], **options: Any) -> Any:
-        """Highest amplitude of any blade over the preload (:func:`bdamper.wheel.optimal.optimal_curve`)."""
-        return optimal_curve(self, preloads, **options)
-
-    def __str__(self) -> str:
-        s = self.structure
-        lines = [
-            f"wheel of {self.n_blades} blades, {s.n} coordinates each, {s.n_damper} of each damper",
-            f"  {self.mistuning}",
-            f"  {self.dampers or 'dampers all alike'}",
-            *(f"  {line}" for line in str(s.tuned).split("\n")),
-        ]
-        return "\n".join(lines)
+    track = track
+    peak = peak
+    optimal_curve = optimal_curve

@@ -5,7 +5,7 @@ import pytest
 
 from bdamper.wheel import Mistuning, Wheel
 from bdamper.wheel import peak as module
-from bdamper.wheel.newton import correct
+from bdamper.wheel.newton import TOLERANCE, correct
 from bdamper.wheel.solution import solution
 from bdamper.wheel.system import Ease
 from tests.wheel.test_symmetry import PATTERN, N, study
@@ -51,7 +51,7 @@ def test_a_held_peak_solves_the_equations_with_its_springs():
     assert top.status == "held" and top.found and not top.converged and top.springs > 0.0
     system, _ = wheel.system(300.0)
     omega = 2.0 * np.pi * top.frequency
-    assert system.size(system.residual(top.unknowns, omega, Ease(springs=top.springs))) <= module.TOLERANCE
+    assert system.size(system.residual(top.unknowns, omega, Ease(springs=top.springs))) <= TOLERANCE
     assert system.size(system.residual(top.unknowns, omega)) > 1e-6
 
 
@@ -89,7 +89,7 @@ def test_the_peak_is_that_of_its_highest_blade(seed, preload):
     low = int(np.argmin(np.abs(top.response[:, 1])))
     left, _ = module.climb(wheel, system, top.unknowns, again.omega, low, width, ease)
     heights = np.abs(wheel.response(left.X)[:, 1])  # of a blade that stays below another the top is not looked for
-    assert (left.residual <= module.TOLERANCE) == (heights[low] > 0.98 * heights.max())
+    assert (left.residual <= TOLERANCE) == (heights[low] > 0.98 * heights.max())
     for aside in (-2e-4 * width, 2e-4 * width):  # on either side that blade is lower
         found = correct(system, top.unknowns, again.omega + aside, ease=ease, tolerance=1e-12, most=30, line_search=True)
         assert found.converged and np.abs(wheel.response(found.X)[top.blade, 1]) < (1.0 + 1e-9) * top.amplitude
