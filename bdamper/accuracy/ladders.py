@@ -354,8 +354,7 @@ def accuracy_cost(
 ) -> AccuracyCost:
     """The cheapest combination of settings within a tolerance of the richest one, and what others cost.
 
-    The richest combination takes most of the time: at the default preload some seconds on the shipped disk, much more where
-    a damper is nearly loose.
+    The richest combination takes most of the time, above all where a damper is nearly loose.
 
     Parameters
     ----------

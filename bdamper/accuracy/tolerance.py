@@ -4,13 +4,13 @@ A curve or a peak to a tolerance is computed with the study's own harmonics, two
 more at a time, up to :data:`MOST_MORE` more, until amplitude and frequency of the last three rungs that are known differ by
 no more than the tolerance.  The richest whole answer is the result; if the last three do not agree it says "not converged"
 and their range.  Rungs that are incomplete are not known and agree with nothing; beyond the first three none is tried after
-one of these (on the shipped disk at 104 N, 270 to 380 Hz, three in a row took 192 of 213 s to no avail).  An optimal curve
+one of these (three in a row took 90 % of the time of a ladder to no avail).  An optimal curve
 keeps the study's own harmonics; tracking curves with more say at its optimum and at some other preloads what these would
 change.  Where the model lacks the nodal diameters of more harmonics, or samples are too few for them, the ladder ends there
 and says so.
 
-Of the shipped disk (residual modes, five blade modes, nine points, 300 to 380 Hz) at 125 N 3, 5, 7 and 9 harmonics give
-0.0606, 0.0630, 0.0784 and 0.0683 mm: that two rungs agree proves nothing, three are better and no proof (docs/accuracy.md).
+That two rungs agree proves nothing, three are better and no proof: 3, 5, 7 and 9 harmonics may give 0.0606, 0.0630, 0.0784
+and 0.0683 mm (docs/measured.md, *How often the ladder and the estimates hold*).
 """
 
 from __future__ import annotations
@@ -55,8 +55,8 @@ SPREAD = (1.0 / 6.0, 0.5, 5.0 / 6.0)
 """Where over the preloads of an optimal curve, in their order, two more harmonics are tried besides its optimum."""
 APART = 1.2
 """Ratio of the preloads on both sides of the optimum to its own, at least: on a dense grid the next ones tell nothing more.
-Those of 50 preloads from 10 to 10,000 N did not tell that on the shipped disk five harmonics have a lower resonance at
-132 N than at its optimum, 104 N."""
+Those of 50 preloads from 10 to 10,000 N did not tell that five harmonics have a lower resonance at 132 N than at the
+optimum of three, 104 N."""
 
 Answer = TypeVar("Answer", Curve, Peak)
 

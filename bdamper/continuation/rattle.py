@@ -4,10 +4,8 @@ A preload that hardly holds the damper lets it fly for most of the cycle and com
 the next.  Harmonic balance then finds many periodic solutions, which the curve connects by folds, and a march in time from
 the highest of them finds no steady amplitude.
 
-It is a sign, no proof, and it comes late.  On 84 curves of 12 scenes (the shipped disk with unit tractions in modes 1 to 4,
-lumped wedges; ``python -m benchmarks rattle``) 11 show it, and on none of these does the marched amplitude become steady
-within 250 periods.  Of the other 73 it does not on 18 either, at 0.53 to 1.08 of the amplitude of harmonic balance: above
-the preloads of the sign a solution may be unstable, and a damper without damping of its own may chatter.
+It is a sign, no proof, and it comes late (docs/measured.md, *Where a damper rattles*): on none of the 11 curves of 84 that
+show it does the marched amplitude become steady within 250 periods, and on 18 of the others neither.
 """
 
 from __future__ import annotations
@@ -20,11 +18,10 @@ from bdamper.problem.problem import Problem
 NO_STEADY = "no steady periodic response"
 FOLDS = 14
 """Turning points of a curve in frequency from which on it is a tangle.  With 12 the same 11 of 84 curves show the sign, but
-the optimal curve of the shipped disk (unit tractions, three harmonics) ends at 49 N instead of 42 N, and a march at 50 N
-comes to rest."""
+an optimal curve ends at 49 N instead of 42 N, and a march at 50 N comes to rest."""
 OPEN = 0.5
 """Share of the cycle that the contacts are open at the highest response, mean over the friction points that are closed at
-rest: over rotor speed the faces part at two of three points of the shipped disk before anything vibrates.  Without this
+rest: over rotor speed the faces of most points may part before anything vibrates.  Without this
 limit three more of the 84 curves show the sign, and on one of them the marched amplitude is steady."""
 
 

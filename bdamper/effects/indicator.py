@@ -12,8 +12,8 @@ follows a resonance that moves:
 One Jacobian of the other system and one factorisation give both.  ``R`` a second time, at ``y - B^-1 R``, tells how far
 the linear estimate holds: what the same weights make of it is the *defect*, the part of the change that it has missed.
 
-An estimate with its defect is an order of magnitude, to tell the small from what has to be computed.  On the shipped test
-rig at 500 N (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7 % and the true
+An estimate with its defect is an order of magnitude, to tell the small from what has to be computed.  On a test
+rig (five harmonics, without separation) the estimated change of amplitude is +5.6 %, its defect 3.7 % and the true
 change +1.3 %.
 """
 

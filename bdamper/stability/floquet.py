@@ -297,7 +297,7 @@ def with_stability(
         ``in_time`` march from every point.
     in_time : bool
         Ask the motion in time which solutions a blade keeps (:mod:`bdamper.stability.in_time`): a point is stable if the
-        motion that starts there keeps its amplitude to 5 %.  Some seconds for each point that is judged.  Where it remains
+        motion that starts there keeps its amplitude to 5 %.  Where it remains
         undecided, or after Ctrl-C, what the other settings find is kept, "as far as the harmonics tell" (``curve.labels``).
     progress : bool
         Show a bar of the points marched in time; mostly about half of them are.

@@ -15,7 +15,7 @@ diameter of the wave on ``N`` sectors leaves 1 over ``N``).  So a travelling wav
 which costs ``1/N`` of a period and knows all other disturbances of the ring as well.  Newton's method from the solution
 finds the fixed point of ``(q, q', w)``, and the eigenvalues ``mu`` of its Jacobian, by differences, give the multipliers
 ``mu^N`` of that motion.  Sliders that do not move within a period are no part of the state.  Events fall between steps, so
-multipliers are of first order in the step: within 0.01 on the shipped disk at the step used.
+multipliers are of first order in the step: within 0.01 at the step used.
 
 So growth that is too slow to show in a short march is found: a motion that seems to stay, with a multiplier outside the
 unit circle, is marched until a part of the disturbance (:data:`SHARE`) would have grown to twice the tolerance, if that

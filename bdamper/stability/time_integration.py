@@ -45,8 +45,8 @@ ACCURACY = 0.5
 of periodic motions by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter by 7 %."""
 QUICK = 200.0
 """Coordinates whose own frequency is so many times that of the excitation count as without mass: of what they move by,
-the third harmonic is off by 2e-4, and on the shipped disk (residual modes, 356.9 Hz, 500 N) ten periods end 1e-4 from
-those with mass, in steps 1.6 to 2.6 times as long."""
+the third harmonic is off by 2e-4, and ten periods of a disk end 1e-4 from those with mass, in steps 1.6 to 2.6 times as
+long."""
 MOST_PERIODS = 100
 """Periods of a given motion within which sliders must settle: two, but many under the coupled laws."""
 

@@ -167,8 +167,7 @@ def verify(
     """March in time from a point of a tracking curve and say whether the motion agrees with it.
 
     All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed
-    (:mod:`bdamper.stability.verification`).  The march ends as soon as it is decided: most often after 48 to 200 periods,
-    which take a second on the shipped disk with nine points and ten seconds with its residual modes.
+    (:mod:`bdamper.stability.verification`).  The march ends as soon as it is decided, most often after 48 to 200 periods.
 
     Parameters
     ----------

@@ -1,0 +1,53 @@
+"""One question asked of two problems: what counts as an answer, and what changes."""
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.effects import richer
+from bdamper.effects.richer import Tops, ask, compare, whole_curve
+
+BAND = (0.1, 0.35)
+
+
+@pytest.fixture(scope="module")
+def study():
+    return bd.lumped(
+        [[1.0]], [[0.05]], [[1.0]], contacts=[bd.Contact(normal=0, kn=0.5, gap=1.0)], forces={0: 0.1}, harmonics=3
+    )
+
+
+def test_a_failure_is_an_answer(study):
+    def fails(problem):
+        raise bd.BdamperError("nothing there")
+
+    found = ask(study, fails)
+    assert found.why == "nothing there" and found.result is None and found.seconds >= 0.0
+    assert np.isnan([found.amplitude, found.frequency]).all()
+
+
+def test_curve_peak_and_numbers_are_read_alike(study):
+    curve, peak = ask(study, lambda p: p.track(0.0, BAND)), ask(study, lambda p: p.peak(0.0, BAND))
+    assert curve.why == peak.why == ""
+    assert curve.amplitude == curve.result.peak.amplitude == pytest.approx(peak.amplitude, rel=1e-6)
+    assert ask(study, lambda p: (peak.amplitude, peak.frequency))[:3] == peak[:3]
+    # an end of the interval is no peak, and says so
+    assert "highest at an end" in ask(study, lambda p: p.peak(0.0, (0.1, 0.12))).why
+    with pytest.raises(bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"):
+        whole_curve(study, 0.0, (0.1, 0.12))
+    assert len(whole_curve(study, 0.0, (0.1, 0.12), at_end=True))
+
+
+def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
+    other = study.with_(harmonics=5)
+    tops = Tops.of(study, study.track(0.0, BAND))
+    true = other.peak(0.0, BAND).amplitude / tops.peaks[0].amplitude - 1.0
+    by_curve = compare(study, other, 0.0, tops)
+    assert by_curve.how == "found anew by a whole curve" and by_curve.amplitude == pytest.approx(true, rel=1e-4)
+
+    def none(*_, **__):
+        raise AssertionError("followed")
+
+    monkeypatch.setattr(richer, "track", none)
+    solved = compare(study, other, 0.0, tops, by_newton=True)
+    assert solved.how == "solved" and solved.amplitude == pytest.approx(true, rel=1e-4) and abs(true) > 1e-5
