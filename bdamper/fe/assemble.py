@@ -13,6 +13,7 @@ scalar element; the three components of node ``a`` are the degrees of freedom ``
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,25 +21,18 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementHexS2, MeshHex
 
 from bdamper.fe.geometry import Material
+from bdamper.reduction.facets import Facets, boundary_facets
+from bdamper.reduction.patches import SQUARE
 from bdamper.reduction.structure import Structure
-
-# C3D20: bottom corners, top corners, bottom middles, top middles, upright middles, on the cube [-1, 1]^3.
-_CORNERS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-_MIDDLES = np.array([[0, -1], [1, 0], [0, 1], [-1, 0]], float)
-_C3D20 = np.concatenate(
-    [
-        np.column_stack([xy, np.full(4, z)])
-        for xy, z in ((_CORNERS, -1), (_CORNERS, 1), (_MIDDLES, -1), (_MIDDLES, 1))
-    ]
-    + [np.column_stack([_CORNERS, np.zeros(4)])]
-)
 
 
 def local_order() -> NDArray:
     """For each of the 20 local nodes in the order of CalculiX and Abaqus the number of the same node in scikit-fem."""
     ours = 2.0 * ElementHexS2().doflocs - 1.0
-    distance = np.abs(_C3D20[:, None] - ours[None]).max(axis=2)
-    return distance.argmin(axis=1)
+    middles = 0.5 * (SQUARE + np.roll(SQUARE, -1, axis=0))
+    layers = ((SQUARE, -1.0), (SQUARE, 1.0), (middles, -1.0), (middles, 1.0), (SQUARE, 0.0))  # on the cube [-1, 1]^3
+    theirs = np.concatenate([np.column_stack([xy, np.full(4, z)]) for xy, z in layers])
+    return np.abs(theirs[:, None] - ours[None]).max(axis=2).argmin(axis=1)
 
 
 @dataclass(frozen=True)
@@ -57,14 +51,17 @@ class Discretisation(Structure):
     elements: NDArray
     material: Material
 
+    @cached_property
+    def surface(self) -> Facets:
+        """All outer faces."""
+        return boundary_facets((self.elements[:, local_order()],), self.nodes)
+
 
 def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     """Assemble stiffness and mass of ``mesh``."""
     basis = Basis(mesh, ElementHexS2(), intorder=5)
     gradient = np.stack([b[0].grad for b in basis.basis], axis=1)  # (3, 20, n_elements, n_points)
-    value = np.stack(
-        [np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis]
-    )  # (20, n_elements, n_points)
+    value = np.stack([np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis])  # (20, n_elements, n_points)
     e, nu = material.youngs_modulus, material.poisson_ratio
     lame, shear = e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
 
@@ -83,16 +80,12 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     n_nodes = basis.N
     dof = (3 * elements[:, :, None] + np.arange(3)).reshape(len(elements), 60)
     stiffness = sp.coo_matrix(
-        (k.ravel(), (np.repeat(dof, 60, axis=1).ravel(), np.tile(dof, (1, 60)).ravel())),
-        shape=(3 * n_nodes,) * 2,
+        (k.ravel(), (np.repeat(dof, 60, axis=1).ravel(), np.tile(dof, (1, 60)).ravel())), shape=(3 * n_nodes,) * 2
     ).tocsr()
     scalar = sp.coo_matrix(
-        (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())),
-        shape=(n_nodes,) * 2,
+        (m.ravel(), (np.repeat(elements, 20, axis=1).ravel(), np.tile(elements, (1, 20)).ravel())), shape=(n_nodes,) * 2
     )
     mass = sp.kron(scalar, sp.identity(3), format="csr")
     # Rounding leaves a trace of asymmetry, which the Hermitian solvers would only carry along.
     stiffness = (0.5 * (stiffness + stiffness.T)).tocsr()
-    return Discretisation(
-        basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material
-    )
+    return Discretisation(basis.doflocs.T.copy(), stiffness, mass, mesh=mesh, elements=elements, material=material)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation
 from bdamper.fe.geometry import Geometry, turn
-from bdamper.reduction.facets import Facets
 from bdamper.reduction.patches import Patches, patch_grid, patches_on_rectangles
 
 
@@ -60,21 +59,6 @@ def end_patches(g: Geometry, side: str) -> Patches:
     return Patches(centre, frame, np.full((4, 2), edge)).turned(turn(0.5 * g.pitch))
 
 
-def surface_facets(body: Discretisation) -> Facets:
-    """All outer faces (n, 8) of a body, in the order of :mod:`bdamper.reduction.facets`, seen from either side."""
-    mesh = body.mesh
-    facets = mesh.facets[:, mesh.boundary_facets()].T
-    # Corners come sorted: of the three ways to run around them take the one with the largest area.
-    ways = np.array([[0, 1, 2, 3], [0, 1, 3, 2], [0, 2, 1, 3]])
-    x = body.nodes[facets[:, ways]]
-    area = np.linalg.norm(np.cross(x[:, :, 2] - x[:, :, 0], x[:, :, 3] - x[:, :, 1]), axis=2)
-    facets = np.take_along_axis(facets, ways[area.argmax(axis=1)], axis=1)
-    n = len(mesh.p[0])
-    edge = {pair: n + e for e, pair in enumerate(map(tuple, np.sort(mesh.edges, axis=0).T.tolist()))}
-    middle = [[edge[tuple(sorted((q[c], q[(c + 1) % 4])))] for c in range(4)] for q in facets.tolist()]
-    return Facets((np.hstack([facets, np.array(middle, int).reshape(-1, 4)]),))
-
-
 def averaging_matrix(body: Discretisation, patches: Patches) -> sp.csr_matrix:
     """Matrix (3 n_patches, 3 n_nodes) from nodal displacements to patch means along t1, t2, n.
 
@@ -83,4 +67,4 @@ def averaging_matrix(body: Discretisation, patches: Patches) -> sp.csr_matrix:
     ValueError
         If the surface of ``body`` does not cover a patch.
     """
-    return patches_on_rectangles(patches, body.nodes, surface_facets(body)).matrix_a
+    return patches_on_rectangles(patches, body.nodes, body.surface).matrix_a

@@ -115,10 +115,7 @@ class Geometry:
         """Points (n, 2) of the left face plane in the damper's axes, ``s`` (n,) metres below the ridge."""
         s = np.asarray(s, float)
         return np.stack(
-            [
-                -0.5 * self.ridge_width - s * np.sin(self.face_angle),
-                self.ridge_radius - s * np.cos(self.face_angle),
-            ],
+            [-0.5 * self.ridge_width - s * np.sin(self.face_angle), self.ridge_radius - s * np.cos(self.face_angle)],
             axis=-1,
         )
 

@@ -67,10 +67,7 @@ class MeshDensity:
             raise ValueError(f"mesh must be one of {sorted(_PRESETS)}, not {name!r}") from None
 
 
-_PRESETS = {
-    "coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6),
-    "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9),
-}
+_PRESETS = {"coarse": (2, 2, 1, 4, 2, 2, 1, 6, 3, 1, 2, 6), "reference": (2, 4, 1, 8, 5, 6, 3, 24, 5, 1, 4, 9)}
 
 
 def join_blocks(blocks: list[NDArray]) -> MeshHex:
@@ -91,9 +88,7 @@ def join_blocks(blocks: list[NDArray]) -> MeshHex:
         points.append(block.reshape(-1, 3))
         start += number.size
     p, t = np.concatenate(points), np.concatenate(cells, axis=1)
-    _, first, inverse = np.unique(
-        np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True
-    )
+    _, first, inverse = np.unique(np.round(p / 1e-9).astype(np.int64), axis=0, return_index=True, return_inverse=True)
     return MeshHex(np.ascontiguousarray(p[first].T), np.ascontiguousarray(inverse.reshape(-1)[t]))
 
 
@@ -128,10 +123,7 @@ def sector_blocks(g: Geometry, n: MeshDensity) -> list[NDArray]:
     # Underside of the platform, from the left edge over the shank to the right edge.
     edge, shank = g.underside_range
     s = np.concatenate(
-        [
-            np.linspace(shank, g.face_length, n.fillet + 1)[:-1],
-            np.linspace(g.face_length, edge, n.contact + 1),
-        ]
+        [np.linspace(shank, g.face_length, n.fillet + 1)[:-1], np.linspace(g.face_length, edge, n.contact + 1)]
     )
     wing = g.underside_points(s)
     flat = np.stack([0.5 * g.shank_width * zeta[1:-1], np.full(n.centre - 1, wing[0, 1])], axis=-1)
@@ -187,9 +179,7 @@ def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     """The damper of sector 0 at its place between blade 0 and blade 1, in the axes of blade 0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))
     ridge = np.linspace(-0.5, 0.5, n.damper_ridge + 1)[1:-1] * g.ridge_width
-    roof = np.concatenate(
-        [left, np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1), left[::-1] * [-1.0, 1.0]]
-    )
+    roof = np.concatenate([left, np.stack([ridge, np.full_like(ridge, g.ridge_radius)], axis=-1), left[::-1] * [-1.0, 1.0]])
     z = np.linspace(-0.5, 0.5, n.damper_length + 1) * g.face_width
     top = np.empty((len(roof), len(z), 3))
     top[..., :2], top[..., 2] = roof[:, None], z[None]

@@ -11,14 +11,12 @@ import skfem
 from numpy.typing import NDArray
 
 from bdamper.fe.assemble import Discretisation
-from bdamper.fe.contact_points import surface_facets
 from bdamper.fe.geometry import Geometry
+from bdamper.io.bounds import BOUNDS
 from bdamper.model.model import Interface, Location, SurfaceMesh
+from bdamper.reduction.bodies import picture_mesh
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
-
-PICTURE_MODES = 10
-"""Number of modes whose shapes on the surface are kept for pictures."""
 
 
 def clamped_segment(body: Discretisation, g: Geometry, n_pitches: int) -> CyclicSector:
@@ -39,13 +37,8 @@ def surface_mesh(body: Discretisation, shapes: Mapping[int, NDArray] | None = No
     shapes : mapping of nodal diameter to (3 n_nodes, n_modes), optional
         Mode shapes that are kept at the nodes of the surface.
     """
-    quads = surface_facets(body).groups[0][:, :4]
-    points = body.mesh.p.T
-    used, compact = np.unique(quads, return_inverse=True)
-    modes = {}
-    for diameter, columns in (shapes or {}).items():
-        modes[diameter] = columns.reshape(-1, 3, columns.shape[1])[used][..., :PICTURE_MODES].copy()
-    return SurfaceMesh(points[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
+    kept = {d: columns.reshape(-1, 3, columns.shape[1])[..., : BOUNDS.pictured] for d, columns in (shapes or {}).items()}
+    return picture_mesh(body.surface, body.nodes, kept)
 
 
 def interface(

@@ -117,9 +117,7 @@ def bladed_disk(
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = each(diameters, progress, "finite element model", "nodal diameter")
-    blade = constrained_body(
-        "blade", BLADE_PORTS, fe.cyclic, contact, nodes, turns, n_modes, damping_ratio, at, rotation
-    )
+    blade = constrained_body("blade", BLADE_PORTS, fe.cyclic, contact, nodes, turns, n_modes, damping_ratio, at, rotation)
     local = None if wheel is None else fe.local_basis(contact, faces, nodes, damping_ratio, wheel)
     own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)
     damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, turn(0.5 * g.pitch)[:, 1])

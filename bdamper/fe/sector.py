@@ -128,17 +128,13 @@ class SectorFE:
         patches turned back by one pitch.
         """
         back = right.turned(turn(-self.geometry.pitch))
-        return sp.vstack(
-            [averaging_matrix(self.blade, left), averaging_matrix(self.blade, back)], format="csr"
-        )
+        return sp.vstack([averaging_matrix(self.blade, left), averaging_matrix(self.blade, back)], format="csr")
 
     def damper_contact(self, *patches: Patches) -> sp.csr_matrix:
         """Averaging matrix of the damper over patches of its faces, one below the other."""
         return sp.vstack([averaging_matrix(self.damper.body, p) for p in patches], format="csr")
 
-    def bonded_frequencies(
-        self, nodal_diameter: int, points: int | tuple[int, int] = 48, n_modes: int = 5
-    ) -> NDArray:
+    def bonded_frequencies(self, nodal_diameter: int, points: int | tuple[int, int] = 48, n_modes: int = 5) -> NDArray:
         """Frequencies (n_modes,), Hz, with the damper bonded at patches; see :mod:`bdamper.reduction.bonded`."""
         left, right = (wedge_patches(self.geometry, side, points) for side in ("left", "right"))
         phase = sector_phase(self.geometry.n_blades, nodal_diameter)

@@ -25,20 +25,13 @@ from bdamper.io.from_modes import constrained_from_modes, free_from_modes
 from bdamper.io.import_report import ImportReport, frequencies_of
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
-from bdamper.io.plausible import (
-    check_frequencies_against,
-    check_not_swapped,
-    check_one_scale,
-    check_radial,
-    check_sizes,
-)
+from bdamper.io.plausible import check_frequencies_against, check_not_swapped, check_one_scale, check_radial, check_sizes
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
 from bdamper.io.row_order import check_row_order
-from bdamper.model.model import Body, Location, Model, SurfaceMesh
+from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
-from bdamper.reduction.bodies import needed_nodal_diameters
+from bdamper.reduction.bodies import needed_nodal_diameters, picture_mesh
 from bdamper.reduction.cyclic import match_faces
-from bdamper.reduction.facets import corner_count
 from bdamper.reduction.local_coordinates import LocalSizes, sampled_waves
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -318,7 +311,9 @@ def _assembled(
         interfaces=laid.interfaces,
         locations={key: Location(key, b, bodies[b].nodes[node].copy()) for key, (b, node) in places.items()},
         contact=laid.stiffness,
-        meshes={name: _surface(body) for name, body in bodies.items() if body.elements},
+        meshes={
+            name: picture_mesh(body.boundary, body.nodes, body.pictures) for name, body in bodies.items() if body.elements
+        },
     )
     check_model(model, where="built model")
     checks.append("the model passes the checks of the model file")
@@ -336,15 +331,3 @@ def _assembled(
         "report": str(report)[:20000],
     }
     return BuiltModel(replace(model, provenance=provenance), report)
-
-
-def _surface(body: PreparedBody) -> SurfaceMesh:
-    """Quadrilaterals of the outer surface, with mode shapes; triangles repeat their last corner."""
-    quads = []
-    for group in body.boundary.groups:
-        n = corner_count(group.shape[1])
-        quads.append(group[:, [0, 1, 2, 3 if n == 4 else 2]])
-    stacked = np.concatenate(quads)
-    used, compact = np.unique(stacked, return_inverse=True)
-    modes = {d: shapes[used] for d, shapes in body.pictures.items()}
-    return SurfaceMesh(body.nodes[used].copy(), compact.reshape(stacked.shape), modes)

@@ -345,12 +345,12 @@ def read_frd_stress(path: Path) -> list[tuple[NDArray, NDArray]]:
     """
     file = _Frd(path, stress=True)
     file.body()
-    if not file.stress:
-        raise mismatch(str(path), "blocks of stress (STRESS)", "none")
-    for k, (own, _) in enumerate(file.stress):
-        if len(np.unique(own)) < len(own) or not np.isin(own, file.numbers).all():
-            raise mismatch(f"{path}: stress {k + 1}", "each node once, those of the mesh", "others")
-    return file.stress
+    stress = [(own, values) for _, own, values in file.found["STRESS"]]
+    require(len(stress) > 0, str(path), "blocks of stress (STRESS)", "none")
+    for k, (own, _) in enumerate(stress):
+        good = len(np.unique(own)) == len(own) and np.isin(own, file.numbers).all()
+        require(good, f"{path}: stress {k + 1}", "each node once, those of the mesh", "others")
+    return stress
 
 
 class _Frd:
@@ -359,14 +359,14 @@ class _Frd:
             if b"\x00" in raw.read(100_000):
                 raise mismatch(str(source), "text (*NODE FILE, not the binary form)", "bytes that are no text")
         lines = Lines(source, "ascii")
-        self.wants_stress = stress
-        self.stress: list[tuple[NDArray, NDArray]] = []
         self.source, self.lines = str(lines.source), lines
         self.numbers: NDArray = np.empty(0, np.int64)
         self.nodes: NDArray = np.empty((0, 3))
         self.elements: list[list[int]] = []
-        self.modes: list[tuple[int, float, float, NDArray, NDArray]] = []  # diameter, Hz, modal mass, nodes, shape
-        self.latest = (0, 0)  # diameter and number of the latest mode
+        # diameter, number and frequency of a mode or step, nodes, values; by the name of the result
+        self.found: dict[str, list[tuple[tuple[int, int, float], NDArray, NDArray]]] = {"DISP": []}
+        if stress:
+            self.found["STRESS"] = []
 
     def _rows(self, head: str, n_values: int) -> tuple[NDArray, NDArray]:
         """Node numbers and values of the lines up to the end of a block; the end of its first line tells the format."""
@@ -411,7 +411,8 @@ class _Frd:
             elif key.startswith("100C"):
                 self._result(line, diameter, mode)
         require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
-        modes = modes_by_diameter(self.modes, self.source)
+        shapes = self.found["DISP"]
+        modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
         return FEBody(self.numbers, self.nodes, elements=grouped(self.elements), modes=modes, source=self.source)
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
@@ -424,19 +425,14 @@ class _Frd:
             line = self.lines.take("the head of a result")
             if line.startswith(" -4"):
                 name = line[5:13].strip()
-        if name == "DISP":
-            self.modes.append((diameter, frequency, 1.0, *self._rows(head, 3)))
-            self.latest = diameter, mode
-        elif name == "STRESS" and self.wants_stress:
-            self.stress.append(self._rows(head, 6))
-        elif name == "STRESSI" and self.stress:
-            own, real = self.stress[-1]
-            nodes, imaginary = self._rows(head, 6)
-            if not np.array_equal(own, nodes):
-                raise mismatch(f"{self.source}: stress {len(self.stress)}", "the same nodes in both parts", "others")
-            self.stress[-1] = own, real + 1j * imaginary
-        elif name == "DISPI" and self.modes and self.latest == (diameter, mode):  # the imaginary part follows the real one
-            *_, own, real = self.modes[-1]
-            nodes, imaginary = self._rows(head, 3)
+        kind, imaginary = name.removesuffix("I"), name.endswith("I")
+        if kind not in self.found:
+            return
+        key, found, n_values = (diameter, frequency, mode), self.found[kind], {"DISP": 3, "STRESS": 6}[kind]
+        if not imaginary:
+            found.append((key, *self._rows(head, n_values)))
+        elif found and found[-1][0] == key:  # the imaginary part follows the real one
+            _, own, real = found[-1]
+            nodes, values = self._rows(head, n_values)
             require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
-            self.modes[-1] = (diameter, frequency, 1.0, nodes, real + 1j * imaginary)
+            found[-1] = (key, own, real + 1j * values)

@@ -208,9 +208,7 @@ def _mass_properties(body: PreparedBody, given: MassProperties) -> MassPropertie
         expected = "a mass > 0 and principal moments > 0, none larger than the sum of the others"
         raise body.error("mass properties", expected, f"{given.mass}, {moments}")
     return MassProperties(
-        float(given.mass) * u.mass,
-        u.length * q @ (centre - body.place.origin),
-        u.mass * u.length**2 * q @ inertia @ q.T,
+        float(given.mass) * u.mass, u.length * q @ (centre - body.place.origin), u.mass * u.length**2 * q @ inertia @ q.T
     )
 
 

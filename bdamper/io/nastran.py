@@ -109,15 +109,7 @@ def read_bdf(path: Path) -> FEBody:
     axes = _displacement_axes(model, numbers, nodes)
     sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
     notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
-    body = FEBody(
-        numbers,
-        nodes,
-        elements=grouped(elements),
-        node_sets=sets,
-        node_axes=axes,
-        source=str(path),
-        notes=notes,
-    )
+    body = FEBody(numbers, nodes, elements=grouped(elements), node_sets=sets, node_axes=axes, source=str(path), notes=notes)
     return _with_dmig(body, model, str(path))
 
 

@@ -9,9 +9,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.model.model import Body, BodyLoad, ModalBasis, Port
+from bdamper.model.model import Body, BodyLoad, ModalBasis, Port, SurfaceMesh
 from bdamper.model.spin import SpinStatic
 from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.facets import Facets, corner_count
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.spin import Rotation, spin_displacement
 
@@ -25,6 +26,17 @@ def needed_nodal_diameters(n_blades: int, engine_order: int, harmonics: int) -> 
 def location_rows(nodes: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
     """Rows (3, n_modes) of ``shapes`` (3 n_nodes, n_modes) at named nodes."""
     return {name: shapes[3 * node : 3 * node + 3].copy() for name, node in nodes.items()}
+
+
+def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray]) -> SurfaceMesh:
+    """Quadrilaterals of a surface by its corners, triangles with their last corner twice, for pictures.
+
+    ``shapes`` are mode shapes (n_nodes, 3, n_modes) by nodal diameter.
+    """
+    quads = np.concatenate([g[:, [0, 1, 2, 3 if corner_count(g.shape[1]) == 4 else 2]] for g in surface.groups])
+    used, compact = np.unique(quads, return_inverse=True)
+    modes = {d: values[used] for d, values in shapes.items()}
+    return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
 
 
 def constrained_body(
@@ -104,10 +116,6 @@ def free_body(
         flexibility=free.receptance(contact),
     )
     load = BodyLoad(
-        direction=radial,
-        generalised=shapes.T @ force,
-        displacement=(contact @ free.elastic_response(force)).reshape(-1, 3),
+        direction=radial, generalised=shapes.T @ force, displacement=(contact @ free.elastic_response(force)).reshape(-1, 3)
     )
-    return Body(
-        name, "free", ports, {0: basis}, mass=free.total_mass, centre=free.centre, inertia=free.inertia, load=load
-    )
+    return Body(name, "free", ports, {0: basis}, mass=free.total_mass, centre=free.centre, inertia=free.inertia, load=load)

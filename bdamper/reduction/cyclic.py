@@ -41,14 +41,10 @@ def factorise(matrix: sp.spmatrix) -> SuperLU:
     diagonal = matrix.diagonal().real
     if not (np.isfinite(matrix.data).all() and len(diagonal) and diagonal.min() > 0.0):
         raise ValueError("a positive definite matrix has finite entries and a positive diagonal, and this one has not")
-    return splu(
-        matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
 
 
-def match_faces(
-    nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tolerance: float = 1e-8
-) -> NDArray:
+def match_faces(nodes: NDArray, left: NDArray, right: NDArray, pitch: float, tolerance: float = 1e-8) -> NDArray:
     """The nodes of ``right`` in the order in which rotation by one pitch carries ``left`` onto them.
 
     Raises

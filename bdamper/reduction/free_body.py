@@ -98,9 +98,7 @@ class FreeBody(Generic[S]):
             self.constrained = isostatic_dofs(body.nodes)
         unit = np.tile(np.eye(3), (len(body.nodes), 1))
         self.total_mass = float(unit[:, 0] @ (mass @ unit[:, 0]))
-        self.centre: NDArray = (
-            np.array([unit[:, k] @ (mass @ body.nodes.ravel()) for k in range(3)]) / self.total_mass
-        )
+        self.centre: NDArray = np.array([unit[:, k] @ (mass @ body.nodes.ravel()) for k in range(3)]) / self.total_mass
         rotation = rigid_motions(body.nodes, self.centre, np.eye(3))[:, 3:]
         self.inertia: NDArray = rotation.T @ (mass @ rotation)
         motion = rigid_motions(body.nodes, self.centre, self.axes)

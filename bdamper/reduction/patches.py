@@ -25,19 +25,19 @@ from numpy.typing import NDArray
 
 from bdamper.reduction.facets import Facets, area_vectors, corner_count
 
-# Seven points on a triangle, exact for degree 5: barycentric coordinates and weights (sum 1).
-_A, _B = (6.0 - np.sqrt(15.0)) / 21.0, (6.0 + np.sqrt(15.0)) / 21.0
-_BARYCENTRIC = np.array(
-    [[1 / 3, 1 / 3, 1 / 3]]
-    + [
-        [c if i == j else a for j in range(3)]
-        for a, c in ((_A, 1 - 2 * _A), (_B, 1 - 2 * _B))
-        for i in range(3)
-    ]
-)
-_WEIGHTS = np.array([0.225] + 3 * [(155 - np.sqrt(15)) / 1200] + 3 * [(155 + np.sqrt(15)) / 1200])
 
-_SIGNS = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+def _seven_points() -> tuple[NDArray, NDArray]:
+    """Barycentric coordinates (7, 3) and weights (7,), sum 1, on a triangle; exact for degree 5."""
+    root = np.sqrt(15.0)
+    near, far = (6.0 - root) / 21.0, (6.0 + root) / 21.0
+    points = [np.full((1, 3), 1.0 / 3.0)] + [np.full((3, 3), a) + (1.0 - 3.0 * a) * np.eye(3) for a in (near, far)]
+    return np.concatenate(points), np.repeat([0.225, (155.0 - root) / 1200.0, (155.0 + root) / 1200.0], (1, 3, 3))
+
+
+_BARYCENTRIC, _WEIGHTS = _seven_points()
+
+SQUARE = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
+"""Corners of the square from which facets are mapped."""
 
 SMALL_CELL = 0.02
 """Covered share of a grid cell below which its covered part is added to the neighbouring patch."""
@@ -153,9 +153,9 @@ def mean_frame(facets: Facets, nodes: NDArray) -> NDArray:
 
 
 def serendipity(xi: NDArray) -> NDArray:
-    """Shape functions (m, 8) of the quadrilateral: corners as in ``_SIGNS``, then middles of the edges."""
+    """Shape functions (m, 8) of the quadrilateral: corners as in ``SQUARE``, then middles of the edges."""
     a, b = xi[:, :1], xi[:, 1:]
-    sa, sb = _SIGNS[:, 0], _SIGNS[:, 1]
+    sa, sb = SQUARE[:, 0], SQUARE[:, 1]
     corners = 0.25 * (1 + a * sa) * (1 + b * sb) * (a * sa + b * sb - 1)
     bottom, top = 0.5 * (1 - a**2) * (1 - b), 0.5 * (1 - a**2) * (1 + b)
     right, left = 0.5 * (1 + a) * (1 - b**2), 0.5 * (1 - a) * (1 - b**2)
@@ -164,7 +164,7 @@ def serendipity(xi: NDArray) -> NDArray:
 
 def _bilinear(xi: NDArray) -> NDArray:
     """Shape functions (m, 4) of the corners of the quadrilateral."""
-    return 0.25 * (1 + xi[:, :1] * _SIGNS[:, 0]) * (1 + xi[:, 1:] * _SIGNS[:, 1])
+    return 0.25 * (1 + xi[:, :1] * SQUARE[:, 0]) * (1 + xi[:, 1:] * SQUARE[:, 1])
 
 
 def _shape(xi: NDArray, n_nodes: int) -> NDArray:
@@ -186,17 +186,12 @@ def _inverse_map(corner: NDArray, x: NDArray) -> NDArray:
         return np.column_stack([1.0 - st.sum(axis=1), st])
     xi = np.zeros_like(x)
     for _ in range(20):
-        d_xi = 0.25 * _SIGNS[:, 0] * (1 + xi[:, 1:] * _SIGNS[:, 1]) @ corner
-        d_eta = 0.25 * _SIGNS[:, 1] * (1 + xi[:, :1] * _SIGNS[:, 0]) @ corner
+        d_xi = 0.25 * SQUARE[:, 0] * (1 + xi[:, 1:] * SQUARE[:, 1]) @ corner
+        d_eta = 0.25 * SQUARE[:, 1] * (1 + xi[:, :1] * SQUARE[:, 0]) @ corner
         r = x - _bilinear(xi) @ corner
         det = d_xi[:, 0] * d_eta[:, 1] - d_xi[:, 1] * d_eta[:, 0]
-        step = np.stack(
-            [
-                (r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0]) / det,
-                (d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0]) / det,
-            ],
-            axis=-1,
-        )
+        along_xi, along_eta = r[:, 0] * d_eta[:, 1] - r[:, 1] * d_eta[:, 0], d_xi[:, 0] * r[:, 1] - d_xi[:, 1] * r[:, 0]
+        step = np.stack([along_xi / det, along_eta / det], axis=-1)
         xi += step
         if np.abs(step).max() < 1e-14:
             break
@@ -388,10 +383,8 @@ def _rectangles_in_plane(patches: Patches, nodes: NDArray, facets: Facets, what:
                 found.append(_Piece(polygon, k, -1))
         total = sum(polygon_area(p.polygon) for p in found)
         if abs(total - size.prod()) > 1e-6 * size.prod():
-            raise ValueError(
-                f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, "
-                f"but {what} covers {total:.6g} m2 of it"
-            )
+            found_area = f"but {what} covers {total:.6g} m2 of it"
+            raise ValueError(f"patch {i} at {centre} m has an area of {size.prod():.6g} m2, {found_area}")
         cells.append(found)
     return _means(cells, np.array(patches.frame), (flat, None), (nodes, None))
 
@@ -477,11 +470,7 @@ def patches_on_faces(
         ]
         for i in span[0]:
             for j in span[1]:
-                part = clip_to_rectangle(
-                    piece.polygon,
-                    np.array([edges[0][i], edges[1][j]]),
-                    np.array([edges[0][i + 1], edges[1][j + 1]]),
-                )
+                part = clip_to_rectangle(piece.polygon, *(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
                 if len(part) >= 3 and polygon_area(part) > tiny:
                     cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
     cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
