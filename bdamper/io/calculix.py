@@ -428,11 +428,11 @@ class _Frd:
         kind, imaginary = name.removesuffix("I"), name.endswith("I")
         if kind not in self.found:
             return
-        key, found, n_values = (diameter, frequency, mode), self.found[kind], {"DISP": 3, "STRESS": 6}[kind]
+        found, n_values = self.found[kind], {"DISP": 3, "STRESS": 6}[kind]
         if not imaginary:
-            found.append((key, *self._rows(head, n_values)))
-        elif found and found[-1][0] == key:  # the imaginary part follows the real one
-            _, own, real = found[-1]
+            found.append(((diameter, mode, frequency), *self._rows(head, n_values)))
+        elif found and found[-1][0][:2] == (diameter, mode):  # the imaginary part follows the real one
+            key, own, real = found[-1]
             nodes, values = self._rows(head, n_values)
             require(np.array_equal(own, nodes), f"{self.source}: mode {mode}", "the same nodes in both parts", "others")
             found[-1] = (key, own, real + 1j * values)

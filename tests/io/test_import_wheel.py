@@ -4,12 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 from bdamper.io import build_model
 from bdamper.model import check_model
-from bdamper.reduction import LocalSizes
+from bdamper.reduction import LocalSizes, cyclic
 from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
 from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
@@ -45,6 +46,33 @@ def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
     assert "of them at its root; clamped there" in str(built)
     few = build_model(*bodies, **SETTINGS, wheel="BLADE", wheel_shapes=LocalSizes(4, 6, 6)).model.bodies["blade"].local
     assert few.n == 16
+
+
+def test_each_sector_is_factorised_once_on_one_thread(bodies, monkeypatch):
+    """Sectors at nodal diameters of the model serve the local basis, too; threads of a BLAS cost more than they bring."""
+    threads, plain = [], cyclic.factorise
+
+    def noted(matrix):
+        threads.extend(lib["num_threads"] for lib in threadpool_info() if lib["user_api"] == "blas")
+        threads.append(None)
+        return plain(matrix)
+
+    monkeypatch.setattr(cyclic, "factorise", noted)
+    with threadpool_limits(2, user_api="blas"):
+        model = build_model(*bodies, **{**SETTINGS, "n_modes": 10}, wheel="BLADE").model
+    assert sorted(model.bodies["blade"].bases) == [0, 1, 2, 3]
+    assert threads.count(None) == 4
+    assert set(threads) == {1, None}
+
+
+def test_shapes_for_pictures_are_those_of_the_excited_wave(bodies):
+    settings = {**SETTINGS, "nodal_diameters": None, "engine_order": 4, "harmonics": 1}
+    model = build_model(*bodies, **settings).model
+    assert sorted(model.bodies["blade"].bases) == [0, 2]
+    assert list(model.meshes["blade"].modes) == [2]
+    every = build_model(*bodies, **SETTINGS).model.meshes["blade"].modes
+    np.testing.assert_array_equal(model.meshes["blade"].modes[2], every[2])
+    assert list(every) == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize(

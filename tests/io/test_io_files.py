@@ -234,6 +234,40 @@ def test_the_reader_follows_from_the_ending(tmp_path):
         read_body(tmp_path / "a.stp")
 
 
+def frd_block(name, values, mode, hertz):
+    """A result of one mode as CalculiX writes it: node numbers from 1."""
+    rows = [f" -1{k + 1:10d}" + "".join(f"{v:12.5E}" for v in row) for k, row in enumerate(values)]
+    head = [
+        f"    1PHID  {2:10d}",
+        f"    1PMODE {mode:10d}",
+        f"  100CL{100 + mode:5d}{hertz:12.5E}{len(rows):12d}" + " " * 30 + "1",
+    ]
+    return [*head, f" -4  {name:8s}    4    1", " -5  ALL         1    2    1    0", *rows, " -3"]
+
+
+def test_real_and_imaginary_parts_of_a_result_file_are_put_together(tmp_path):
+    rng = np.random.default_rng(3)
+    nodes = rng.standard_normal((3, 3))
+    lines = [
+        "    2C" + " " * 40 + "1",
+        *(f" -1{k + 1:10d}" + "".join(f"{v:12.5E}" for v in x) for k, x in enumerate(nodes)),
+        " -3",
+    ]
+    parts = rng.standard_normal((2, 2, 3, 3))
+    stress = rng.standard_normal((2, 2, 3, 6))
+    for mode, hertz in ((1, 120.0), (2, 340.0)):
+        for part, ending in enumerate(("", "I")):
+            lines += frd_block("DISP" + ending, parts[mode - 1, part], mode, hertz)
+            lines += frd_block("STRESS" + ending, stress[mode - 1, part], mode, hertz)
+    (tmp_path / "a.frd").write_text("\n".join([*lines, " 9999"]))
+    (modes,) = read_body(tmp_path / "a.frd").modes
+    assert modes.nodal_diameter == 2
+    np.testing.assert_array_equal(modes.frequency, [120.0, 340.0])
+    np.testing.assert_allclose(modes.shapes, np.moveaxis(parts[:, 0] + 1j * parts[:, 1], 0, 2), atol=1e-4)
+    found = read_frd_stress(tmp_path / "a.frd")
+    np.testing.assert_allclose([values for _, values in found], stress[:, 0] + 1j * stress[:, 1], atol=1e-4)
+
+
 BAD_DECKS = [
     ("1, 0., 0., 0.", "1, 0., zero, 0.", "line 5: expected a node number and its position"),
     ("11, 1, 2, 3, 4,", "11, 1, 2, 3,", r"\*ELEMENT in line 13: expected 1 \+ 8 numbers for each element of type C3D8R"),
