@@ -37,6 +37,13 @@ def test_limits_and_peaks_at_the_optimum(study):
     assert free.amplitude / peaks[0] == pytest.approx(13.0, abs=0.1)
 
 
+def test_motion_in_time_is_lower(study):
+    """Not a success: with the default number of patterns of the contacts' flexibility it settles 6 to 9 % below."""
+    seen = study.verify(study.track(OPTIMUM, (655.0, 668.0)))
+    assert seen.sectors == 12
+    assert 0.91 < abs(seen.settled[1]) / abs(seen.expected[1]) < 0.94
+
+
 @pytest.mark.slow
 def test_the_optimum(study):
     curve = study.optimal_curve((50.0, 500.0), 12, check=False)
