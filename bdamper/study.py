@@ -6,6 +6,7 @@ The analyses are functions of their rooms that take a problem first; here they b
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
@@ -184,9 +185,8 @@ class Study(Problem, Comparable):
         *,
         frequency: tuple[float, float] | None = None,
         mode: int = 1,
-        checks: int = 0,
-        verify: bool = True,
         options: PeakOptions | None = None,
+        executor: Executor | None = None,
         tolerance: float = 0.05,
         check: bool = True,
         progress: bool = False,
@@ -198,7 +198,7 @@ class Study(Problem, Comparable):
 
         Parameters
         ----------
-        preload, n, frequency, mode, checks, verify, options
+        preload, n, frequency, mode, options, executor
             As :func:`bdamper.peaks.optimal.optimal_curve` explains them.
         tolerance : float
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
@@ -209,7 +209,7 @@ class Study(Problem, Comparable):
         progress : bool
             Show what is being done, and the time left as far as it is known.
         resume : path, optional
-            File that keeps every scan and every curve of the ladder; work that was interrupted goes on from there.
+            File that keeps every curve, those of the ladder too; work that was interrupted goes on from there.
         quantity : {"amplitude", "margin"}
             "margin": also the margin against fatigue of a ``material`` over the preload, and the preload that is best for
             it (:func:`bdamper.peaks.best_margin.best_margin`), in ``curve.margins``.
@@ -224,15 +224,15 @@ class Study(Problem, Comparable):
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         validate.flag("check", check)
         check_question(self, optimal.preload_values(preload, n), frequency)
-        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "checks": checks, "options": options}
+        ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         shown: dict[str, Any] = {"progress": progress, "resume": resume}
         margin = validate.choice("quantity", quantity, ("amplitude", "margin")) == "margin"
         if margin:
             validate.instance("material", material, Material, "a Material, since quantity is the margin")
             stresses.chosen_sets(self)
-        curve = optimal.optimal_curve(self, preload, n, verify=verify, **ways, **shown)
+        curve = optimal.optimal_curve(self, preload, n, executor=executor, **ways, **shown)
         if margin and material is not None and not curve.interrupted:
-            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material, verify=verify),))
+            curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
         if curve.interrupted or not check:
             return curve
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)

@@ -25,8 +25,8 @@ import numpy as np
 import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.rattle import NO_STEADY
-from bdamper.peaks.envelope import BUDGET
 from bdamper.peaks.interval import resonance_interval
+from bdamper.peaks.optimal import BUDGET
 from benchmarks import PLAIN
 
 RESULTS = Path(__file__).parent / "results" / "rattle.json"

@@ -82,7 +82,7 @@ def track(
         state = problem.static(preload)
         if not state.converged:
             reason = f"static state: {state.note}"
-            return _without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
+            return without_points(problem, preload, reason, options or ContinuationOptions(), state.cost)
         free = free_of_contact(problem, frequency, options or ContinuationOptions()) if preload == 0.0 else None
         if free is not None:
             return free
@@ -205,7 +205,7 @@ def _rattles(search: Coverage, at_rest: float) -> str:
     return rattles(y[:, -1], height, share, [way.branch for _, way in ordered], at_rest)
 
 
-def _without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
+def without_points(problem: Problem, preload: float, reason: str, options: ContinuationOptions, cost: Cost) -> Curve:
     """Where there is not even a static state."""
     return Curve(
         kind="tracking",

@@ -350,7 +350,8 @@ def _solutions(problem: Problem, result: Solved, index: int | None, name: str) -
     else:
         if result.model_hash != problem.model.hash:
             raise SettingError(f"{name}: expected an optimal curve of this model, found one of another")
-        every = zip(result.preload, result.frequency, result.branch, result.unknowns)
+        part = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
+        every = zip(result.preload, result.frequency, part, result.unknowns)
         found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in every if np.isfinite(f)]
     if not found:
         raise SettingError(f"{name}: expected solutions, found none ({type(result).__name__})")

@@ -1,9 +1,8 @@
 """The preload of the largest margin against fatigue: beside that of the least amplitude, and not always the same.
 
 More preload changes where and how the blade bends, not only how much, and adds to the mean stress.  The margin at a preload
-is that of the highest peak there.  Between the preloads of an optimal curve it is found by a golden section on peaks
-followed from the neighbours, the least margin of them at each step, since the highest peak or the critical location may
-change.
+is that of the highest point of the whole curve there.  Between the preloads of an optimal curve its largest value is found
+as the least amplitude is (:mod:`bdamper.peaks.least`), with the slopes from the peak at preloads beside.
 """
 
 from __future__ import annotations
@@ -17,16 +16,17 @@ from bdamper.continuation import track as tracking
 from bdamper.fatigue.cycle import of
 from bdamper.fatigue.margin import LeastMargin, MarginCurve, margin
 from bdamper.fatigue.material import Material
+from bdamper.peaks.least import Place, least
 from bdamper.peaks.newton import Peak, find_peak
+from bdamper.peaks.optimal import Curves
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 
-GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
-STEPS = 8
-"""Steps of the golden section: a 47th of the distance of the neighbours."""
+BESIDE = 1e-3
+"""Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
 AGREES = 0.02
 """Share by which the least margin of a whole tracking curve may lie below that of the highest peak."""
 
@@ -42,7 +42,6 @@ def best_margin(
     on: str = "amplitude",
     sets: str | Sequence[str] | None = None,
     speed: float | None = None,
-    verify: bool = True,
 ) -> MarginCurve:
     """Margins along an optimal curve, and the preload of the largest, refined between those of the curve.
 
@@ -53,8 +52,6 @@ def best_margin(
         Of this problem.
     material, criterion, line, on, sets, speed
         As for :func:`bdamper.fatigue.margin.margin`.
-    verify : bool
-        Compare with the whole tracking curve at that preload.
 
     Returns
     -------
@@ -62,58 +59,57 @@ def best_margin(
         ``best_value`` is the preload, ``best_status`` tells how far it is known.
     """
     validate.instance("curve", curve, OptimalCurve)
-    validate.flag("verify", verify)
     found = margin(problem, curve, material, criterion=criterion, line=line, on=on, sets=sets, speed=speed)
     assert isinstance(found, MarginCurve)
     problem = of(problem, curve)
     named = sets if sets is None or isinstance(sets, str) else tuple(sets)
     judge = LeastMargin(material, criterion, line, on, named, speed)
-    k = found.greatest
-    best, value, status = float(found.values[k]), float(found.margin[k]), "at the end of the preloads with a value"
-    if 0 < k < len(found) - 1 and np.isfinite(found.margin[[k - 1, k + 1]]).all():
-        near = [_peak(problem, curve, i) for i in (k - 1, k, k + 1)]
-        ends = np.log(found.values[[k - 1, k + 1]])
-        best, value = _golden(problem, judge, near, ends, best, value)
-        status = "refined between its neighbours"
-    status += f", {_compared(problem, curve, judge, best, value)}" if verify else ", not verified: a peak may be lost there"
-    return replace(found, best_value=best, best_margin=value, best_status=status)
+    low, high = curve.settings["frequency"]
+
+    def place(peak: Peak, p: float) -> Place:
+        """Of ln(preload) and less ln(margin), which is no number where the margin is none."""
+        system, beside = problem.system, (p * (1.0 - BESIDE), p * (1.0 + BESIDE))
+        near = [find_peak(system(q), peak.y, tangent=_tangent(peak), scale=_scale(peak), parameter=q) for q in beside]
+        here = _height(judge, problem, peak, p)
+        ends = [_height(judge, problem, q, q.parameter) if q.converged else np.nan for q in near]
+        return Place(float(np.log(p)), here, (ends[1] - ends[0]) / float(np.log(beside[1] / beside[0])))
+
+    def ask(places: Sequence[float]) -> list[Place]:
+        tops = [(there.preload, there.top) for there in curves.follow([float(np.exp(x)) for x in places]) if there.known]
+        return [place(top.peak, p) for p, top in tops if top is not None]
+
+    with Curves(problem, (low, high)) as curves:
+        rows = np.flatnonzero(np.isfinite(curve.amplitude))
+        places = [place(_peak(problem, curve, int(k)), float(curve.preload[k])) for k in rows]
+        places, best = least(places, ask, lambda a, b, x: x)
+    if curves.interrupted:
+        raise KeyboardInterrupt
+    at = places[best.index]
+    preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
+    where = "at the end of the preloads with a value" if best.kind == "end" else "refined between its neighbours"
+    status = f"{where}, {_compared(problem, curve, judge, preload, value)}"
+    return replace(found, best_value=preload, best_margin=value, best_status=status)
+
+
+def _height(judge: LeastMargin, problem: Problem, peak: Peak, preload: float) -> float:
+    value = judge(problem, peak.y[:-1], float(peak.y[-1]), preload)
+    return float(-np.log(value)) if value > 0.0 else np.inf
+
+
+def _tangent(peak: Peak) -> np.ndarray | None:
+    """Direction of the curve at a peak, which one at a corner has not."""
+    return None if peak.corner else peak.tangent
+
+
+def _scale(peak: Peak) -> np.ndarray | None:
+    return None if peak.corner else peak.scale
 
 
 def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
-    """The peak of an optimal curve again, with its tangent."""
+    """The highest point of an optimal curve again, with its tangent where it has one."""
     p = float(curve.preload[i])
     y = np.append(curve.unknowns[i], 2.0 * np.pi * curve.frequency[i])
     return find_peak(problem.system(p), y, parameter=p)
-
-
-def _golden(
-    problem: Problem, judge: LeastMargin, near: list[Peak], ends: np.ndarray, best: float, value: float
-) -> tuple[float, float]:
-    """Preload and value of the largest margin between two logarithms of preloads, by a golden section."""
-
-    def at(x: float) -> float:
-        p = float(np.exp(x))
-        system = problem.system(p)
-        peaks = [find_peak(system, peak.y, parameter=p) for peak in near]
-        margins = [judge(problem, peak.y[:-1], float(peak.y[-1]), p) for peak in peaks if peak.converged]
-        return min(margins, default=-np.inf)
-
-    low, high = (float(x) for x in ends)
-    a, b = high - GOLDEN * (high - low), low + GOLDEN * (high - low)
-    at_a, at_b = at(a), at(b)
-    for _ in range(STEPS):
-        for x, found in ((a, at_a), (b, at_b)):
-            if found > value:
-                best, value = float(np.exp(x)), found
-        if at_a >= at_b:
-            high, b, at_b = b, a, at_a
-            a = high - GOLDEN * (high - low)
-            at_a = at(a)
-        else:
-            low, a, at_a = a, b, at_b
-            b = low + GOLDEN * (high - low)
-            at_b = at(b)
-    return best, value
 
 
 def _compared(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:

@@ -16,7 +16,7 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.slow_sweep import SlowSweep
 from bdamper.continuation.track import track
-from bdamper.peaks.envelope import BUDGET
+from bdamper.peaks.optimal import BUDGET
 from bdamper.peaks.optimal_curve import Marched, OptimalCurve, Swept
 from bdamper.problem.problem import Problem
 from bdamper.stability.floquet import with_stability

@@ -1,41 +1,54 @@
-"""Optimal curve and frequency-shift curve: the resonance peak over the preload, from free to stuck.
+"""Optimal curve and frequency-shift curve: the highest point of the response over the preload, from free to stuck.
 
-All peaks are followed over the preload (:mod:`bdamper.peaks.envelope`); the optimal curve is the highest of those known at
-each preload, the optimum its least value, and the result keeps events: peaks that vanish, jumps, scans
-(:mod:`bdamper.peaks.optimal_curve`).
+The whole response over frequency is followed at each preload, side by side on threads; its highest point is the value there
+(:mod:`bdamper.peaks.highest`).  More curves are followed between preloads where the tangents over the preload say that
+the least value may lie (:mod:`bdamper.peaks.least`); on a smooth branch it is found by a root of the adjoint derivative
+first.  Every value, that of the optimum too, is the highest point of a whole curve of its own.
 """
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing
+from dataclasses import dataclass, field, replace
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.rattle import NO_STEADY
-from bdamper.peaks.envelope import PeakEnvelope
+from bdamper.peaks.at_preload import LOST, AtPreload, at_preload
 from bdamper.peaks.highest import check_options
 from bdamper.peaks.interval import linear_peak, peak_interval
-from bdamper.peaks.least import least_peak, least_so_far, verified_optimum
-from bdamper.peaks.newton import PeakOptions
-from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
+from bdamper.peaks.least import Place, agree, least
+from bdamper.peaks.newton import Family, Peak, PeakOptions, find_peak
+from bdamper.peaks.optimal_curve import INTERRUPTED, NOT_VERIFIED, OptimalCurve, OptimumPoint
+from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
+from bdamper.util.rootfind import find_root
 from bdamper.util.versions import HERE
 
-FOLLOWING = PeakOptions(max_halvings=3, position_tolerance=1e-6)
-"""Settings with which peaks are followed by default: an error in the place of a peak changes its amplitude in second order
-only."""
+BUDGET = 8000
+"""Evaluations that a curve may take in the search, the default at an optimum.  Curves with many folds take some 4,000, one
+in tens is lost in a tangle of them and takes all it gets, to no avail: 17 of 39 s of one optimal curve."""
+FLAT = 1e-6
+"""Relative range of the resonance amplitude over all preloads below which the curve has no optimum."""
+IN_A_ROW = 2
+"""Neighbouring preloads whose curves show that the damper rattles, below which no more are followed."""
+OPTIMUM_TOLERANCE = 1e-7
+"""Relative, on the preload of a smooth optimum."""
 
 
 @one_thread
@@ -46,11 +59,10 @@ def optimal_curve(
     *,
     frequency: tuple[float, float] | None = None,
     mode: int = 1,
-    checks: int = 0,
-    verify: bool = True,
     options: PeakOptions | None = None,
     progress: bool = False,
     resume: str | Path | None = None,
+    executor: Executor | None = None,
 ) -> OptimalCurve:
     """Resonance amplitude and frequency over the preload, and the preload of least amplitude.
 
@@ -64,18 +76,15 @@ def optimal_curve(
         Where to look for peaks; around the free and the stuck resonance of ``mode`` by default.
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
-    checks : int
-        Preloads, besides the ends of the range, at which the whole response is followed to look for higher peaks in any
-        case.
-    verify : bool
-        Compare the optimum with whole tracking curves, and search on where they contradict it.
     options : PeakOptions
-        ``FOLLOWING`` by default.
+        How exactly the highest points are refined.
     progress : bool
-        Show what is being done, and the time left for the scans over frequency that are known to be needed.
+        Show how many curves are done.
     resume : path, optional
-        File that keeps every scan with the peaks that were followed from it; a search that was interrupted goes on from
-        there and ends with the same result.
+        File that keeps every curve with its highest point; work that was interrupted goes on from there and ends with the
+        same result.
+    executor : concurrent.futures.Executor, optional
+        On which the curves are followed; threads, as many as there are cores, by default.
 
     Returns
     -------
@@ -85,106 +94,273 @@ def optimal_curve(
     Raises
     ------
     BdamperError
-        If there is no peak in the interval at any of the preloads, or the file is of another search.
+        If nothing was found in the interval at any of the preloads, or the file is of another search.
     KeyboardInterrupt
-        If the search was interrupted before it found a peak.
+        If the search was interrupted before it found anything.
     """
     start = time.perf_counter()
     values = preload_values(preload, n)
-    checks = validate.whole("checks", checks)
-    for name, value in (("verify", verify), ("progress", progress)):
-        validate.flag(name, value)
+    validate.flag("progress", progress)
     check_options(options)
     if not problem.carries_load:
         why = problem.why_no_load
         raise SettingError(f"optimal_curve: expected a model with a body that carries a load, found that {why}")
-    meter = CostMeter(start)
     frequency = peak_interval(problem, frequency, mode)
     free = linear_peak(problem, frequency, float(values[-1]), stuck=False)
     stuck = linear_peak(problem, frequency, float(values[-1]), stuck=True)
-    known = PeakEnvelope(problem, values, frequency, options or FOLLOWING, meter)
-    optimum = _search(known, checks, verify, progress, resume)
+    asked = {"preload": values, "options": options}
+    with Curves(problem, frequency, options, executor, resume, progress, asked) as curves:
+        optimum = _optimum(curves, values)
+    known = curves.known
+    if curves.interrupted:
+        optimum = _least_so_far(curves)
+    if not any(there.top for there in known.values()):
+        if curves.interrupted:
+            raise KeyboardInterrupt
+        ends = ", ".join(dict.fromkeys(there.status for there in known.values()))
+        raise BdamperError(
+            f"no peak found at any of {len(values)} preloads from {values[0]:g} to {values[-1]:g} N "
+            f"between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {ends}"
+        )
+    edge = rattling_below(known)
     settings = problem.record(None) | {"frequency": [float(f) for f in frequency]}
-    for k in range(known.first, len(known.preload) - 1):
-        known.note_change(k)
-    columns = _columns(known, problem.n_unknowns)
     return OptimalCurve(
-        **columns, free=free, stuck=stuck, optimum=optimum, events=tuple(known.events),
-        cost=meter.read(time.perf_counter()), settings=settings, model_hash=problem.model.hash,
-        no_steady_below=known.no_steady_below,
+        **_columns(known, values, edge, problem.n_unknowns),
+        curves=tuple(known[p].curve for p in sorted(known)), free=free, stuck=stuck, optimum=optimum,
+        cost=curves.cost(start), settings=settings, model_hash=problem.model.hash, no_steady_below=edge,
     )  # fmt: skip
 
 
-def _search(known: PeakEnvelope, checks: int, verify: bool, progress: bool, resume: str | Path | None) -> OptimumPoint:
-    """The optimum, after all peaks were found; what is known of both if that was interrupted."""
-    asked = {"preload": known.preload, "frequency": known.frequency, "checks": checks, "options": known.options}
-    with ExitStack() as stack:
-        if resume is not None:
-            known.file = stack.enter_context(closing(search_file(resume, known.problem, **asked)))
-        if progress:
-            known.report = stack.enter_context(stages("optimal curve", "scan"))
-        with LongWork() as work:
-            known.find_all(checks)
-            optimum = verified_optimum(known) if verify else least_peak(known)
-    if not work.interrupted:
-        return optimum
-    if not known.branches:
-        raise KeyboardInterrupt
-    return least_so_far(known)
+@dataclass
+class Curves:
+    """Whole curves at some preloads, followed side by side; a context that an interruption ends quietly.
+
+    Parameters
+    ----------
+    problem : Problem
+    frequency : (low, high), Hz
+    options : PeakOptions, optional
+    executor : Executor, optional
+        Threads of its own without one.
+    resume : path, optional
+    progress : bool
+    asked : mapping
+        What else tells the file from those of other searches.
+    known : dict of float to AtPreload
+        What is finished, by preload.
+    """
+
+    problem: Problem
+    frequency: tuple[float, float]
+    options: PeakOptions | None = None
+    executor: Executor | None = None
+    resume: str | Path | None = None
+    progress: bool = False
+    asked: dict[str, Any] = field(default_factory=dict)
+    known: dict[float, AtPreload] = field(default_factory=dict)
+    interrupted: bool = False
+
+    def __enter__(self) -> Curves:
+        self.stack, self.work = ExitStack(), LongWork()
+        self.report: Callable[[str, int, int], None] | None = None
+        self.file, self.kept = None, dict[int | str, dict[str, Any]]()
+        if self.resume is not None:
+            self.file = search_file(self.resume, self.problem, frequency=self.frequency, **self.asked)
+            self.stack.enter_context(closing(self.file))
+            self.kept = self.file.records
+        if self.executor is None:
+            self.executor = self.stack.enter_context(ThreadPoolExecutor(os.cpu_count() or 1))
+        if self.progress:
+            self.report = self.stack.enter_context(stages("optimal curve", "curve"))
+        self.problem.system(0.0)  # what all preloads share is made before threads ask for it
+        self.problem.static(1.0)
+        self.work.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: Any) -> bool:
+        quiet = self.work.__exit__(kind, *error)
+        self.interrupted = self.work.interrupted
+        self.stack.close()
+        return quiet
+
+    def follow(self, preloads: Sequence[float], budget: int | None = None, row: int = 0) -> list[AtPreload]:
+        """The curves at some preloads, in their order; with ``row`` up to so many that rattle one after another.
+
+        An interruption keeps those that are finished.
+        """
+        assert self.executor is not None
+        stop, running = Event(), dict[float, Future[AtPreload]]()
+        out: list[AtPreload] = []
+        try:
+            for p in preloads:
+                if p not in self.known and repr(p) in self.kept:
+                    self.known[p] = AtPreload.of(self.kept[repr(p)])
+                elif p not in self.known:
+                    ended = stop if isinstance(self.executor, ThreadPoolExecutor) else None
+                    job = self.problem, p, self.frequency, self.options, budget, ended
+                    running[p] = self.executor.submit(at_preload, *job)
+            for i, p in enumerate(preloads):
+                if row and len(out) >= row and all(there.rattles for there in out[-row:]):
+                    break
+                if self.report is not None:
+                    self.report(f"{p:.4g} N", len(self.known), len(self.known) + len(preloads) - i)
+                if p in running:
+                    self._keep(running.pop(p).result())
+                out.append(self.known[p])
+        except BaseException:
+            for p, future in running.items():
+                if future.done() and not future.cancelled() and future.exception() is None:
+                    self._keep(future.result())
+            raise
+        finally:
+            stop.set()  # ends what is still at work
+            for future in running.values():
+                future.cancel()
+        return out
+
+    def _keep(self, there: AtPreload) -> None:
+        self.known[there.preload] = there
+        if self.file is not None:
+            self.file.append(there.record())
+
+    def cost(self, start: float) -> Any:
+        """Of all curves, on whatever threads."""
+        meter = CostMeter(start)
+        for there in self.known.values():
+            meter.add(there.cost)
+        cost = meter.read(time.perf_counter())
+        return replace(cost, processor=cost.processor + sum(there.cost.processor for there in self.known.values()))
+
+
+def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
+    """The preload of the least value, after more curves where it may lie."""
+    curves.follow([float(p) for p in values[::-1]], BUDGET, row=IN_A_ROW)
+    known = curves.known
+    edge = rattling_below(known)
+    there = {float(np.log(p)): known[p] for p in known if p > edge}
+    found = [item for item in there.values() if np.isfinite(item.value)]
+    if not found:
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, f"{NOT_VERIFIED}no preload has a value")
+    height = [item.value for item in found]
+    if len(found) > 1 and max(height) - min(height) <= FLAT:
+        peak = found[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
+        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, "the preload does not matter")
+
+    def ask(places: Sequence[float]) -> list[Place]:
+        new = curves.follow([float(np.exp(x)) for x in places])
+        there.update(zip(places, new))
+        return [Place(x, item.value, item.slope) for x, item in zip(places, new)]
+
+    def settle(a: Place, b: Place, x: float) -> float | None:
+        tops = [there[p.x].top for p in (a, b)]
+        ends = [top.peak for top in tops if top is not None]
+        return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
+
+    places, best = least([Place(x, item.value, item.slope) for x, item in there.items()], ask, settle)
+    at = there[places[best.index].x]
+    assert at.top is not None
+    status = "verified"
+    lower = [p for p in sorted(known) if p > edge and not known[p].known and not _bound(known[p]) >= at.top.peak.amplitude]
+    if lower:
+        status = f"{NOT_VERIFIED}{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N"
+    elif best.open is not None:
+        low, high = np.exp(best.open)
+        status = f"{NOT_VERIFIED}the highest peak could be lower between {low:.6g} and {high:.6g} N"
+    return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, best.kind, best.uncertainty, status)
+
+
+def smooth_minimum(
+    family: Family, ends: Sequence[Peak], a: Place, b: Place, options: PeakOptions | None = None
+) -> float | None:
+    """ln(parameter) of the least amplitude of the peak that two places share, by a root of its derivative."""
+    options, near = options or PeakOptions(), dict(zip((a.x, b.x), ends))
+
+    def slope(x: float) -> float:
+        p, low, high = float(np.exp(x)), max(k for k in near if k <= x), min(k for k in near if k >= x)
+        first, last = near[low], near[high]
+        share = (x - low) / (high - low) if high > low else 0.0
+        guess = first.y + share * (last.y - first.y)
+        start = first if share < 0.5 else last
+        found = find_peak(
+            family(p), guess, tangent=start.tangent, scale=start.scale, curvature=start.curvature, options=options,
+            parameter=p, reach=options.max_distance,
+        )  # fmt: skip
+        if not found.converged or found.corner:
+            raise ArithmeticError("the peak is lost")
+        near[x] = found
+        return amplitude_sensitivity(found, family, p, options) * p / found.amplitude
+
+    try:
+        root = find_root(slope, (a.x, a.slope), (b.x, b.slope), OPTIMUM_TOLERANCE)
+    except (*LOST, BdamperError):
+        return None
+    return float(root.at)
+
+
+def _least_so_far(curves: Curves) -> OptimumPoint:
+    """The least value known at any preload when the search was interrupted."""
+    edge = rattling_below(curves.known)
+    found = [there for p, there in curves.known.items() if p > edge and there.known and there.top is not None]
+    if not found:
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, INTERRUPTED)
+    best = min(found, key=lambda there: there.value)
+    assert best.top is not None
+    return OptimumPoint(best.preload, best.top.peak.amplitude, best.top.peak.frequency, "unknown", np.inf, INTERRUPTED)
+
+
+def _bound(there: AtPreload) -> float:
+    return np.nan if there.top is None else there.top.peak.amplitude
+
+
+def rattling_below(known: dict[float, AtPreload]) -> float:
+    """The highest preload (N) at and below which all curves show that the damper rattles; 0 if the lowest does not."""
+    out = 0.0
+    for p in sorted(known):
+        if not known[p].rattles:
+            break
+        out = p
+    return out
 
 
 def search_file(path: str | Path, problem: Problem, **asked: Any) -> ResultsFile:
     """The file of a search, guarded by the model, the settings and what was asked, as far as it is given."""
-    header = {"format": "bdamper-optimal-search", "version": 1, **HERE.attributes(), "study": study_fingerprint(problem)}
+    header = {"format": "bdamper-optimal-search", "version": 2, **HERE.attributes(), "study": study_fingerprint(problem)}
     return ResultsFile(path, header | asked, "search for an optimal curve")
 
 
-def _columns(known: PeakEnvelope, n_unknowns: int) -> dict[str, Any]:
-    """Fields of an optimal curve that hold the highest peak at each preload, and all peaks."""
-    asked = [int(k) for k in np.flatnonzero(known.asked)]
-    values = [known.value(k) for k in asked]
-    on = np.array([False, *(known.goes_on(k) for k in range(len(known.preload) - 1))])
-    every = [(b.number, q, known.isolated(b, k)) for b in known.branches for k, q in sorted(b.peaks.items())]
+def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
+    """What is known at a preload."""
+    if preload <= edge:
+        return f"not found: {NO_STEADY} below {edge:.6g} N: {why}"
+    return "not found: no curve was followed" if row is None else row.status
+
+
+def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unknowns: int) -> dict[str, Any]:
+    """Fields of an optimal curve with one entry for each preload."""
+    rows, why = [known.get(float(p)) for p in values], known[edge].rattles if edge else ""
+    tops = [None if row is None or row.preload <= edge or not row.known else row.top for row in rows]
 
     def column(name: str, fill: Any) -> NDArray:
-        return np.array([fill if item is None else getattr(item[1], name) for item in values])
+        return np.array([fill if top is None else getattr(top.peak, name) for top in tops])
 
+    places = [Place(np.log(p), np.inf if row is None else row.value, np.nan if row is None else row.slope)
+              for p, row in zip(values, rows)]  # fmt: skip
+    onward = [bool(np.isfinite(a.value + b.value)) and agree(a, b) for a, b in zip(places, places[1:])]
+    detached = [(p, q) for p, row in zip(values, rows) if row is not None and row.top for q in row.top.detached]
     return {
-        "preload": known.preload[asked],
+        "preload": values,
         "amplitude": column("amplitude", np.nan),
-        "lower_bound": np.array([known.lower_bound(k) if item is None else np.nan for k, item in zip(asked, values)]),
+        "lower_bound": np.array([np.nan if top or not row else _bound(row) for row, top in zip(rows, tops)]),
         "frequency": column("frequency", np.nan),
-        "shares": column("shares", np.full(3, np.nan)),
+        "shares": np.array([np.full(3, np.nan) if top is None else top.peak.shares for top in tops]),
         "residual": column("residual", np.nan),
         "rank_deficiency": column("rank_deficiency", 0),
-        "branch": np.array([-1 if item is None else item[0].number for item in values]),
-        "unknowns": np.array([np.full(n_unknowns, np.nan) if item is None else item[1].y[:-1] for item in values]),
-        "status": tuple(_status(known, k) for k in asked),
-        "goes_on": np.array(
-            [
-                i > 0 and values[i] is not None and values[i - 1] is not None and all(on[asked[i - 1] + 1 : k + 1])
-                for i, k in enumerate(asked)
-            ]
-        ),
-        "peak_preload": np.array([q.parameter for _, q, _ in every]),
-        "peak_amplitude": np.array([q.amplitude for _, q, _ in every]),
-        "peak_frequency": np.array([q.frequency for _, q, _ in every]),
-        "peak_branch": np.array([number for number, _, _ in every], int),
-        "peak_detached": np.array([isolated for _, _, isolated in every], bool),
-        "branch_end": tuple(f"down: {b.down or 'end of range'}; up: {b.up or 'end of range'}" for b in known.branches),
-    }
-
-
-def _status(known: PeakEnvelope, k: int) -> str:
-    """What is known at a preload, with the ending of the scan over frequency if one was made there."""
-    there = known.scan_at(k)
-    if k < known.first:
-        edge = known.no_steady_below
-        return f"{NO_STEADY} below {edge:.6g} N: {known.scanned[edge].rattles}"
-    if known.value(k) is not None:
-        return "followed" if there is None else "scanned"
-    what = "no peak found" if known.highest(k) is None else "lower bound"
-    return f"{what}, scan over frequency {'not made' if there is None else there.ending}"
+        "unknowns": np.array([np.full(n_unknowns, np.nan) if top is None else top.peak.y[:-1] for top in tops]),
+        "kind": tuple("" if top is None else top.kind for top in tops),
+        "status": tuple(_status(row, p, edge, why) for row, p in zip(rows, values)),
+        "goes_on": np.array([False, *onward]),
+        "detached": tuple(f"{p:.6g} N: {q.amplitude:.6g} m at {q.frequency:.6g} Hz" for p, q in detached),
+    }  # fmt: skip
 
 
 def preload_values(preload: Any, n: int) -> NDArray:

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.curve import Curve
 from bdamper.continuation.rattle import NO_STEADY
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.util import validate
@@ -19,13 +20,13 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
+from bdamper.util.status import Statuses
 from bdamper.util.tables import Column, Tabular
 
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
 NOT_VERIFIED = "not verified: "
-NOT_COMPARED = NOT_VERIFIED + "no tracking curve was compared"
 INTERRUPTED = NOT_VERIFIED + "interrupted by the user"
 """Status of an optimum whose search was interrupted."""
 
@@ -115,10 +116,9 @@ class OptimumPoint:
     uncertainty : float
         Relative, of the preload.
     status : str
-        "verified" if the whole tracking curve there has no higher peak, no preload without a value could take its place,
-        and the tangents of the peaks at two neighbouring preloads nowhere lead more than 5 % below it; a lower value that
-        no tangent leads to may still be missed between preloads far apart.  Otherwise "not verified: " with the reason,
-        such as :data:`INTERRUPTED`.
+        "verified" if no preload without a value could take its place, and the tangents of the highest points at two
+        neighbouring preloads nowhere lead below it; a lower value that no tangent leads to may still be missed between
+        preloads far apart.  Otherwise "not verified: " with the reason, such as :data:`INTERRUPTED`.
     """
 
     preload: float
@@ -126,15 +126,15 @@ class OptimumPoint:
     frequency: float
     kind: str
     uncertainty: float
-    status: str = NOT_COMPARED
+    status: str = "verified"
 
     def __post_init__(self) -> None:
         if self.status == "converged":  # in files of versions before 0.3, where it told of the search alone
-            object.__setattr__(self, "status", NOT_COMPARED)
+            object.__setattr__(self, "status", f"{NOT_VERIFIED}no tracking curve was compared")
 
     @property
     def verified(self) -> bool:
-        """Whether whole tracking curves contradict nothing."""
+        """Whether nothing known says that a lower value is elsewhere."""
         return self.status == "verified"
 
     def __str__(self) -> str:
@@ -168,25 +168,11 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         Stick, slip and open at the peak, mean over the friction points and the cycle.
     residual : (n,) float
     rank_deficiency : (n,) int
-    branch : (n,) int
-        Number of the branch of peaks, -1 where there is none.
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "followed" from preloads at which the whole response over frequency was followed; "scanned" if it was at this
-        preload too; otherwise why there is no value.
-    peak_preload, peak_amplitude, peak_frequency : (m,) float
-        All peaks found, also those that are not the highest, and those of a branch that was followed beyond the interval of
-        frequency, which do not count for the optimal curve.
-    peak_branch : (m,) int
-    peak_detached : (m,) bool
-        Not on the response curve that a sweep of frequency follows, where that is known; such a peak does not count for
-        the optimal curve.
-    branch_end : tuple of str
-        How each branch ended, downward and upward.
+        "complete", "incomplete: ..." with what was not followed, or "not found: ..." with the reason.
     free, stuck : Limit
     optimum : OptimumPoint
-    events : tuple of str
-        Jumps, peaks that vanish, scans.
     cost : Cost
     settings : mapping
     model_hash : str
@@ -198,8 +184,15 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         Highest response found at a preload without a value, NaN where there is a value or nothing was found (everywhere in
         files of versions before 0.3).
     goes_on : (n,) bool
-        Whether the peak is that of the preload before, followed from there, also where its branch joins another; False
-        beside a preload without a value.
+        Whether the highest point lies on one smooth branch with that of the preload before, by their tangents.
+    kind : tuple of str
+        Of the highest point at each preload: "peak", "corner", "drift", "fold", or "end" of the interval, which is no
+        maximum; empty without a value.
+    curves : tuple of Curve
+        The whole curves that the values are from, and those between them that the search for the optimum took, by rising
+        preload; followed coarsely, and without their unknowns.
+    detached : tuple of str
+        Highest points on closed branches, which do not count.
     no_steady_below : float, N
         No steady periodic response is expected up to this preload, by the sign of :mod:`bdamper.continuation.rattle`: the
         damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
@@ -217,19 +210,11 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     shares: NDArray
     residual: NDArray
     rank_deficiency: NDArray
-    branch: NDArray
     unknowns: NDArray
-    status: tuple[str, ...]
-    peak_preload: NDArray
-    peak_amplitude: NDArray
-    peak_frequency: NDArray
-    peak_branch: NDArray
-    peak_detached: NDArray
-    branch_end: tuple[str, ...]
+    status: Statuses
     free: Limit
     stuck: Limit
     optimum: OptimumPoint
-    events: tuple[str, ...]
     cost: Cost
     settings: dict[str, Any] = field(default_factory=dict)
     model_hash: str = ""
@@ -237,15 +222,19 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     ladder: Ladder | None = None
     lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
+    kind: tuple[str, ...] = ()
+    curves: tuple[Curve, ...] = ()
+    detached: tuple[str, ...] = ()
     no_steady_below: float = 0.0
     marched: tuple[Marched, ...] = ()
     swept: tuple[Swept, ...] = ()
     margins: tuple[MarginCurve, ...] = ()
 
     def __post_init__(self) -> None:
-        if not self.goes_on.size:  # in files of versions before 0.3
-            same = (np.diff(self.branch) == 0) & (self.branch[1:] >= 0)
-            object.__setattr__(self, "goes_on", np.append(False, same))
+        if not self.goes_on.size:
+            object.__setattr__(self, "goes_on", np.append(False, np.isfinite(self.amplitude[1:] + self.amplitude[:-1])))
+        if not self.kind:
+            object.__setattr__(self, "kind", tuple("peak" if np.isfinite(a) else "" for a in self.amplitude))
         if not self.lower_bound.size:
             object.__setattr__(self, "lower_bound", np.full(len(self.preload), np.nan))
 
@@ -266,7 +255,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     def warnings(self) -> tuple[str, ...]:
         """What the curve and its optimum leave open: preloads without a value, an optimum that is not verified."""
         low = self.status[0] if self.no_steady_below else ""
-        gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("followed", "scanned", low)]
+        gone = [(p, s) for p, s in zip(self.preload, self.status) if s not in ("complete", low)]
         out = [low] * bool(low) + [f"{p:.6g} N: {s}" for p, s in gone]
         o = self.optimum
         if o.kind == "end":
@@ -275,6 +264,15 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > COARSE else ""
             out.append(f"optimum {o.status}{known}")
         return tuple(out)
+
+    @property
+    def best(self) -> int | None:
+        """Number of the preload with the least value, None where one without a value could be lower or none has one."""
+        if not np.isfinite(self.amplitude).any():
+            return None
+        k = int(np.nanargmin(self.amplitude))
+        open_ = ~np.isfinite(self.amplitude) & (self.preload > self.no_steady_below)
+        return None if np.any(open_ & ~(self.lower_bound >= self.amplitude[k])) else k
 
     @property
     def shift_percent(self) -> NDArray:
@@ -337,6 +335,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             ends.append(float(preload))
         return ends[0], ends[1]
 
+    @property
+    def maxima(self) -> tuple[tuple[float, float], ...]:
+        """Preload (N) and amplitude (m) of all maxima of the curves, the highest ones and those below them."""
+        kinds = [(c, np.array([kind == "maximum" for kind in c.point_kind], bool)) for c in self.curves]
+        return tuple((c.preload, float(a)) for c, marked in kinds for a in c.amplitude[marked])
+
     def _own_amplitude(self, preload: NDArray) -> NDArray:
         """Amplitudes (m) at any preloads, interpolated between those of the curve and its optimum."""
         points = {p: a for p, a in zip(self.preload, self.amplitude) if np.isfinite(a)}
@@ -378,14 +382,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             "frequency": Column(self.frequency, "Hz"),
             "frequency_shift": Column(self.shift_percent, "%"),
             **shares,
-            "branch": Column(self.branch),
+            "kind": Column(np.array(self.kind)),
             "lower_bound": Column(self.lower_bound, "m"),
             "status": Column(np.array(self.status)),
         }
 
     def __str__(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
-        jumps = sum("jump" in event for event in self.events)
+        jumps = int(np.count_nonzero(~self.goes_on[1:] & np.isfinite(self.amplitude[1:] + self.amplitude[:-1])))
         lines = [
             f"optimal curve, {self.preload[0]:g} to {self.preload[-1]:g} N: {len(self)} points"
             + (f", {bad} without a value" if bad else ""),
@@ -393,8 +397,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             f"  {error_line(self.error_estimates)}",
             f"  free {self.free.amplitude:.6g} m at {self.free.frequency:.6g} Hz, stuck {self.stuck.amplitude:.6g} m at "
             f"{self.stuck.frequency:.6g} Hz: ratio {self.ratio:.3g}, shift {self.stuck_shift_percent:.3g} %",
-            f"  {len(self.branch_end)} branches of peaks, {jumps} jumps; {self.cost.seconds:.3f} s, "
+            f"  {len(self.curves) or len(self)} curves, {jumps} jumps; {self.cost.seconds:.3f} s, "
             f"{self.cost.iterations} iterations",
+            *(f"  detached at {item}" for item in self.detached),
         ]
         if self.ladder is not None:
             note, *table = str(self.ladder).split("\n")

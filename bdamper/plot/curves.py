@@ -212,10 +212,10 @@ def plot_optimal(
         right.grid(False)
         for name, style in LIMIT_STYLES.items():
             ax.axhline(getattr(result, name).amplitude, **LIMIT, linestyle=style, label=name)
-        others = ~np.isin(result.peak_amplitude, result.amplitude)
-        if coexisting and others.any():
-            ax.plot(result.peak_preload[others], result.peak_amplitude[others], ".", color="0.65", markersize=2.5,
-                    label="other peaks")
+        tops = {c.preload: c.peak.amplitude for c in result.curves if len(c)}
+        others = np.array([p for p in result.maxima if p[1] < 0.999 * tops.get(p[0], np.inf)]).reshape(-1, 2)
+        if coexisting and len(others):
+            ax.plot(*others.T, ".", color="0.65", markersize=2.5, label="other peaks")
         for first, last in runs(np.cumsum(~result.goes_on)):
             part = slice(first, last + 1)
             alone = "." if first == last else None

@@ -5,18 +5,18 @@ one scalar equation; its peaks over the slip limit were computed with two indepe
 parallel with a spring; ``S_opt``, ``A_min`` and, without viscous damping, ``A(S)`` in closed form.
 """
 
-from types import SimpleNamespace
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.continuation.follower import follow
-from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
-from bdamper.peaks.least import least_peak
-from bdamper.peaks.newton import Peak, PeakOptions, coarse_options, refine_maxima
-from bdamper.peaks.sensitivity import sensitivities
-from bdamper.util.cost import CostMeter
+from bdamper.peaks.least import Place, least
+from bdamper.peaks.newton import Peak, coarse_options, refine_maxima
+from bdamper.peaks.optimal import smooth_minimum
+from bdamper.peaks.sensitivity import amplitude_sensitivity, sensitivities
 from tests.following import follow_peak
 from tests.oscillators import oscillator
 
@@ -56,10 +56,23 @@ def optimum(family, start, values):
     """The least value of the one peak that is followed through ascending slip limits."""
     peaks = follow_peak(family, start, values).peaks
     assert len(peaks) == len(values)
-    known = PeakEnvelope(SimpleNamespace(system=family), np.array(values), (0.0, np.inf), PeakOptions(), CostMeter(0.0))
-    known.branches.append(Branch(0, dict(enumerate(peaks))))
-    known.scanned = {float(known.preload[k]): Scanned("complete") for k in (0, -1)}
-    return least_peak(known)
+    there = {float(np.log(q.parameter)): q for q in peaks}
+
+    def place(x):
+        q = there[x]
+        return Place(x, np.log(q.amplitude), amplitude_sensitivity(q, family, q.parameter) * q.parameter / q.amplitude)
+
+    def ask(places):
+        for x in places:
+            near = min(there.values(), key=lambda q: abs(np.log(q.parameter) - x))
+            there[x] = follow_peak(family, near, [np.exp(x)]).peaks[0]
+        return [place(x) for x in places]
+
+    def settle(a, b, x):
+        return smooth_minimum(family, [there[a.x], there[b.x]], a, b)
+
+    places, best = least([place(x) for x in there], ask, settle)
+    return replace(there[places[best.index].x], status=best.kind)
 
 
 def independent_peak(limit, force=1.0, c=0.02):
@@ -112,17 +125,16 @@ class TestJenkins:
     def test_optimum(self, branch):
         start = next(p for p in branch.peaks if p.parameter == 1.5)
         found = optimum(jenkins, start, [1.25, 1.5, 2.0])
-        assert found.uncertainty < 1e-6
-        assert found.kind == "smooth"
-        assert found.preload == pytest.approx(1.470413, abs=1e-6)
+        assert found.status == "smooth"
+        assert found.parameter == pytest.approx(1.470413, abs=1e-6)
         assert found.amplitude == pytest.approx(2.91702888, abs=1e-8)
         assert 2 * np.pi * found.frequency == pytest.approx(1.22572299, abs=1e-8)
 
     def test_bracket_without_a_minimum_is_named_so(self, branch):
         start = next(p for p in branch.peaks if p.parameter == 4.0)
         found = optimum(jenkins, start, [2.0, 4.0])
-        assert found.kind == "end"
-        assert found.preload == 2.0
+        assert found.status == "end"
+        assert found.parameter == 2.0
 
     @pytest.mark.parametrize("name", ["limit", "c", "kd", "force", "m"])
     def test_sensitivities_against_differences(self, branch, name):
@@ -167,7 +179,7 @@ class TestMacroslip:
         start = first_peak(family(3.0), (0.8, 1.4), 3.0)
         start = follow_peak(family, start, [2.2, 1.8, 1.2 * near]).peaks[-1]
         found = optimum(family, start, [0.9 * near, 1.15 * near])
-        assert found.kind == "smooth"
+        assert found.status == "smooth"
         return found
 
     def exact(self, c):
@@ -193,7 +205,7 @@ class TestMacroslip:
     def test_optimum(self, c):
         """The least peak of the equations with one harmonic, solved by Newton from the closed form of the loop."""
         found, (S, X, w) = self.least(c), self.exact(c)
-        assert found.preload == pytest.approx(S, rel=1e-6)
+        assert found.parameter == pytest.approx(S, rel=1e-6)
         assert found.amplitude == pytest.approx(X, rel=1e-8)
         assert 2 * np.pi * found.frequency == pytest.approx(w, rel=1e-6)
 
@@ -208,12 +220,12 @@ class TestMacroslip:
         for c in (4e-3, 2e-3, 1e-3):
             found = self.least(c)
             errors.append([
-                found.preload / ((np.pi / 2) / (1 + np.pi * c * w / self.kd)) - 1,
+                found.parameter / ((np.pi / 2) / (1 + np.pi * c * w / self.kd)) - 1,
                 found.amplitude / (np.pi / (self.kd + np.pi * c * w)) - 1,
             ])  # fmt: skip
             if c == 2e-3:
                 assert found.amplitude == pytest.approx(15.206906, rel=1e-6)
-                assert found.preload == pytest.approx(1.520691, rel=c)
+                assert found.parameter == pytest.approx(1.520691, rel=c)
                 assert 2 * np.pi * found.frequency == pytest.approx(1.048809, rel=c)
         rate = np.log2(np.abs(errors[0]) / np.abs(errors[2])) / 2
         assert rate == pytest.approx([1.0, 2.0], abs=0.1)
@@ -249,4 +261,4 @@ def test_least_peak_agrees_with_a_search_on_values(branch):
         options={"xatol": 1e-6},
     )  # fmt: skip
     assert found.amplitude <= direct.fun * (1 + 1e-12)
-    assert found.preload == pytest.approx(direct.x, rel=1e-4)
+    assert found.parameter == pytest.approx(direct.x, rel=1e-4)

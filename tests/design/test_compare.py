@@ -60,7 +60,7 @@ def test_on_the_same_axes(study, found):
 
 
 def test_optimal_curves(study, monkeypatch):
-    curve = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False, verify=False)
+    curve = study.optimal_curve((6e3, 8e3), 2, frequency=(340.0, 370.0), check=False)
     monkeypatch.setattr(compare, "optimal_curve", lambda *_, **__: curve)
     found = study.compare_designs({"smooth": {"friction_coefficient": 0.39}}, (6e3, 8e3), n=2, name="rough")
     assert found.names == ("rough", "smooth") and not found.curves and len(found.optimal) == 2

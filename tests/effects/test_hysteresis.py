@@ -122,7 +122,7 @@ def test_a_face_has_the_sum_of_its_forces(cycle):
 
 
 def test_of_an_optimal_curve(study):
-    curve = study.optimal_curve((4e3, 8e3), 2, frequency=(270.0, 380.0), check=False, verify=False)
+    curve = study.optimal_curve((4e3, 8e3), 2, frequency=(270.0, 380.0), check=False)
     found = study.dissipation(curve)
     assert found.preload == pytest.approx(curve.preload)
     assert np.abs(found.imbalance).max() < 1e-9

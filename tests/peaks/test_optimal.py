@@ -1,7 +1,6 @@
 """Peaks and optimal curves of models with a free damper, against full tracking curves and finite differences."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,13 +9,10 @@ import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.harmonic_balance.conditions import Peak as PeakThere
 from bdamper.peaks import sensitivity
-from bdamper.peaks.envelope import Branch, PeakEnvelope, Scanned
-from bdamper.peaks.follower import PeakFollower
+from bdamper.peaks.highest import maxima
 from bdamper.peaks.interval import linear_peak, resonance_interval
-from bdamper.peaks.newton import PeakOptions, amplitude_at, find_peak, peak_scale, slope_along
-from bdamper.peaks.scan import scan, scan_from
+from bdamper.peaks.newton import amplitude_at, coarse_options, find_peak, peak_scale, slope_along
 from bdamper.problem.variation import vary
-from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests.following import follow_peak
 from tests.plain import plain_study
@@ -98,6 +94,10 @@ class TestOptimalCurve:
         for name, value in result.__dict__.items():
             if isinstance(value, np.ndarray):
                 np.testing.assert_array_equal(getattr(again, name), value)
+            elif name == "curves":
+                assert [str(c) for c in again.curves] == [str(c) for c in value] and len(value) >= len(result)
+                for one, other in zip(again.curves, value):
+                    np.testing.assert_array_equal(one.amplitude, other.amplitude)
             else:
                 assert getattr(again, name) == value, name
 
@@ -133,23 +133,23 @@ class TestOptimalCurve:
         assert alone.frequency == pytest.approx(result.frequency[5], rel=1e-9)
 
 
-def test_coexisting_peaks_are_told_apart_and_their_end_reported():
+def test_coexisting_peaks_are_told_apart():
     """Two peaks at 100 N; the one at the higher frequency meets a minimum and vanishes on the way up."""
     study = plain_study(bd.reference_model(contact_points=24), bd.Excitation("tip"), 5, friction_coefficient=0.3)
-    there = scan(study, 100.0, INTERVAL)
-    peaks = there.peaks
-    assert there.whole
+
+    def at(preload):
+        return maxima(study.system(preload), study.track(preload, INTERVAL, options=coarse_options()))
+
+    peaks = at(100.0)
     assert len(peaks) >= 2
     assert all(a.amplitude >= b.amplitude for a, b in zip(peaks, peaks[1:]))
-    lower = peaks[-1]
-    branch = follow_peak(study.system, lower, np.geomspace(100.0, 1000.0, 12)[1:])
+    branch = follow_peak(study.system, peaks[-1], np.geomspace(100.0, 1000.0, 12)[1:])
     assert branch.status == "vanished"
     assert branch.reason
-    curve = study.optimal_curve((100.0, 1000.0), 5, frequency=INTERVAL, check=False)
-    assert any("vanished" in event for event in curve.events)
     # beyond its end a tracking curve does not have it either
-    beyond = scan(study, 1.1 * branch.ended, INTERVAL)
-    assert len(beyond.peaks) < len(peaks)
+    assert len(at(1.1 * branch.ended)) < len(peaks)
+    curve = study.optimal_curve((100.0, 1000.0), 5, frequency=INTERVAL, check=False)
+    assert sum(p == 100.0 for p, _ in curve.maxima) == len(peaks)
 
 
 @pytest.mark.slow
@@ -165,7 +165,7 @@ def test_jumps_at_low_preload_are_found():
             checked += 1
             assert a == pytest.approx(track.peak.amplitude, rel=1e-6), p
     assert checked >= 9
-    assert any("jump" in event for event in curve.events)
+    assert not curve.goes_on[1:].all()
 
 
 def test_a_peak_is_followed_back_through_values_it_had(study, peak):
@@ -185,7 +185,7 @@ class TestSensitivities:
             family, value = setting_family(study, name, peak.parameter), setting_value(study, name)
         h = 1e-4 * value
         start = replace(peak, parameter=value)
-        high, low = (PeakFollower(family, start).go(value + s) for s in (h, -h))
+        high, low = (follow_peak(family, start, [value + s]).peaks[0] for s in (h, -h))
         assert found.amplitude != 0.0
         assert found.amplitude == pytest.approx((high.amplitude - low.amplitude) / (2 * h), rel=1e-5)
         assert found.frequency == pytest.approx((high.frequency - low.frequency) / (2 * h), rel=1e-5)
@@ -212,8 +212,6 @@ class TestFindPeak:
         found = find_peak(system, y)
         assert not found.converged
         assert "no solution" in found.status or "not found" in found.status or found.status
-        with pytest.raises(bd.SettingError, match="expected a converged one"):
-            PeakFollower(study.system, found)
 
     def test_from_a_point_beside_the_peak(self, study, peak):
         system = study.system(1000.0)
@@ -279,23 +277,6 @@ class TestNewtonToThePeak:
         chord = chord / scale
         c = system.solve(y, PeakThere(chord / np.linalg.norm(chord), -1.0, 1e-8, 0.1), scale, 1e-10, 15)
         assert c.status != 0 or abs(system.response(c.y[:-1])[1]) > 1.01 * a[i]
-
-
-class TestScanFromAKnownSolution:
-    @pytest.mark.parametrize("preload", [150.0, 2000.0])
-    def test_finds_what_the_scan_from_the_ends_finds(self, study, preload):
-        there = scan(study, preload, INTERVAL)
-        whole = there.peaks
-        assert there.whole
-        meter = CostMeter(0.0)
-        found = scan_from(
-            study, study.system(preload), whole[0].y, INTERVAL, preload=preload, options=PeakOptions(), meter=meter
-        )
-        assert found.ending == "complete"
-        assert found.peaks[0].amplitude == pytest.approx(whole[0].amplitude, rel=1e-9)
-        assert found.passes(whole[0], study.system(preload).n_mean)
-        far = replace(whole[0], y=np.concatenate([2.0 * whole[0].y[:-1], whole[0].y[-1:]]))
-        assert not found.passes(far, study.system(preload).n_mean)
 
 
 class TestVary:
@@ -414,53 +395,34 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
         s.peak_sensitivities(peak)
 
 
-def test_a_peak_without_a_derivative_is_followed_from_where_it_is(study, peak, monkeypatch):
+def test_a_peak_without_a_derivative_says_so(study, peak, monkeypatch):
     monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: 0.0)
     with pytest.raises(sensitivity.NoDerivative, match="flat one at"):
         sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
     monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: np.nan)
     with pytest.raises(sensitivity.NoDerivative, match="finite"):
         sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
-    found = PeakFollower(study.system, peak).go(1010.0)
-    assert found.converged
-    assert found.amplitude == pytest.approx(study.peak(1010.0, INTERVAL).amplitude, rel=1e-6)
 
 
 @pytest.fixture(scope="module")
 def left(study):
-    """A peak that leaves the interval on the way down, still getting lower."""
     return study.optimal_curve(np.geomspace(200.0, 8000.0, 8), frequency=(335.0, 400.0), check=False)
 
 
-class TestPeaksOutsideTheInterval:
-    """A branch of peaks is followed beyond the interval, but what is found there does not count."""
+class TestAnEndOfTheInterval:
+    """Where the resonance lies beyond the interval, its end is the highest point: it counts, and is named."""
 
-    def test_they_are_no_points_of_the_curve(self, study, left):
+    def test_values_are_those_of_whole_curves(self, study, left):
         whole = study.optimal_curve(left.preload, frequency=INTERVAL, check=False)
         within = whole.frequency >= 335.0
         assert within.tolist() == [False, False, True, True, True, True, True, True]
-        np.testing.assert_array_equal(np.isfinite(left.frequency), within)
+        assert [kind == "end" for kind in left.kind] == (~within).tolist()
         np.testing.assert_allclose(left.amplitude[within], whole.amplitude[within], rtol=1e-8)
-        assert left.peak_frequency.min() < 335.0
-        assert not left.complete
-
-    def test_an_optimum_beside_a_preload_without_a_peak_is_as_coarse_as_the_grid(self, left):
-        o = left.optimum
-        assert (o.kind, o.preload, o.amplitude) == ("end", left.preload[2], left.amplitude[2])
-        assert o.status == f"not verified: the amplitude falls toward {left.preload[1]:.6g} N, where no value is known"
-        assert o.uncertainty == pytest.approx(np.log(40.0) / 7.0)
-        assert left.warnings[-2] == "optimum: least value at the end of the range, the optimum may lie beyond"
-        assert left.warnings[-1] == f"optimum {o.status}, preload known to a relative {o.uncertainty:.2g}"
-        assert o.status in str(left)
-        assert f"{len(left.warnings) - 2} preloads with a warning, first 200 N: no peak found" in str(left)
-
-    def test_a_curve_of_two_highest_takes_the_one_inside(self, study):
-        known = PeakEnvelope(study, np.array([900.0, 1000.0]), (300.0, 320.0), PeakOptions(), CostMeter(0.0))
-        inside, outside = SimpleNamespace(frequency=310.0, amplitude=1.0), SimpleNamespace(frequency=290.0, amplitude=2.0)
-        known.branches = [Branch(0, {0: inside, 1: inside}), Branch(1, {0: outside})]
-        assert known.highest(0) == (known.branches[0], inside)
-        known.scanned = {900.0: Scanned("complete", isolated=frozenset([1]))}
-        assert known.highest(0) == (known.branches[0], inside)
+        np.testing.assert_allclose(left.frequency[~within], 335.0, rtol=1e-12)
+        for k in np.flatnonzero(~within):
+            assert left.amplitude[k] == pytest.approx(study.track(left.preload[k], (335.0, 400.0)).peak.amplitude, rel=1e-7)
+            assert left.status[k] == "complete, highest at an end of the interval"
+        assert left.complete and "highest at an end" in left.warnings[0]
 
 
 @pytest.fixture(scope="module")
@@ -503,7 +465,7 @@ def test_a_scan_that_ends_among_folds_is_made_again_from_the_ends():
         bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order=5, friction_coefficient=0.4, harmonics=3
     )
     curve = study.optimal_curve((100.0, 150.0), 2, frequency=(270.0, 380.0), check=False)
-    assert curve.status[0] == "scanned"
+    assert curve.status[0] == "complete"
     assert curve.amplitude[0] == pytest.approx(study.track(100.0, (270.0, 380.0)).peak.amplitude, rel=1e-4)
 
 
@@ -514,7 +476,7 @@ def test_a_picture_marks_what_is_not_known(result):
     gap = np.isin(np.arange(len(result)), [1, 5])
     amplitude, bound = np.where(gap, np.nan, result.amplitude), np.where(np.arange(len(result)) == 1, 1e-4, np.nan)
     curve = replace(
-        result, amplitude=amplitude, lower_bound=bound, branch=np.where(gap, -1, result.branch), goes_on=np.empty(0)
+        result, amplitude=amplitude, lower_bound=bound, goes_on=np.empty(0)
     )
     for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="not verified: lost")), "w")):
         ax = shown.plot()[0]
@@ -527,22 +489,15 @@ def test_a_picture_marks_what_is_not_known(result):
 
 
 def test_a_picture_is_dotted_from_one_peak_to_another_alone(result):
-    """One peak goes on from preload 3 to 4 under the number of the branch it joins; at 8 another one is the highest."""
+    """At preload 8 another peak is the highest."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     places = np.arange(len(result))
-    curve = replace(result, branch=np.select([places < 4, places < 8], [0, 1], 2), goes_on=~np.isin(places, [0, 8]))
+    curve = replace(result, goes_on=~np.isin(places, [0, 8]))
     for ax in curve.plot():
         dotted = [list(line.get_xdata()) for line in ax.lines if line.get_linestyle() == ":"]
         assert [x for x in dotted if x and x[0] > 1.0] == [result.preload[7:9].tolist()]  # others start at 0: limits
-
-
-def test_a_branch_that_joins_another_goes_on_as_the_same_peak():
-    known = PeakEnvelope(None, np.array([1.0, 2.0, 3.0]), (0.0, 1.0), PeakOptions(), CostMeter(0.0))
-    a, b, c = (SimpleNamespace(frequency=0.5, amplitude=height) for height in (3.0, 2.0, 1.0))
-    known.branches = [Branch(0, {0: a}, joined={1: 1}), Branch(1, {1: b}), Branch(2, {2: c})]
-    assert [known.goes_on(k) for k in (0, 1)] == [True, False]
 
 
 def test_preloads_within_an_amplitude(result):

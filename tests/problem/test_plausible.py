@@ -53,7 +53,7 @@ def test_a_range_is_named_once_at_the_line_of_the_user_and_not_for_each_of_its_p
     interval, quick = (270.0, 380.0), {"harmonics": 1, "contact_stiffness": "unit_traction", "blade_modes": 5}
     with warnings.catch_warnings():
         warnings.simplefilter("error", PlausibilityWarning)
-        study(**quick).optimal_curve((0.3, 5000.0), 2, frequency=interval, check=False, verify=False)
+        study(**quick).optimal_curve((0.3, 5000.0), 2, frequency=interval, check=False)
     weak = study(**quick, excitation=bd.Excitation("tip", amplitude=1e-4))  # stuck, so quick
     with ThreadPoolExecutor(2) as threads, pytest.warns(PlausibilityWarning, match=r"found 2000 to 3000 N") as caught:
         bd.sweep(weak, {"preload": [2000.0, 3000.0]}, frequency=interval, executor=threads)

@@ -1,5 +1,6 @@
 """What results print: short, and true of the result."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +63,15 @@ class TestOptimum:
         assert curve.optimum.kind == "end"
         assert "end of the range, the optimum may lie beyond" in str(curve)
 
-    def test_without_any_peak_is_refused(self, study):
+    def test_without_any_peak_the_end_of_the_interval_is_named(self, study):
+        curve = study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
+        assert set(curve.kind) == {"end"} and "highest at an end of the interval" in str(curve)
+
+    def test_without_any_response_is_refused(self, study, monkeypatch):
+        def overflows(*args, **_):
+            raise FloatingPointError("overflow")
+
+        monkeypatch.setattr(sys.modules["bdamper.peaks.highest"], "track", overflows)
         with pytest.raises(bd.BdamperError, match=r"no peak found at any of 3 preloads from 100 to 1000 N between 100 and"):
             study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
 

@@ -94,7 +94,7 @@ class TestTables:
 
     def test_of_other_results(self, study, curve, swept):
         ladder = Ladder(0.05, 1.0, 3, (Rung(3, 1.0, 2.0, 100.0), Rung(5, 1.0, 2.1, 101.0)))
-        limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False, verify=False)
+        limits = study.optimal_curve((6e3, 8e3), 2, frequency=(270.0, 380.0), check=False)
         cycle, losses = study.hysteresis(curve), study.dissipation(curve)
         for result in (ladder, swept, limits, cycle, losses, study.contact_map(500.0)):
             flat = [column for column in result.columns().values() if not column.dims]

@@ -179,7 +179,7 @@ F = (270.0, 380.0)
         lambda s: s.static(5.0, history=()), lambda s: s.contact_map("a"), lambda s: s.wedge_friction(None),
         lambda s: s.peak("a", F), lambda s: s.peak(9.0, "F"), lambda s: s.peak(9.0, mode="1"),
         lambda s: s.peak(9.0, F, options=bd.ContinuationOptions()),
-        lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((20.0, 25e3), 5, checks=-3),
+        lambda s: s.optimal_curve((20.0, 25e3), F), lambda s: s.optimal_curve((20.0, 25e3), 5, mode=0),
         lambda s: s.optimal_curve((20.0, 25e3), 5, frequency="F"), lambda s: s.optimal_curve((20.0, 25e3), 5, mode="1"),
         lambda s: s.optimal_curve((20.0, 25e3), 5, options={}), lambda s: s.optimal_curve(20.0),
         lambda s: s.optimal_curve((20.0, "x")), lambda s: s.optimal_curve((20.0, 10.0)),

@@ -1,0 +1,143 @@
+"""The whole response at one preload as part of an optimal curve, and how a file keeps it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from threading import Event
+from typing import Any
+
+import numpy as np
+
+from bdamper.continuation.coverage import LeftOut
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.rattle import open_at_rest, rattles
+from bdamper.continuation.track import without_points
+from bdamper.peaks.highest import AT_END, Found, Highest, found_at
+from bdamper.peaks.newton import Peak, PeakOptions
+from bdamper.peaks.sensitivity import amplitude_sensitivity
+from bdamper.problem.problem import Problem
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost
+from bdamper.util.errors import BdamperError
+from bdamper.util.progress import ended_by
+
+LOST = (ArithmeticError, np.linalg.LinAlgError)
+"""What a solution raises that cannot be computed, as where numbers overflow: one preload is lost by it, no curve."""
+
+
+@dataclass(frozen=True)
+class AtPreload:
+    """The response over frequency at one preload.
+
+    Parameters
+    ----------
+    preload : float, N
+    curve : Curve
+        Without its unknowns.
+    top : Highest, optional
+        Its highest point, None where nothing was found.
+    slope : float
+        d ln(amplitude)/d ln(preload) of that, NaN where it has none, as at a corner.
+    rattles : str
+        Why no steady periodic response is expected, if the curve shows the sign (:mod:`bdamper.continuation.rattle`).
+    cost : Cost
+    """
+
+    preload: float
+    curve: Curve
+    top: Highest | None
+    slope: float
+    rattles: str
+    cost: Cost
+
+    @property
+    def known(self) -> bool:
+        """Whether it is known that no connected branch is higher."""
+        return self.top is not None and self.curve.complete
+
+    @property
+    def value(self) -> float:
+        """ln(amplitude) of the highest point, infinite where that is not known."""
+        return float(np.log(self.top.peak.amplitude)) if self.known and self.top is not None else np.inf
+
+    @property
+    def status(self) -> str:
+        """"complete", "incomplete" or "not found", with what is to be said of it."""
+        if self.top is None:
+            return f"not found: {self.curve.status}: {self.curve.reason}"
+        if not self.curve.complete:
+            return f"incomplete: {self.curve.status}: {self.curve.reason}"
+        return f"complete, {AT_END}" if self.top.kind == "end" else "complete"
+
+    def record(self) -> dict[str, Any]:
+        """All of it in numbers, texts, lists and arrays."""
+        curve = _plain(self.curve)
+        harmonics = self.curve.harmonics
+        curve |= {"harmonics": [harmonics.real, harmonics.imag], "cost": asdict(self.curve.cost)}
+        top = None
+        if self.top is not None:
+            tops = (self.top.peak, *self.top.detached)
+            top = {"peaks": [_plain(p) for p in tops], "kind": self.top.kind, "exact": self.top.exact}
+            top |= {"index": self.top.index}
+        own = {"curve": curve, "top": top, "slope": self.slope, "rattles": self.rattles}
+        return {"index": repr(self.preload), **own, "cost": asdict(self.cost)}
+
+    @staticmethod
+    def of(record: Mapping[str, Any]) -> AtPreload:
+        """What was recorded, as read from JSON."""
+        curve = _arrays(record["curve"])
+        re, im = curve["harmonics"]
+        curve |= {"harmonics": re + 1j * im, "cost": Cost(**curve["cost"])}
+        n = len(curve["frequency"])
+        curve |= {"unknowns": np.zeros((n, 0)), "shares": curve["shares"].reshape(n, 3)}
+        curve["left_out"] = tuple(LeftOut(*part) for part in record["curve"]["left_out"])
+        for name in ("point_kind", "notes", "start_log", "closed"):
+            curve[name] = tuple(record["curve"][name])
+        top, told = None, record["top"]
+        if told is not None:
+            peak, *detached = (Peak(**_arrays(p)) for p in told["peaks"])
+            top = Highest(peak, told["kind"], told["index"], told["exact"], tuple(detached))
+        return AtPreload(
+            float(record["index"]), Curve(**curve), top, record["slope"], record["rattles"], Cost(**record["cost"])
+        )  # fmt: skip
+
+
+def _plain(result: Curve | Peak) -> dict[str, Any]:
+    left = {"ladder", "error_estimates", "stable", "in_time", "stability_note", "unknowns"}
+    left |= {"cost", "settings", "model_hash"} if isinstance(result, Peak) else set()
+    return {f.name: getattr(result, f.name) for f in fields(result) if f.name not in left}
+
+
+def _arrays(record: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: np.array(v) if isinstance(v, list) and name != "left_out" else v for name, v in record.items()}
+
+
+@one_thread
+def at_preload(
+    problem: Problem,
+    preload: float,
+    frequency: tuple[float, float],
+    options: PeakOptions | None = None,
+    budget: int | None = None,
+    stop: Event | None = None,
+) -> AtPreload:
+    """The response at a preload; another thread ends the work by setting ``stop``."""
+    with ended_by(stop or Event()):
+        try:
+            found = found_at(problem, preload, frequency, options=options, budget=budget)
+        except LOST as error:
+            why = f"failed: {type(error).__name__}: {error}"
+            found = Found(without_points(problem, preload, why, ContinuationOptions(), Cost()), None, Cost())
+    curve, slope, why = found.curve, np.nan, ""
+    if found.top is not None:
+        why = rattles(curve.frequency, curve.amplitude, curve.shares[:, 2], curve.branch, open_at_rest(problem, preload))
+        peak = found.top.peak
+        if not peak.corner:
+            try:
+                slope = amplitude_sensitivity(peak, problem.system, preload, options) * preload / peak.amplitude
+            except (*LOST, BdamperError):
+                slope = np.nan
+    light = replace(curve, unknowns=np.zeros((len(curve), 0)), harmonics=curve.harmonics[:, :2], start_log=())
+    return AtPreload(preload, light, found.top, slope, why, found.cost)
