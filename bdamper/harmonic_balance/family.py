@@ -61,18 +61,19 @@ class HarmonicFamily(HarmonicSystem):
         squares = self.speeds**2
         self._middle, self._half = 0.5 * (squares.max() + squares.min()), 0.5 * (squares.max() - squares.min())
         self._inverse = np.linalg.inv(chebyshev.chebvander((squares - self._middle) / self._half, len(squares) - 1))
-        self._row = self._inverse @ np.array([system.response_rows[1] for system in systems])
-        self._row_slope = chebyshev.chebder(self._row) / self._half
+        rows = [np.concatenate(self._parts(np.asarray(system.response_rows[1]))) for system in systems]
+        self._rows = self._inverse @ np.array(rows)  # real and imaginary part, one behind the other
+        self._slopes = chebyshev.chebder(self._rows) / self._half
 
     # ---- one speed ----
 
     def _basis(self, omega: NDArray | float, n: int) -> NDArray:
         """(..., n) Chebyshev polynomials of the squared speed at frequencies along the line."""
-        t = (np.square(omega / self.engine_order) - self._middle) / self._half
-        values = [np.ones_like(t), t]
+        t = ((omega / self.engine_order) ** 2 - self._middle) / self._half
+        values = [0.0 * t + 1.0, t]
         while len(values) < n:
             values.append(2.0 * t * values[-1] - values[-2])
-        return np.stack(values[:n], axis=-1)
+        return np.array(values[:n]).T
 
     def at(self, omega: float) -> HarmonicSystem:
         """The equations at the speed of a frequency, in which the frequency is free."""
@@ -99,21 +100,25 @@ class HarmonicFamily(HarmonicSystem):
 
     # ---- the response, whose row changes along the line ----
 
-    def first_harmonic(self, y: NDArray) -> NDArray:
-        """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
-        row = self._basis(y[..., -1], len(self._row)) @ self._row
-        return np.asarray((self.amplitudes(y[..., :-1], 1) * row).sum(axis=-1))
-
     def parts_at(self, omega: float) -> tuple[NDArray, NDArray]:
         """Rows of the unknowns that give real and imaginary part of the first harmonic at a frequency."""
-        return self._parts(self._basis(omega, len(self._row)) @ self._row)
+        re, im = (self._basis(float(omega), len(self._rows)) @ self._rows).reshape(2, -1)
+        return re, im
+
+    def first_harmonic(self, y: NDArray) -> NDArray:
+        """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""
+        rows = self._basis(y[..., -1], len(self._rows)) @ self._rows
+        n = self.n_unknowns
+        return np.asarray(((rows[..., :n] + 1j * rows[..., n:]) * y[..., :-1]).sum(axis=-1))
 
     def squared_gradient(self, y: NDArray) -> tuple[NDArray, float]:
         """Gradient of half the squared amplitude of the first harmonic with respect to y, and the squared amplitude."""
-        gradient, square = super().squared_gradient(y)
-        slope = self._basis(y[-1], len(self._row_slope)) @ self._row_slope * (2.0 * y[-1] / self.engine_order**2)
-        gradient[-1] = float((self.first_harmonic(y).conjugate() * (self.amplitudes(y[:-1], 1) @ slope)).real)
-        return gradient, square
+        omega, u = float(y[-1]), y[:-1]
+        re, im = self.parts_at(omega)
+        a, b = float(re @ u), float(im @ u)
+        slopes = (self._basis(omega, len(self._slopes)) @ self._slopes).reshape(2, -1) @ u
+        by_square = a * float(slopes[0]) + b * float(slopes[1])
+        return np.append(a * re + b * im, by_square * 2.0 * omega / self.engine_order**2), a * a + b * b
 
     def solve(
         self,
