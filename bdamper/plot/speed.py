@@ -5,6 +5,7 @@ Speeds are in revolutions per minute here, as machines show them.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -137,7 +138,12 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes | None = 
 
 @draws(Crossings)
 def plot_crossings(
-    found: Crossings, ax: Axes | None = None, *, quantity: str = "amplitude", engine_orders: Any = None, title: str = ""
+    found: Crossings,
+    ax: Axes | None = None,
+    *,
+    quantity: str = "amplitude",
+    engine_orders: Sequence[int] | None = None,
+    title: str = "",
 ) -> Axes:
     """Amplitude or margin at the crossings over speed, a line for each mass of the damper.
 
