@@ -47,4 +47,6 @@ def test_an_unknown_name_is_an_ordinary_error():
 def test_the_version_stands_in_one_place():
     (version,) = re.findall(r"^project\(.*\bversion: '([^']+)'", (ROOT / "meson.build").read_text(), re.M)
     assert bd.__version__ == metadata.version("bdamper") == version, "an older build is installed: run make"
+    newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
+    assert newest is not None and newest[1] == version, "the newest heading of CHANGELOG.md is this version"
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)

@@ -49,6 +49,7 @@ from bdamper.io.calculix import read_frd_stress
 from bdamper.model.validation import check_model
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import load
+from bdamper.util.versions import Versions
 from tests.ansys_files import write_cdb, write_full, write_rst
 from tests.models import wedge_model
 
@@ -160,7 +161,9 @@ def folder(tmp_path_factory):
     path = tmp_path_factory.mktemp("valid")
     body, numbers, elements, sets = bar()
     save_model(wedge_model(), path / "model.h5")
-    Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j).save(path / "measured.h5")
+    with pytest.MonkeyPatch.context() as fixed:  # cases are bytes of the files, which name versions
+        fixed.setattr("bdamper.util.hdf5.HERE", Versions("0.4.0", "2.4.6", "1.17.1"))
+        Measurement("tip", np.linspace(1.0, 2.0, 9), np.ones(9) + 0j).save(path / "measured.h5")
     k, m = body.stiffness, body.mass
     sp.save_npz(path / "k.npz", k)
     np.save(path / "k.npy", k.toarray())
