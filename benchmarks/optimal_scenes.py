@@ -37,7 +37,7 @@ STUDIES = 60
 PRELOADS = np.geomspace(30.0, 25e3, 30)
 CURVES = 20
 TOLERANCE = 0.01
-TRUSTED = ("followed", "scanned", "verified")
+TRUSTED = ("complete", "verified")
 """Statuses of a value that claim that no higher peak is there."""
 
 

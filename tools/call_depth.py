@@ -1,4 +1,4 @@
-"""How deep a warm `study.track` goes: rooms entered, and Python frames above the core.
+"""How deep a warm `study.track` goes, and `study.optimal_curve`: rooms entered, and Python frames above the core.
 
 The study has tracked the same curve before, so that bases, stiffness and static state are there.  A profiler
 (`sys.setprofile`) then looks at the stack at every call of a method of the core: frames of the package are counted from
@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+from collections.abc import Callable
 from types import FrameType
 from typing import Any
 
@@ -24,12 +26,12 @@ def room(frame: FrameType) -> str:
     return name.removeprefix(PACKAGE).split(os.sep)[0].removesuffix(".py") if name.startswith(PACKAGE) else ""
 
 
-def main() -> None:
-    """Print the rooms and the deepest stack of one curve."""
+def measure(ask: Callable[[bd.Study], Any], most_rooms: int, most_frames: int) -> None:
+    """Print the rooms and the deepest stack of one question, with the most of both that it may have."""
     study = bd.Study(
         bd.reference_model("bladed_disk", 9), engine_order=5, harmonics=3, excitation=bd.Excitation("tip", "tangential")
     )
-    study.track(200.0, (250.0, 400.0))
+    ask(study)
     rooms: dict[str, None] = {}
     deepest: list[tuple[str, str]] = []
     entered_twice: set[tuple[str, ...]] = set()
@@ -53,15 +55,24 @@ def main() -> None:
         if len(stack) > len(deepest):
             deepest = stack
 
+    threading.setprofile(watch)
     sys.setprofile(watch)
-    study.track(200.0, (250.0, 400.0))
+    ask(study)
     sys.setprofile(None)
-    print(f"{len(rooms)} rooms: {', '.join(rooms)}")
-    print(f"{len(deepest)} frames above the core:")
+    threading.setprofile(None)
+    print(f"{len(rooms)} rooms (at most {most_rooms}): {', '.join(rooms)}")
+    print(f"{len(deepest)} frames above the core (at most {most_frames}):")
     for where, function in deepest:
         print(f"  {where}: {function}")
     for order in sorted(entered_twice):
         print(f"entered twice going down: {' > '.join(order)}")
+
+
+def main() -> None:
+    """Both questions."""
+    measure(lambda study: study.track(200.0, (250.0, 400.0)), 7, 9)
+    print()
+    measure(lambda study: study.optimal_curve((100.0, 5e3), 4, check=False), 9, 14)
 
 
 if __name__ == "__main__":

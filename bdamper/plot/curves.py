@@ -202,7 +202,7 @@ def plot_optimal(
     Notes
     -----
     Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
-    whole tracking curves have verified, an open one the least value otherwise.  Where there is no value the picture is
+    nothing known contradicts, an open one the least value otherwise.  Where there is no value the picture is
     hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude that the ladder of harmonics has
     found; squares with bars mean and range of marches in time; triangles what slow sweeps of frequency up and down meet.
     """

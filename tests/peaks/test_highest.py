@@ -9,6 +9,7 @@ import pytest
 import bdamper as bd
 from bdamper.peaks.highest import AT_END, _tops, highest, highest_of_curve, maxima
 from bdamper.peaks.newton import coarse_options
+from bdamper.plot import plot_response_map
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
@@ -105,3 +106,19 @@ def test_among_folds_a_search_does_not_leave_the_curve():
     peak, curve = study.peak(65.6), study.track(65.6, (231.1673, 412.9133))
     assert peak.scan == "complete"
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-7)
+
+
+def test_a_response_map_shows_ridge_optimum_and_several_solutions(tmp_path):
+    """Along a curve with folds the same frequency is met three times between them."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    study = plain_study(bd.reference_model(contact_points=9), bd.Excitation("tip"), 5, friction_coefficient=0.3)
+    result = study.optimal_curve((30.0, 300.0), 5, frequency=INTERVAL, check=False)
+    ax = plot_response_map(result)
+    labels = ax.get_legend_handles_labels()[1]
+    assert {"highest", "optimum"} <= set(labels) and ax.get_yscale() == "log"
+    assert ("several solutions" in labels) == any(c.folds for c in result.curves)
+    ax.figure.savefig(tmp_path / "map.png")
+    with pytest.raises(bd.SettingError, match="two or more curves, found 0"):
+        plot_response_map(replace(result, curves=()))

@@ -1,0 +1,71 @@
+"""The response over frequency and preload as a map, from the whole curves of an optimal curve."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.peaks.optimal_curve import OptimalCurve
+from bdamper.plot.axes import drawing
+from bdamper.plot.curves import FREQUENCY, PRELOAD
+from bdamper.util import validate
+from bdamper.util.errors import SettingError
+
+COLUMNS = 400
+"""Frequencies at which each curve is read: the map of a column is then narrower than a pixel of a printed page."""
+
+
+def plot_response_map(result: OptimalCurve, ax: Axes | None = None) -> Axes:
+    """Highest response over frequency and preload, the ridge of the optimal curve, and where there are several responses.
+
+    Parameters
+    ----------
+    result : OptimalCurve
+        With its curves, which files of versions before 0.6 do not have.
+    ax : matplotlib axes, optional
+
+    Returns
+    -------
+    matplotlib axes
+
+    Notes
+    -----
+    Hatched is where the response curve leads over a frequency more than once, so that several solutions exist there.
+    """
+    validate.instance("result", result, OptimalCurve)
+    curves = [curve for curve in result.curves if len(curve)]
+    if len(curves) < 2:
+        raise SettingError(f"result: expected an optimal curve with two or more curves, found {len(curves)}")
+    low, high = result.settings["frequency"]
+    frequency = np.linspace(low, high, COLUMNS)
+    read = [_read(curve, frequency) for curve in curves]
+    preload = np.array([curve.preload for curve in curves])
+    with drawing(ax) as ax:
+        height = np.log10(np.array([amplitude for amplitude, _ in read]))
+        shown = ax.pcolormesh(frequency, preload, height, shading="nearest", cmap="viridis", rasterized=True)
+        ax.figure.colorbar(shown, ax=ax, label="log10 of the amplitude (m)")
+        several = np.array([count for _, count in read]) > 1
+        if several.any():
+            ax.contourf(frequency, preload, several.astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
+            ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
+        ax.plot(result.frequency, result.preload, color="w", label="highest")
+        if np.isfinite(result.optimum.preload):
+            ax.plot(result.optimum.frequency, result.optimum.preload, "*", color="w", markersize=9.0, label="optimum")
+        ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
+        ax.legend(fontsize=7.0, facecolor="0.6")
+    return ax
+
+
+def _read(curve: Curve, frequency: NDArray) -> tuple[NDArray, NDArray]:
+    """Highest amplitude (m) of a curve at some frequencies, NaN where it has none, and how often it leads over each."""
+    best, count = np.full(len(frequency), np.nan), np.zeros(len(frequency), int)
+    amplitude = curve.amplitude
+    for i in np.flatnonzero(np.diff(curve.branch) == 0):
+        a, b = curve.frequency[i], curve.frequency[i + 1]
+        on = (frequency >= min(a, b)) & (frequency < max(a, b))
+        share = (frequency[on] - a) / (b - a) if a != b else 0.0
+        best[on] = np.fmax(best[on], amplitude[i] + share * (amplitude[i + 1] - amplitude[i]))
+        count[on] += 1
+    return best, count
