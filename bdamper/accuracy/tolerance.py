@@ -89,7 +89,8 @@ class _Rungs:
         """An answer (None if there is none) and its rung."""
         found = ask(problem, answer)
         status = found.why or "complete"
-        rung = Rung(problem.harmonic_numbers[-1], preload, found.amplitude, found.frequency, found.seconds, status=status)
+        own = problem.harmonic_numbers[-1]
+        rung = Rung(own, preload, found.amplitude, found.frequency, seconds=found.seconds, status=status)
         return found.result, rung
 
 

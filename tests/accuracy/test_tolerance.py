@@ -54,6 +54,7 @@ class TestCurve:
         whole = [study.with_(harmonics=n).track(*PLACE).cost for n in (1, 3, 5, 7)]
         assert curve.cost.work == pytest.approx(sum(c.work for c in whole), rel=1e-9)
         assert curve.cost.processor == pytest.approx(sum(r.seconds for r in curve.ladder.rungs), rel=1e-6)
+        assert min(r.seconds for r in curve.ladder.rungs) > 0.0
 
     def test_two_in_a_row_that_agree_are_not_enough(self, study, monkeypatch):
         monkeypatch.setattr(tolerance, "MOST_MORE", 4)
