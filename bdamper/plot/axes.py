@@ -7,7 +7,7 @@ grey.
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import Any
@@ -120,13 +120,15 @@ def over_preload(ax: Axes, result: type) -> None:
     few_ticks(ax)
 
 
-def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: Any) -> None:
+def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:
     """What lies between two lines, where both are known."""
     known = np.isfinite(low) & np.isfinite(high)
     ax.fill_between(x, low, high, where=known, color=colour, alpha=0.15, linewidth=0.0)
 
 
-def lost(ax: Axes, places: Any, colour: Any, name: str | None = None, size: float = 5.0) -> None:
+def lost(
+    ax: Axes, places: Sequence[float | str] | NDArray, colour: str | NDArray, name: str | None = None, size: float = 5.0
+) -> None:
     """Crosses at the lower edge, where there is no value."""
     across = ax.get_xaxis_transform()
     ax.plot(places, np.full(np.shape(places), 0.03), "x", color=colour, markersize=size, transform=across, label=name)

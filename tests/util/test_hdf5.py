@@ -183,7 +183,7 @@ class TestVersions:
         result = bd.load(files_0_5 / f"{name}.h5")
         assert type(result).__name__ == expected["kind"] and str(result)
         if "status" in expected:
-            assert current(result.status) == current(expected["status"])
+            assert result.status == current(expected["status"])
         columns = result.columns() if "columns" in expected else {}
         assert set(expected.get("columns", {})) <= set(columns)
         for column, (unit, value) in expected.get("columns", {}).items():

@@ -20,7 +20,19 @@ from bdamper.design.sweep import SweepResult
 from bdamper.plot.motion import rigid_motion
 from bdamper.util.ladder import Ladder, Rung
 from bdamper.util.plotting import Plottable, draws
-from bdamper.util.tables import ROW, Kinds, Metres, Numbers, Quantity, Shares, Tabular, from_rows, label, quantities
+from bdamper.util.tables import (
+    ROW,
+    Kinds,
+    Metres,
+    Newtons,
+    Numbers,
+    Quantity,
+    Shares,
+    Tabular,
+    from_rows,
+    label,
+    quantities,
+)
 from tests.plain import plain_study
 
 
@@ -134,6 +146,25 @@ class Made(Base, Tabular, row="step"):
     @property
     def unmarked(self) -> np.ndarray:
         raise AssertionError
+
+
+@dataclass(frozen=True)
+class Gridded(Tabular, row="place"):
+    load: Newtons
+    height: Metres
+
+    def _grid(self):
+        return {"load": self.load, "mode": np.array([1, 2])}
+
+
+def test_arrays_over_a_grid_are_columns_beside_its_coordinates():
+    found = Gridded(np.array([5.0, 6.0, 7.0]), np.arange(6.0).reshape(3, 2))
+    columns = found.columns()
+    assert list(columns) == ["load", "mode", "height"] and columns["load"].unit == "N" and columns["height"].unit == "m"
+    assert columns["load"].values.tolist() == [5.0, 5.0, 6.0, 6.0, 7.0, 7.0]
+    assert columns["mode"].values.tolist() == [1, 2] * 3 and columns["height"].values.tolist() == list(range(6))
+    pytest.importorskip("xarray")
+    assert float(found.to_xarray()["height"].sel(load=6.0, mode=2)) == 3.0
 
 
 class TestQuantities:
