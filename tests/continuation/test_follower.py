@@ -23,6 +23,9 @@ class Equations:
     def squared_gradient(self, y):
         return y[self.n_mean] * np.eye(len(y))[self.n_mean], y[self.n_mean] ** 2
 
+    def solve(self, y, condition, *_, **__):
+        return Correction(NOT_CONVERGED, y, condition.tangent, 0, np.inf, 0.0, 0)
+
     def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False, reach=0.0):
         y, n = np.array(y, float), self.n_unknowns
         right = np.append(np.zeros(n), 1.0)
