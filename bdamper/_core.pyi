@@ -89,6 +89,17 @@ class _Equations:
         b: NDArray[np.float64],
         transposed: bool = False,
     ) -> tuple[int, float, int, int]: ...
+    def gradient(
+        self,
+        y: NDArray[np.float64],
+        tangent: NDArray[np.float64],
+        scale: NDArray[np.float64],
+        row: NDArray[np.float64],
+        nu: NDArray[np.float64],
+        step: float,
+        re: NDArray[np.float64] | None = None,
+        im: NDArray[np.float64] | None = None,
+    ) -> int: ...
     def contact(
         self,
         y: NDArray[np.float64],

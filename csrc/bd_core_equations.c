@@ -231,6 +231,35 @@ static PyObject *bordered(core_equations *self, PyObject *args, PyObject *kwargs
     return Py_BuildValue("idii", (int)status, factored.condition, factored.rank, factored.orientation);
 }
 
+/* Gradient of what vanishes at a peak (re and im given) or a fold. */
+static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs) {
+    static char *names[] = {"y", "tangent", "scale", "row", "nu", "step", "re", "im", NULL};
+    PyObject *object[5], *re = Py_None, *im = Py_None;
+    double step;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOd|OO:gradient", names, &object[0], &object[1], &object[2],
+                                     &object[3], &object[4], &step, &re, &im))
+        return NULL;
+    core_arguments arguments = {0};
+    bd_condition condition = {.curvature = -1.0, .tolerance = 1.0, .max_step = 1.0};
+    const npy_intp n = self->equations->n, n1 = n + 1;
+    double *y, *tangent, *scale, *row, *nu;
+    if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
+    if (!(tangent = core_vector(&arguments, object[1], "tangent", n1, BD_INPUT))) return NULL;
+    if (!(scale = core_numbers(&arguments, object[2], "scale", 1, &n1, BD_POSITIVE))) return NULL;
+    if (!(row = core_vector(&arguments, object[3], "row", n1, BD_OUTPUT))) return NULL;
+    if (!(nu = core_vector(&arguments, object[4], "nu", n, BD_OUTPUT))) return NULL;
+    if (!core_check_number(step, "step", BD_POSITIVE) ||
+        !read_condition(&arguments, Py_None, re, im, tangent, n, &condition))
+        return NULL;
+    bd_status status;
+    Py_BEGIN_ALLOW_THREADS;
+    const double started = begin_work(self);
+    status = bd_gradient(self->equations, &condition, scale, y, tangent, step, row, nu);
+    end_work(self, started);
+    Py_END_ALLOW_THREADS;
+    return PyLong_FromLong(status);
+}
+
 static void copy_shares(const bd_hbm *hbm, double *share) {
     for (int p = 0; p < hbm->n_point; ++p) {
         const bd_status_share s = hbm->share[p];
@@ -298,6 +327,12 @@ PyMethodDef core_equations_methods[] = {
      "bordered(y, row, scale, b, transposed=False) -> (status, condition, rank, orientation)\n\n"
      "Solve with the Jacobian at y in scaled unknowns, bordered by the row, or with its transpose: right-hand sides "
      "b (m, n_unknown + 1) become solutions."},
+    {"gradient", (PyCFunction)(void (*)(void))gradient, METH_VARARGS | METH_KEYWORDS,
+     "gradient(y, tangent, scale, row, nu, step, re=None, im=None) -> int\n\n"
+     "Fill the gradient row (n_unknown + 1), in scaled unknowns, of what vanishes at a peak of re.u + i im.u, or without "
+     "them "
+     "at a fold, at a point of the curve with its unit tangent, and the multipliers nu (n_unknown): a change of [J C] adds "
+     "-nu.d[J C](scale tangent).  Jacobians are differenced over the step along the tangent."},
     {"contact", (PyCFunction)contact, METH_VARARGS,
      "contact(y, X, F, share) -> int\n\nFill motion and force (n_point, 3, n_coef) and the shares of the cycle "
      "(n_point, 5): stick and slip along t1, stick and slip along t2, open."},

@@ -13,7 +13,13 @@
  *
  * From near by, Newton to the curve and a secant along it are taken in one step: the direction normal to t and
  * s = -phi/kappa along t with one factorisation.  kappa, the slope of phi, is a guess at first; afterwards it is the change
- * of phi over the length of the last step.  No second derivative is needed, which at the onset of slip or opening jumps. */
+ * of phi over the length of the last step.  No second derivative is needed, which at the onset of slip or opening jumps.
+ *
+ * Where it exists the gradient of phi is
+ *
+ *     grad phi . w = (a_y w) . t - nu . (D^2 R [t, w]),      B^T (nu, .) = a,
+ *
+ * with B bordered by t.  D^2 R is symmetric: the row nu . D^2 R [t, .] is a difference of nu^T [J C] along t. */
 #include "bd_solver.h"
 
 #include "bd_clock.h"
@@ -221,4 +227,51 @@ bd_status bd_solve(bd_equations *equations, const bd_condition *condition, const
                                  .curvature = condition->curvature,
                                  .slope = NAN};
     return iterate(&run);
+}
+
+/* ---- gradient ---- */
+
+/* a (n + 1), and the row of (a_y w) . t. */
+static void explicit_part(const bd_condition *condition, const double *scale, const double *y, const double *tangent,
+                          size_t n, double *a, double *row) {
+    memset(a, 0, sizeof(double) * (n + 1));
+    memset(row, 0, sizeof(double) * (n + 1));
+    if (!condition->re) {
+        a[n] = 1.0;
+        return;
+    }
+    double x[2] = {0.0}, d[2] = {0.0}; /* real and imaginary part of x and of x' */
+    for (size_t i = 0; i < n; ++i) {
+        x[0] += condition->re[i] * y[i], x[1] += condition->im[i] * y[i];
+        d[0] += condition->re[i] * scale[i] * tangent[i], d[1] += condition->im[i] * scale[i] * tangent[i];
+    }
+    const double square = fmax(x[0] * x[0] + x[1] * x[1], 1e-300), phi = (x[0] * d[0] + x[1] * d[1]) / square;
+    for (size_t i = 0; i < n; ++i) {
+        a[i] = (condition->re[i] * x[0] + condition->im[i] * x[1]) * scale[i] / square;
+        row[i] = (condition->re[i] * d[0] + condition->im[i] * d[1]) * scale[i] / square - 2.0 * phi * a[i];
+    }
+}
+
+bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const double *scale, const double *y,
+                      const double *tangent, double step, double *row, double *nu) {
+    const size_t n = (size_t)e->n, n1 = n + 1;
+    double *a = e->scratch, *moved = a + n1;
+    bd_status status = bd_evaluate(e, y, 1);
+    if (status == BD_OK) status = bd_factor(e, &(bd_border){.row = tangent, .scale = scale});
+    if (status != BD_OK) return status;
+    explicit_part(condition, scale, y, tangent, n, a, row);
+    status = bd_solve_transposed(e, a);
+    if (status != BD_OK) return status;
+    memcpy(nu, a, sizeof(double) * n);
+    for (int side = -1; side <= 1; side += 2) {
+        for (size_t j = 0; j < n1; ++j) moved[j] = y[j] + side * step * tangent[j] * scale[j];
+        status = bd_evaluate(e, moved, 1);
+        if (status != BD_OK) return status;
+        for (size_t i = 0; i < n; ++i) {
+            const double share = side * nu[i] / (2.0 * step);
+            for (size_t j = 0; j < n; ++j) row[j] -= share * e->J[i * n + j] * scale[j];
+            row[n] -= share * e->C[i] * scale[n];
+        }
+    }
+    return BD_OK;
 }

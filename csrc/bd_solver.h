@@ -39,4 +39,10 @@ bd_status bd_solve(bd_equations *equations, const bd_condition *condition, const
 /* Derivative of ln |x| along a direction (n + 1) in scaled unknowns, or without x that of the parameter. */
 double bd_slope(const bd_condition *condition, const double *y, const double *tangent, const double *scale, size_t n);
 
+/* Gradient row (n + 1) of phi in scaled unknowns at a point of the curve with unit tangent t, and the multipliers nu (n) of
+ * the equations with which a change of [J C] counts: phi changes by row . dz - nu . d[J C] (scale t).  [J C] is differenced
+ * over `step` to both sides along t. */
+bd_status bd_gradient(bd_equations *equations, const bd_condition *condition, const double *scale, const double *y,
+                      const double *tangent, double step, double *row, double *nu);
+
 #endif

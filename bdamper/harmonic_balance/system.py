@@ -340,6 +340,47 @@ class HarmonicSystem:
         """Newton at a fixed frequency."""
         return self.solve(np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search)
 
+    def solve_linear(
+        self, y: NDArray, border: NDArray, scale: NDArray, right: NDArray, transposed: bool = False
+    ) -> NDArray:
+        """Solutions with the Jacobian in scaled unknowns at a point, bordered by a row; of least norm where it is singular.
+
+        Parameters
+        ----------
+        y, border, scale : (n_unknowns + 1,) float
+        right : (m, n_unknowns + 1) float
+            Right-hand sides.
+        transposed : bool
+            With the transposed matrix.
+        """
+        out = np.array(right, float)
+        if self.core.bordered(np.ascontiguousarray(y, float), border, scale, out, transposed)[0] != OK:
+            raise FloatingPointError("the bordered equations have no solution at this point")
+        return out
+
+    def slope_gradient(self, y: NDArray, tangent: NDArray, scale: NDArray, step: float) -> tuple[NDArray, NDArray]:
+        """How the slope of ln(amplitude) along the curve changes with the point (``csrc/bd_solver.h``, ``bd_gradient``).
+
+        Parameters
+        ----------
+        y, tangent, scale : (n_unknowns + 1,) float
+            A point of the curve, its tangent of unit length in scaled unknowns, and their units.
+        step : float
+            Of the differences of Jacobians, in scaled unknowns.
+
+        Returns
+        -------
+        row : (n_unknowns + 1,) float
+            Gradient in scaled unknowns.
+        nu : (n_unknowns,) float
+            A change of the derivatives [J C] in scaled unknowns changes the slope by ``-nu @ change @ tangent``.
+        """
+        row, nu = np.empty(self.n_unknowns + 1), np.empty(self.n_unknowns)
+        re, im = self.response_parts
+        if self.core.gradient(np.ascontiguousarray(y, float), tangent, scale, row, nu, step, re, im) != OK:
+            raise FloatingPointError("the slope has no gradient at this point")
+        return row, nu
+
     @cached_property
     def response_parts(self) -> tuple[NDArray, NDArray]:
         """Rows of the unknowns that give real and imaginary part of the first harmonic of the response."""

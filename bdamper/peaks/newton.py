@@ -10,9 +10,9 @@ component of ``t``; in terms of ``t`` the condition stays regular where the curv
 has its maximum just there.
 
 From a near guess, Newton's method to the curve with a secant along it converges to the peak
-(:class:`~bdamper.harmonic_balance.conditions.Peak`).  If it fails, :func:`find_peak` follows the curve uphill until ``phi``
-changes its sign, and searches for the root of ``phi`` in between, one bordered Newton corrector for each trial.  At a
-corner of the curve ``phi`` may jump through zero: then the search ends at the corner.
+(:class:`~bdamper.harmonic_balance.conditions.Peak`).  If it fails, :func:`find_peak` takes the steps of a path uphill
+(:mod:`bdamper.continuation.follower`) until ``phi`` changes its sign, and locates the maximum of that step as a path does.
+At a corner of the curve ``phi`` may jump through zero: then the search ends at the corner.
 """
 
 from __future__ import annotations
@@ -24,20 +24,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.continuation.events import point_of
+from bdamper.continuation.follower import Follower
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance import conditions
-from bdamper.harmonic_balance.system import OK, STATUS_TEXT, HarmonicSystem, norm2
+from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief
-from bdamper.util.rootfind import find_root
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
 
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
+CURVED = -1.0
+"""Curvature of ln(amplitude) along the curve to begin with: about that of any resonance in its own units."""
+COARSE = 1e-6
+"""Residual with which a first point of the curve will do."""
+SHORT = 1e-3
+"""Way to a peak, relative to the vibration, on which secants do not tell its curvature: off by 0.3**3 on the reference disk
+from a guess that was 1e-7 away."""
 FAR = "a peak far from its prediction"
 LOOSEST = ContinuationOptions().tolerance
 """Residual at most that counts as rounding, as along curves."""
@@ -177,18 +185,6 @@ class Peak(Comparable):
         )
 
 
-@dataclass(frozen=True)
-class _OnCurve:
-    """A converged point of the response curve; ``slope`` is that of ln(amplitude)."""
-
-    y: NDArray
-    tangent: NDArray
-    slope: float
-    residual: float
-    shares: NDArray
-    rank_deficiency: int
-
-
 def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     """Units of the mean, of the vibration and of the frequency (``width``, rad/s) at a point."""
     n = system.n_mean
@@ -239,11 +235,6 @@ def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -
     return min(max(width, 1e-7 * float(y[-1])), 0.2 * float(y[-1]))
 
 
-def squared_gradient(system: HarmonicSystem, y: NDArray) -> tuple[NDArray, float]:
-    """Gradient of half the squared amplitude with respect to y, and the squared amplitude."""
-    return system.squared_gradient(y)
-
-
 def amplitude_and_phase(system: HarmonicSystem, u: NDArray) -> tuple[NDArray, NDArray, float]:
     """Gradients (n_unknowns,) of the amplitude and of amplitude times phase of the response, and the amplitude."""
     row = system.response_rows[1]
@@ -264,141 +255,104 @@ def amplitude_at(system: HarmonicSystem, y: NDArray) -> float:
 
 def slope_along(system: HarmonicSystem, y: NDArray, tangent: NDArray, scale: NDArray) -> float:
     """Derivative of ln(amplitude) along a direction in scaled unknowns."""
-    gradient, square = squared_gradient(system, y)
+    gradient, square = system.squared_gradient(y)
     return float(gradient @ (tangent * scale)) / max(square, 1e-300)
 
 
 class _Search:
-    """The search for the maximum along one response curve."""
+    """The search for the maximum along one response curve, in units that it finds if it is given none."""
 
     def __init__(self, system: HarmonicSystem, scale: NDArray, options: PeakOptions, reach: float) -> None:
-        self.reach = reach
         self.system = system
         self.scale = scale
         self.options = options
+        self.reach = reach
         self.iterations = 0
         self.trials = 0
         self.reason = ""
 
-    def correct(self, y: NDArray, normal: NDArray, loose: float = 0.0) -> _OnCurve | None:
-        """The point of the curve in the plane through y, with a residual up to ``loose`` if that exceeds the tolerance."""
+    def solve(self, y: NDArray, condition: conditions.Condition, tolerance: float = 0.0) -> Correction | None:
+        """Newton's method, to the tolerance of the options or a larger one."""
         self.trials += 1
-        tolerance = max(self.options.tolerance, loose)
-        c = self.system.correct(y, normal, self.scale, tolerance, self.options.max_iterations)
+        options = self.options
+        c = self.system.solve(y, condition, self.scale, max(options.tolerance, tolerance), options.max_iterations)
         self.iterations += c.iterations
-        if c.status != OK:
-            self.reason = STATUS_TEXT[c.status]
-            return None
-        slope = slope_along(self.system, c.y, c.tangent, self.scale)
-        return _OnCurve(c.y, c.tangent, slope, c.residual, np.array(c.shares), c.rank_deficiency)
-
-    def first(self, y: NDArray, normal: NDArray, drift: bool) -> _OnCurve | None:
-        """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
-        found = self.correct(y, normal, 1e-6)
-        if found is not None or not drift:
-            return found
-        for moved in drifted(self.system, y, self.scale):
-            found = self.correct(moved, normal, 1e-6)
-            if found is not None and self.vibration(found.y - moved) < 0.5:
-                return found
-        return None
+        self.reason = STATUS_TEXT[c.status]
+        return c if c.status == OK else None
 
     def vibration(self, difference: NDArray) -> float:
         """Size of a difference of two points without their mean positions, in scaled unknowns."""
         n = self.system.n_mean
         return norm2(difference[n:] / self.scale[n:])
 
-    def in_own_units(self, point: _OnCurve) -> _OnCurve:
-        """The same point with the unit of frequency that follows from the direction of the curve there."""
-        raw = point.tangent * self.scale
-        width = vibration_width(point.y, point.tangent, self.scale, self.system.n_mean)
-        self.scale = peak_scale(self.system, point.y, width)
-        t = raw / self.scale
-        t /= norm2(t)
-        return replace(point, tangent=t, slope=slope_along(self.system, point.y, t, self.scale))
+    def newton(self, y: NDArray, tangent: NDArray, curvature: float) -> Correction | None:
+        """The peak by Newton's method, which converges if the guess is near enough."""
+        options = self.options
+        peak = conditions.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
+        c = self.solve(y, peak)
+        if c is None:
+            return None
+        moved = self.vibration(c.y - y)
+        if moved > min(self.reach, options.max_step):
+            self.reason = FAR
+            return None
+        if moved > SHORT or c.curvature < -JUMP:
+            return c
+        row, _ = self.system.slope_gradient(c.y, c.tangent, self.scale, options.difference)
+        c = replace(c, curvature=float(row @ c.tangent))
+        if not c.curvature < 0.0:
+            return None
+        near = abs(c.slope / c.curvature) <= options.position_tolerance
+        return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
 
-    def step(self, a: _OnCurve, s: float) -> _OnCurve | None:
-        """A point at a distance along the curve, which is halved while the corrector fails or ends far from its prediction.
-
-        The residual is reduced only as far as a trial at this distance needs.
-        """
-        for _ in range(6):
-            predicted = a.y + s * a.tangent * self.scale
-            b = self.correct(predicted, a.tangent, min(1e-6, 1e-4 * abs(s)) if abs(s) > 3e-4 else 0.0)
-            if b is not None:
-                if norm2((b.y - predicted) / self.scale) <= max(0.5 * abs(s), 1e-6):
-                    return b
-                self.reason = "solution far from its prediction"
-            s *= 0.5
+    def first(self, y: NDArray, tangent: NDArray | None, drift: bool) -> Correction | None:
+        """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
+        condition = conditions.Fixed() if tangent is None else conditions.Plane(tangent)
+        found = self.solve(y, condition, COARSE)
+        if found is not None or not drift:
+            return found
+        for moved in drifted(self.system, y, self.scale):
+            found = self.solve(moved, condition, COARSE)
+            if found is not None and self.vibration(found.y - moved) < 0.5:
+                return found
         return None
 
-    def run(self, start: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool]:
-        """Root of the slope that is reached uphill: the point, the derivative of the slope, and success."""
-        options, here = self.options, start
+    def in_own_units(self, c: Correction) -> Correction:
+        """The same point with the unit of frequency that follows from the direction of the curve there."""
+        raw = c.tangent * self.scale
+        self.scale = peak_scale(self.system, c.y, vibration_width(c.y, c.tangent, self.scale, self.system.n_mean))
+        t = raw / self.scale
+        return replace(c, tangent=t / norm2(t))
+
+    def uphill(self, start: Correction) -> Correction | None:
+        """The first maximum along the curve uphill: steps of a path until the slope turns, and the maximum of that step."""
+        options = self.options
+        sense = float(np.copysign(1.0, slope_along(self.system, start.y, start.tangent, self.scale)))
+        follower = Follower(
+            self.system, (0.0, np.inf), ContinuationOptions(tolerance=options.tolerance, max_step=options.max_step)
+        )
+        follower.sign = int(sense) * start.orientation
+        here, step = point_of(replace(start, tangent=sense * start.tangent), self.scale), follower.options.step
         while self.trials < options.max_trials:
-            if here.slope == 0.0 or (curvature < 0.0 and abs(here.slope / curvature) <= options.position_tolerance):
-                return self.exact(here, curvature)
-            step = -here.slope / curvature if curvature < 0.0 else np.copysign(options.max_step, here.slope)
-            new = self.step(here, float(np.clip(step, -options.max_step, options.max_step)))
+            self.trials += 1
+            new, step, end, refused = follower.advance(here.y, here.tangent, self.scale, step)
             if new is None:
-                return here, curvature, False
+                self.reason = refused
+                return None
+            self.iterations += new.iterations
             if self.vibration(new.y - start.y) > self.reach:
                 self.reason = FAR
-                return new, curvature, False
-            if new.slope * here.slope < 0.0:
-                return self.between(*((here, new) if here.slope > 0.0 else (new, here)))
-            moved = float(new.tangent @ ((new.y - here.y) / self.scale))
-            if moved != 0.0 and new.slope != here.slope:
-                curvature = (new.slope - here.slope) / moved
-            here = new
+                return None
+            if slope_along(self.system, new.y, new.tangent, self.scale) <= 0.0:
+                top = follower.events.locate(here, new, end, "maximum", options.position_tolerance)
+                self.iterations += follower.events.iterations
+                self.reason = "the maximum of a step could not be located"
+                return top
+            turn = float(np.arccos(np.clip(new.tangent @ here.tangent, -1.0, 1.0)))
+            step = follower.longer(step, turn, new.iterations)
+            here = point_of(new, self.scale)
         self.reason = f"not found within {options.max_trials} correctors"
-        return here, curvature, False
-
-    def between(self, rising: _OnCurve, falling: _OnCurve) -> tuple[_OnCurve, float, bool]:
-        """Root of the slope between a point before the maximum and one behind it.
-
-        Trials lie in planes normal to the chord, predicted by the cubic through both ends with their tangents.
-        """
-        a, b = rising, falling
-        chord = (b.y - a.y) / self.scale
-        length = norm2(chord)
-        normal = chord / length
-        points: list[_OnCurve] = [a, b]
-
-        def slope(f: float) -> float:
-            y = (
-                (1.0 + 2.0 * f) * (1.0 - f) ** 2 * a.y
-                + f**2 * (3.0 - 2.0 * f) * b.y
-                + length * self.scale * (f * (1.0 - f) ** 2 * a.tangent - f**2 * (1.0 - f) * b.tangent)
-            )
-            y += (f - float(normal @ ((y - a.y) / self.scale)) / length) * (b.y - a.y)
-            c = self.correct(y, normal)
-            if c is None:
-                raise ArithmeticError
-            points.append(c)
-            return c.slope
-
-        left = max(self.options.max_trials - self.trials, 1)
-        try:
-            root = find_root(slope, (0.0, a.slope), (1.0, b.slope), self.options.position_tolerance / length, left)
-        except ArithmeticError:
-            return points[-1], np.nan, False
-        here = points[-1]
-        # the curvature is that between the last point and the nearest one on the other side of the maximum
-        other = min((p for p in points if p.slope * here.slope < 0.0), key=lambda p: norm2((p.y - here.y) / self.scale),
-                    default=a)  # fmt: skip
-        apart = float(here.tangent @ ((here.y - other.y) / self.scale))
-        curvature = (here.slope - other.slope) / apart if apart != 0.0 else np.nan
-        found = root.step * length <= self.options.position_tolerance
-        self.reason = "" if found else f"not found within {self.options.max_trials} correctors"
-        return (*self.exact(here, curvature)[:2], found)
-
-    def exact(self, point: _OnCurve, curvature: float) -> tuple[_OnCurve, float, bool]:
-        """The same point with a residual within the tolerance."""
-        if point.residual <= self.options.tolerance:
-            return point, curvature, True
-        found = self.correct(point.y, point.tangent)
-        return (point, curvature, False) if found is None else (found, curvature, True)
+        return None
 
 
 def rounding(system: HarmonicSystem, y: NDArray) -> float:
@@ -451,55 +405,27 @@ def find_peak(
     """
     options = options or PeakOptions()
     guess = np.asarray(guess, float)
-    asked: dict[str, Any] = {"tangent": tangent, "scale": scale, "curvature": curvature, "drift": drift, "reach": reach}
-    if tangent is not None and scale is not None and curvature < 0.0:
-        quick = _newton_to_peak(system, guess, tangent, scale, curvature, options, parameter, reach)
-        if quick.converged or not thorough:
-            return quick
-    if tangent is None:
-        tangent = np.zeros(len(guess))
-        tangent[-1] = 1.0
     search = _Search(system, peak_scale(system, guess, 0.01 * guess[-1]) if scale is None else scale, options, reach)
-    start = search.first(guess, tangent, drift)
-    if start is None:
-        return Peak(
-            parameter, guess[-1] / (2 * np.pi), amplitude_at(system, guess), guess, tangent, search.scale, np.nan, np.nan,
-            np.full(3, np.nan), np.nan, search.iterations, search.trials, 0, False,
-            because(NOT_FOUND, f"no solution near the guess: {search.reason}"),
+    top = start = None
+    if tangent is not None and scale is not None and curvature < 0.0:
+        top = search.newton(guess, tangent, curvature)
+    if top is None and thorough:
+        start = search.first(guess, tangent, drift)
+        if start is not None:
+            start = search.in_own_units(start) if scale is None else start
+            top = search.newton(start.y, start.tangent, min(curvature, CURVED)) or search.uphill(start)
+        else:
+            search.reason = f"no solution near the guess: {search.reason}"
+    if top is None and start is not None and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST)):
+        return find_peak(
+            system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
+            parameter=parameter, drift=drift, reach=reach, thorough=thorough,
         )  # fmt: skip
-    if scale is None:
-        start = search.in_own_units(start)
-    point, curvature, found = search.run(start, curvature)
-    if not found and options.tolerance < (floor := min(rounding(system, point.y), LOOSEST)):
-        options = replace(options, tolerance=floor)
-        return find_peak(system, guess, options=options, parameter=parameter, **asked)
+    at = top or start or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), 0, np.nan, 0.0, 0)
     return Peak(
-        parameter, float(point.y[-1] / (2.0 * np.pi)), amplitude_at(system, point.y), point.y, point.tangent, search.scale,
-        point.slope, curvature, point.shares, point.residual, search.iterations, search.trials, point.rank_deficiency,
-        found and curvature < -JUMP, COMPLETE if found else because(NOT_FOUND, search.reason),
-    )  # fmt: skip
-
-
-def _newton_to_peak(
-    system: HarmonicSystem,
-    guess: NDArray,
-    tangent: NDArray,
-    scale: NDArray,
-    curvature: float,
-    options: PeakOptions,
-    parameter: float,
-    reach: float,
-) -> Peak:
-    """The peak by Newton's method, which converges if the guess is near enough."""
-    peak = conditions.Peak(tangent, curvature, options.position_tolerance, 0.5 * options.max_step)
-    c = system.solve(guess, peak, scale, options.tolerance, options.max_iterations)
-    vibration = slice(system.n_mean, None)
-    status = COMPLETE if c.status == OK else because(NOT_FOUND, STATUS_TEXT[c.status])
-    if c.status == OK and norm2(((c.y - guess) / scale)[vibration]) > min(reach, options.max_step):
-        status = because(NOT_FOUND, FAR)
-    return Peak(
-        parameter, float(c.y[-1] / (2.0 * np.pi)), amplitude_at(system, c.y), c.y, c.tangent, scale, c.slope, c.curvature,
-        np.array(c.shares), c.residual, c.iterations, 1, c.rank_deficiency, False, status,
+        parameter, float(at.y[-1] / (2.0 * np.pi)), amplitude_at(system, at.y), at.y, at.tangent, search.scale, at.slope,
+        at.curvature, np.array(at.shares), at.residual, search.iterations, search.trials, at.rank_deficiency,
+        top is not None and at.curvature < -JUMP, because(NOT_FOUND, search.reason) if top is None else COMPLETE,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.harmonic_balance.conditions import Peak as PeakThere
+from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks import sensitivity
 from bdamper.peaks.highest import maxima
 from bdamper.peaks.interval import linear_peak, resonance_interval
@@ -396,12 +397,12 @@ def test_peaks_are_found_on_the_rippled_curves_of_sampled_friction():
 
 
 def test_a_peak_without_a_derivative_says_so(study, peak, monkeypatch):
-    monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: 0.0)
-    with pytest.raises(sensitivity.NoDerivative, match="flat one at"):
-        sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
-    monkeypatch.setattr(sensitivity, "_slope_at", lambda *args: np.nan)
-    with pytest.raises(sensitivity.NoDerivative, match="finite"):
-        sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
+    n = len(peak.y)
+    for value, reason in ((0.0, "flat one at"), (np.nan, "finite")):
+        gradient = np.full(n, value), np.zeros(n - 1)
+        monkeypatch.setattr(HarmonicSystem, "slope_gradient", lambda *args, gradient=gradient: gradient)
+        with pytest.raises(sensitivity.NoDerivative, match=reason):
+            sensitivity.sensitivities(peak, {"preload": (study.system, 1000.0)})
 
 
 @pytest.fixture(scope="module")
