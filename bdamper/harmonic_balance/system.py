@@ -376,7 +376,7 @@ class HarmonicSystem:
             A change of the derivatives [J C] in scaled unknowns changes the slope by ``-nu @ change @ tangent``.
         """
         row, nu = np.empty(self.n_unknowns + 1), np.empty(self.n_unknowns)
-        re, im = self.response_parts
+        re, im = self.parts_at(y[-1])
         if self.core.gradient(np.ascontiguousarray(y, float), tangent, scale, row, nu, step, re, im) != OK:
             raise FloatingPointError("the slope has no gradient at this point")
         return row, nu

@@ -302,7 +302,8 @@ class _Search:
         c = replace(c, curvature=float(row @ c.tangent))
         if not c.curvature < 0.0:
             return None
-        near = abs(c.slope / c.curvature) <= options.position_tolerance
+        slope = slope_along(self.system, c.y, c.tangent, self.scale)
+        near = abs(slope / c.curvature) <= options.position_tolerance
         return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
 
     def first(self, y: NDArray, tangent: NDArray | None, drift: bool) -> Correction | None:

@@ -117,9 +117,8 @@ class _Change:
 
 def _adjoint(system: HarmonicSystem, peak: Peak) -> NDArray:
     """(n_unknowns,) change of the amplitude at the peak with each of the residuals, for the other sign."""
-    re, im = system.response_parts
-    x = complex(re @ peak.y[:-1], im @ peak.y[:-1])
-    gradient = np.append(x.real * re + x.imag * im, 0.0) / abs(x)
+    gradient, square = system.squared_gradient(peak.y)
+    gradient /= np.sqrt(square)
     return system.solve_linear(peak.y, peak.tangent, peak.scale, (gradient * peak.scale)[None], transposed=True)[0, :-1]
 
 
