@@ -41,7 +41,7 @@ JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
 CURVED = -1.0
 """Curvature of ln(amplitude) along the curve to begin with: about that of any resonance in its own units."""
-COARSE = 1e-6
+NEARBY = 1e-6
 """Residual with which a first point of the curve will do."""
 SHORT = 1e-3
 """Way to a peak, relative to the vibration, on which secants do not tell its curvature: off by 0.3**3 on the reference disk
@@ -309,11 +309,11 @@ class _Search:
     def first(self, y: NDArray, tangent: NDArray | None, drift: bool) -> Correction | None:
         """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
         condition = conditions.Fixed() if tangent is None else conditions.Plane(tangent)
-        found = self.solve(y, condition, COARSE)
+        found = self.solve(y, condition, NEARBY)
         if found is not None or not drift:
             return found
         for moved in drifted(self.system, y, self.scale):
-            found = self.solve(moved, condition, COARSE)
+            found = self.solve(moved, condition, NEARBY)
             if found is not None and self.vibration(found.y - moved) < 0.5:
                 return found
         return None

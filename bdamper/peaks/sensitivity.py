@@ -110,7 +110,7 @@ class _Change:
         except SettingError:  # values end here, as a coefficient of friction does at zero
             self.low, self.back = system, 0.0
 
-    def of(self, high: Any, low: Any) -> Any:
+    def of(self, high: NDArray | float, low: NDArray | float) -> Any:
         """Derivative of what has these values."""
         return (high - low) / (self.ahead + self.back)
 
