@@ -23,6 +23,9 @@ LEVEL = 1e-4
 """Slope at most at a minimum that was settled: where it is larger another branch is the highest there."""
 AGREE = 0.2
 """Share of the larger change along either tangent by which the tangents of one smooth branch may miss the values."""
+WIDE = 0.6
+"""Distance of two places beyond which tangents that agree or meet prove nothing: with four preloads from 60 N to 20 kN
+(residual modes, one harmonic) the optimum is 17 % too high without it."""
 MOST = 12
 """Places that are asked at most, besides those known."""
 AT_ONCE = 2
@@ -79,14 +82,14 @@ def promise(a: Place, b: Place) -> Promise | None:
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
     if not (np.isfinite(a.value + b.value + fall + rise) and h > NARROW):
         return None
-    if agree(a, b):
+    if h <= WIDE and agree(a, b):
         if not fall * rise > 0.0:
             return None
         rise_between = b.value - a.value
         t = _least_of_cubic(h * a.slope, h * b.slope, rise_between)
         bend = t * (1.0 - t) * h * ((1.0 - t) * a.slope - t * b.slope)
         return Promise(a.value + bend + t * t * (3.0 - 2.0 * t) * rise_between, a.x + t * h, True)
-    if fall * rise > 0.0:  # two branches that cross, if they reach so far
+    if fall * rise > 0.0 and h <= WIDE:  # two branches that cross, if they reach so far
         t = (a.value - b.value + rise * h) / ((fall + rise) * h)
         if 0.0 < t < 1.0:
             return Promise(a.value - fall * t * h, a.x + float(np.clip(t, 0.1, 0.9)) * h, False)

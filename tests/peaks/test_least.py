@@ -9,6 +9,12 @@ from bdamper.peaks.least import GAIN, Place, agree, least, promise
 GRID = np.arange(-3.0, 5.0)
 
 
+@pytest.fixture(autouse=True)
+def units(monkeypatch):
+    """Places of these functions are one apart; half of it is what a fifth of the preload is."""
+    monkeypatch.setattr(search, "WIDE", 1.5)
+
+
 class Function:
     """A function of x as the highest of branches, each on an interval, with the slope of the highest by differences."""
 
@@ -119,3 +125,12 @@ def test_tangents_agree_along_one_branch_alone():
     assert not agree(Place(0.0, 1.0, -0.1), Place(1.0, 0.5, -0.1))
     assert promise(Place(0.0, 0.0, 1.0), Place(1.0, 1.0, 1.0)) is None
     assert promise(Place(0.0, 0.0, 1.0), Place(1.0, np.inf)) is None
+
+
+def test_tangents_of_places_far_apart_prove_nothing(monkeypatch):
+    """They agree, or meet above the least value: in between the function may be lower all the same."""
+    a, b = Place(0.0, 0.0, -1.0), Place(2.0, 0.0, 1.0)
+    assert promise(a, Place(1.0, 0.0, 1.0)).smooth and not promise(a, b).smooth
+    assert promise(a, b)[:2] == (-2.0, 1.0)
+    monkeypatch.setattr(search, "WIDE", 3.0)
+    assert promise(a, b).smooth
