@@ -1,8 +1,11 @@
 """Branches apart from the one that is followed, closed ones, and curves that the user stops."""
 
+import os
+import signal
 import threading
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 import pytest
@@ -26,9 +29,11 @@ from bdamper.continuation.coverage import (
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
+from bdamper.harmonic_balance.conditions import Fold
 from bdamper.harmonic_balance.linear import reach
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.util.cost import CostMeter
+from bdamper.util.progress import _stop
 from tests.hard.random_studies import oracle_residuals, random_study
 from tests.hard.test_case_04_17_folds_and_peaks import STUCK, followed, two_oscillators
 from tests.models import acyclic_model, wedge_model
@@ -92,18 +97,36 @@ class Clock:
     "work",
     [
         lambda s: s.peak(200.0, (250.0, 450.0)),
-        lambda s: s.optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0), check=False),
         lambda s: s.advise(200.0, (250.0, 450.0)),
         lambda s: s.compare_laws(200.0, (250.0, 450.0)),
         lambda s: bd.accuracy_cost(s, 200.0, (250.0, 450.0), vary={"harmonics": [1, 2]}),
     ],
-    ids=["peak", "optimal curve", "advice", "laws", "accuracy"],
+    ids=["peak", "advice", "laws", "accuracy"],
 )
 def test_ctrl_c_ends_what_is_made_of_curves(monkeypatch, work, at):
     s = study()
     Clock(monkeypatch, at)
     with pytest.raises(KeyboardInterrupt):
         work(s)
+
+
+@pytest.mark.parametrize("at", [1, 30])
+def test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work(monkeypatch, at):
+    """No curve is finished: the signal comes at a point of any thread, and all threads end in their next correction."""
+    points, ended, inner = count(1), [], continuation.Follower.record
+
+    def accept(*args, **keywords):
+        point = next(points)
+        if point == at:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+        if point >= at and _stop.get().wait(60.0):
+            ended.append(point)
+        return inner(*args, **keywords)
+
+    monkeypatch.setattr(continuation.Follower, "record", accept)
+    with pytest.raises(KeyboardInterrupt):
+        study().optimal_curve((100.0, 400.0), 3, frequency=(250.0, 450.0), check=False)
+    assert 1 <= len(ended) <= 3 * (os.cpu_count() or 1)  # points between two corrections of each thread
 
 
 @pytest.mark.parametrize("settings", [{"tolerance": 0.01}])
@@ -218,6 +241,17 @@ class Ellipse:
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
         return self.correct(np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations)
+
+    def solve(self, y, condition, scale, tolerance, max_iterations):
+        """To a fold, where the gradient has no part along u, or a peak, where it has none along omega."""
+        y, along = np.array(y, float), 0 if isinstance(condition, Fold) else 1
+        for _ in range(max_iterations):
+            gradient = self.gradient(y)
+            if max(abs(self.residual(y)), abs(gradient[along])) <= tolerance:
+                return self.correct(y, condition.tangent, scale, tolerance, max_iterations)
+            bend = np.diag([2.0, 0.5])[along]
+            y = y - np.linalg.solve(np.array([gradient, bend]), [self.residual(y), gradient[along]])
+        return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)
 
 
 @pytest.mark.parametrize("up", [True, False])

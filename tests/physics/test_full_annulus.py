@@ -65,9 +65,7 @@ class Structure:
         bases = {}
         for d in range(N // 2 + 1):
             omega2, modes = np.linalg.eigh(self.dynamic_stiffness(d))
-            ports = np.concatenate(
-                [faces["left"].frame @ self.left, faces["right"].frame @ turn(1) @ self.right]
-            )
+            ports = np.concatenate([faces["left"].frame @ self.left, faces["right"].frame @ turn(1) @ self.right])
             bases[d] = ModalBasis(omega2, np.full(DOF, DAMPING), ports @ modes, {"tip": self.tip @ modes})
         blade = Body("blade", "constrained", self.template.bodies["blade"].ports, bases)
         # a rigid damper, its load without elastic deformation
@@ -214,7 +212,7 @@ def make_study(structure, engine_order, amplitude=5.0):
 def shares_all(system, u, n):
     out = np.empty((n, 5))
     motion, force = (np.empty((n, 3, 2 * H + 1)) for _ in range(2))
-    assert system.contact(u, motion, force, out) == 0
+    assert system.contact(np.append(u, 1.0), motion, force, out) == 0  # at any frequency
     return out
 
 
@@ -238,7 +236,7 @@ def test_travelling_waves_give_the_same_residual(engine_order):
         shares = one.contact(u)[2]
         whole = np.full(system.n_unknown, np.nan)
         waves = spread(one, u, wave, n)
-        assert system.evaluate(waves, omega, whole) == 0
+        assert system.evaluate(np.append(waves, omega), whole) == 0
         expected = spread(one, r, wave, n)
         np.testing.assert_allclose(whole, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
         np.testing.assert_allclose(shares_all(system, waves, N * one.n_points), np.tile(shares, (N, 1)), rtol=0, atol=1e-9)
@@ -247,7 +245,7 @@ def test_travelling_waves_give_the_same_residual(engine_order):
         separation += ((shares[friction][:, 4] > 0) & (shares[friction][:, 4] < 1)).mean() / 4
         # the annulus also sees what one sector cannot: a wave that runs the other way is another motion
         flipped = np.empty_like(whole)
-        assert system.evaluate(spread(one, u, wave, n, flip=True), omega, flipped) == 0
+        assert system.evaluate(np.append(spread(one, u, wave, n, flip=True), omega), flipped) == 0
         wrong = spread(one, r, wave, n, flip=True)
         assert np.abs(flipped - wrong).max() > 1e-3 * np.abs(expected).max()
     assert slip > 0.1
@@ -272,7 +270,7 @@ def test_a_converged_solution_of_one_sector_is_one_of_the_annulus(engine_order):
         pytest.fail("no frequency with slip and separation")
     system, wave, n = annulus(structure, study, engine_order)
     r = np.full(system.n_unknown, np.nan)
-    assert system.evaluate(spread(one, u, wave, n), omega, r) == 0
+    assert system.evaluate(np.append(spread(one, u, wave, n), omega), r) == 0
     # relative to the scales of the study: excitation for the harmonics, static load for the mean
     excitation, load = np.abs(study.force_rows).max(), PRELOAD * np.abs(study.coupling.load()[0]).max()
     assert np.abs(r[n:]).max() <= 1e-10 * excitation
@@ -288,6 +286,6 @@ def test_the_static_state_is_the_same_in_every_sector():
     u = np.zeros(one.n_unknowns)
     u[: one.n_mean] = state.q
     r = np.empty(system.n_unknown)
-    assert system.evaluate(spread(one, u, wave, n), 1000.0, r) == 0
+    assert system.evaluate(np.append(spread(one, u, wave, n), 1000.0), r) == 0
     assert np.abs(r[:n]).max() <= 1e-9 * PRELOAD * 10
     assert state.force[:, 2].max() > 1.0
