@@ -1,6 +1,6 @@
 /* bdamper._core.Wheel: elimination of a whole wheel whose sectors meet next neighbours alone.
  *
- * As in bd_core_system.c, work is done without the GIL, under the lock of the object that owns the workspace. */
+ * As in bd_core_equations.c, work is done without the GIL, under the lock of the object that owns the workspace. */
 #include "bd_core.h"
 
 #include <pythread.h>
