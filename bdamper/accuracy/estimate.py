@@ -43,7 +43,7 @@ from bdamper.continuation.track import check_curve, track
 from bdamper.effects.indicator import estimate_change
 from bdamper.effects.richer import Tops, compare
 from bdamper.model.model import Model
-from bdamper.peaks.highest import NEAR
+from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import NOT_VERIFIED, OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
@@ -100,8 +100,9 @@ def estimate_errors(
         result = found
     if isinstance(result, Curve):
         check_curve(problem, result)
-        preload, amplitude, frequency = result.preload, result.peak.amplitude, result.peak.frequency
         tops = Tops.of(problem, result)
+        top = result.peak if result.peak_at_end == tops.at_end else tops.peaks[0]  # an end may be higher than the peak
+        preload, amplitude, frequency = result.preload, top.amplitude, top.frequency
         location = tops.peaks[0].amplitude / amplitude - 1.0, tops.peaks[0].frequency / frequency - 1.0
     else:
         preload = _preload_of(problem, result, preload)
@@ -125,8 +126,9 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
     curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
     if not curve.complete:
         return f"no whole curve at {preload:.6g} N: {curve.reason}"
-    if not abs(curve.peak.amplitude / best.amplitude - 1.0) <= NEAR:
-        return f"the curve at {preload:.6g} N is highest at {curve.peak.amplitude:.6g} m, not {best.amplitude:.6g} m"
+    top = highest_of_curve(problem.system(preload), curve).peak
+    if not abs(top.amplitude / best.amplitude - 1.0) <= NEAR:
+        return f"the curve at {preload:.6g} N is highest at {top.amplitude:.6g} m, not {best.amplitude:.6g} m"
     return curve
 
 

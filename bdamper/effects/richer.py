@@ -25,6 +25,7 @@ from bdamper.peaks.highest import highest_of_curve, maxima
 from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
 from bdamper.problem.problem import Problem
 from bdamper.util.errors import BdamperError
+from bdamper.util.status import COMPLETE, word
 
 Question = Callable[[Problem], Any]
 NEARLY_HIGHEST = 0.7
@@ -73,7 +74,7 @@ def _read(result: Curve | Peak | tuple[float, float]) -> tuple[float, float, str
     if isinstance(result, tuple):
         return (*result, "")
     if isinstance(result, Peak):
-        known, why = result.converged and result.scan == "complete", f"status '{result.status}', scan {result.scan}"
+        known, why = result.converged and word(result.scan) == COMPLETE, f"status '{result.status}', scan {result.scan}"
     else:
         known, why = result.complete, f"{result.status}: {result.reason}"
     if not known:

@@ -22,6 +22,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import ended_by
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
 
 LOST = (ArithmeticError, np.linalg.LinAlgError)
 """What a solution raises that cannot be computed, as where numbers overflow: one preload is lost by it, no curve."""
@@ -54,8 +55,8 @@ class AtPreload:
 
     @property
     def known(self) -> bool:
-        """Whether it is known that no connected branch is higher."""
-        return self.top is not None and self.curve.complete
+        """Whether it is known that no maximum of a connected branch is higher."""
+        return self.top is not None and self.curve.complete and self.top.kind != "end"
 
     @property
     def value(self) -> float:
@@ -69,7 +70,9 @@ class AtPreload:
             return f"not found: {self.curve.status}: {self.curve.reason}"
         if not self.curve.complete:
             return f"incomplete: {self.curve.status}: {self.curve.reason}"
-        return f"complete, {AT_END}" if self.top.kind == "end" else "complete"
+        if self.top.kind == "end":
+            return because(INCOMPLETE, AT_END)
+        return because(COMPLETE, self.top.note)
 
     def record(self) -> dict[str, Any]:
         """All of it in numbers, texts, lists and arrays."""
@@ -80,7 +83,7 @@ class AtPreload:
         if self.top is not None:
             tops = (self.top.peak, *self.top.detached)
             top = {"peaks": [_plain(p) for p in tops], "kind": self.top.kind, "exact": self.top.exact}
-            top |= {"index": self.top.index}
+            top |= {"index": self.top.index, "note": self.top.note}
         own = {"curve": curve, "top": top, "slope": self.slope, "rattles": self.rattles}
         return {"index": repr(self.preload), **own, "cost": asdict(self.cost)}
 
@@ -98,7 +101,7 @@ class AtPreload:
         top, told = None, record["top"]
         if told is not None:
             peak, *detached = (Peak(**_arrays(p)) for p in told["peaks"])
-            top = Highest(peak, told["kind"], told["index"], told["exact"], tuple(detached))
+            top = Highest(peak, told["kind"], told["index"], told["exact"], tuple(detached), told["note"])
         return AtPreload(
             float(record["index"]), Curve(**curve), top, record["slope"], record["rattles"], Cost(**record["cost"])
         )  # fmt: skip

@@ -1,9 +1,10 @@
 """The highest point of a response curve: one definition for peaks, optimal curves, margins and curves along a line.
 
-It is the greatest amplitude of the response over the branches that are *connected* with an end of the interval: at smooth
-maxima, at corners, at folds, where the mean position drifts, and at an end of the interval, which is named as such since it
-is no maximum.  Closed branches do not count; the highest point of each is named in ``detached``.  A branch within the
-interval that does not close fills what the paths from the ends have left, and counts.
+It is the greatest maximum of the response over the branches that are *connected* with an end of the interval: at smooth
+maxima, at corners, at folds, and where the mean position drifts.  An end of the interval is no maximum, it may be a flank
+of the next resonance: it counts only where there is no maximum at all, and is told where it is higher.  Closed branches do
+not count; the highest point of each is named in ``detached``.  A branch within the interval that does not close fills what
+the paths from the ends have left, and counts.
 
 Points of a curve are converged, but may be coarse.  So the highest ones are refined: smooth maxima by their own equations
 (:func:`bdamper.peaks.newton.find_peak`), others by a corrector at the point itself.
@@ -39,6 +40,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
 from bdamper.util.errors import BdamperError
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
 
 NEAR = 3e-3
 """Relative, by which a point may lie below the highest and its maximum above: a curve followed coarsely is off by less."""
@@ -46,7 +48,7 @@ LEVEL = 1e-6
 """Relative change of the amplitude up to which points of a curve count as one: the mean position alone moves there."""
 REACH = 0.3
 """Distance, relative to the vibration, within which the maximum of a point is looked for: twice a step of a curve."""
-AT_END = "highest at an end of the interval"
+AT_END = "highest at an end of the interval, without a maximum in it"
 """What an ending says where the highest point is no maximum."""
 
 
@@ -66,6 +68,8 @@ class Highest:
         Whether the place is known to the tolerance of the options: not that of a corner that no search has ended at.
     detached : tuple of Peak
         Highest points of closed branches, which do not count.
+    note : str
+        Where an end of the interval is higher than the highest maximum.
     """
 
     peak: Peak
@@ -73,6 +77,7 @@ class Highest:
     index: int
     exact: bool = True
     detached: tuple[Peak, ...] = ()
+    note: str = ""
 
 
 def highest(
@@ -105,7 +110,7 @@ def highest(
     parameter : float
         Noted in the peaks.
     ends : bool
-        Whether ends of the interval count.
+        Whether an end of the interval counts where there is no maximum.
 
     Raises
     ------
@@ -119,17 +124,22 @@ def highest(
     counted = [i for i in tops if branch[i] not in closed]
     if not counted:
         raise BdamperError("the response curve has no point that is connected with an end of the interval")
+    within = [i for i in counted if not search.at_end(i)]
+    if not within and not ends:
+        raise BdamperError("the response curve has no highest point but its ends")
     best: Highest | None = None
-    for i in counted:
+    for i in within or counted[:1]:
         if best is not None and amplitude[i] * (1.0 + NEAR) < best.peak.amplitude:
             break
         found = search.at(i)
-        if (ends or found.kind != "end") and (best is None or found.peak.amplitude > best.peak.amplitude):
+        if best is None or found.peak.amplitude > best.peak.amplitude:
             best = found
-    if best is None:
-        raise BdamperError("the response curve has no highest point but its ends")
+    assert best is not None
+    note, top = "", counted[0]
+    if search.at_end(top) and amplitude[top] > best.peak.amplitude and best.kind != "end":
+        note = f"higher at an end of the interval: {amplitude[top]:.4g} m at {y[top, -1] / (2.0 * np.pi):.6g} Hz"
     apart = [next(i for i in tops if branch[i] == number) for number in sorted(closed)]
-    return replace(best, detached=tuple(search.at(i).peak for i in apart))
+    return replace(best, detached=tuple(search.at(i).peak for i in apart), note=note)
 
 
 def highest_of_curve(system: HarmonicSystem, curve: Curve, *, options: PeakOptions | None = None) -> Highest:
@@ -183,14 +193,21 @@ class _Refined:
     options: PeakOptions
     parameter: float
 
+    def at_end(self, i: int) -> bool:
+        """Whether a point is where its branch leaves the interval."""
+        return any(self._outermost(i)) and self.y[i, -1] in (self.y[:, -1].min(), self.y[:, -1].max())
+
+    def _outermost(self, i: int) -> tuple[bool, bool]:
+        """Whether a point is the first, and the last of its branch."""
+        branch = self.branch
+        return i == 0 or branch[i - 1] != branch[i], i == len(branch) - 1 or branch[i + 1] != branch[i]
+
     def at(self, i: int) -> Highest:
         """A top of the curve: the smooth maximum beside it, or the point itself."""
-        y, n = self.y[i], len(self.y)
-        first = i == 0 or self.branch[i - 1] != self.branch[i]
-        last = i == n - 1 or self.branch[i + 1] != self.branch[i]
+        y, (first, last) = self.y[i], self._outermost(i)
         tangent, scale = self._direction(i - (not first), i + (not last), y)
         low, high = self.y[:, -1].min(), self.y[:, -1].max()
-        if (first or last) and y[-1] in (low, high):
+        if self.at_end(i):
             return Highest(self._point(y, np.eye(len(y))[-1], scale), "end", i)
         if self.kinds[i] == "drift":
             return Highest(self._point(y, tangent, scale), "drift", i)
@@ -235,9 +252,13 @@ class Found(NamedTuple):
 
     @property
     def ending(self) -> str:
-        """ "complete", otherwise how the curve ended; named too is a highest point that is no maximum."""
-        how = "complete" if self.curve.complete else f"{self.curve.status} ({self.curve.reason})"
-        return f"{how}, {AT_END}" if self.top is not None and self.top.kind == "end" else how
+        """ "complete", otherwise how the curve ended; named too is an end that is the highest point, or higher than it."""
+        if self.curve.complete and self.top is not None and self.top.kind == "end":
+            return because(INCOMPLETE, AT_END)
+        note = self.top.note if self.top is not None else ""
+        if self.curve.complete:
+            return because(COMPLETE, note)
+        return f"{self.curve.status} ({self.curve.reason}){', ' * bool(note)}{note}"
 
 
 def found_at(
@@ -295,7 +316,7 @@ def highest_peak(
 ) -> Peak:
     """The highest point of the response at one preload (:mod:`bdamper.peaks.highest`).
 
-    ``corner`` says that it is no smooth maximum, ``scan`` whether it is an end of the interval.
+    ``corner`` says that it is no smooth maximum, ``scan`` whether it is an end of the interval, or one is higher.
 
     Raises
     ------

@@ -125,33 +125,39 @@ def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place]
     -------
     list of Place, in order, and Least
     """
-    places, settled, tried = sorted(known), set[float](), set[float]()
+    places, settled, tried = sorted(known), set[float](), set[tuple[float, float]]()
     while len(places) < len(known) + MOST and (open_ := _open(places, tried)):
-        wanted = []
+        wanted, lowest = [], min(p.value for p in places)
         for (a, b), there in open_[:AT_ONCE]:
-            x = there.x
-            if there.smooth:
-                found = settle(a, b, x)
-                tried.add(a.x)  # the branch between the two is known now, or will not be
-                if found is not None and a.x < found < b.x:
-                    x = found
-                    settled.add(x)
-            wanted.append(x)
-        places = sorted([*places, *ask(wanted)])
+            found = None
+            if a.slope < 0.0 < b.slope and (a.x, b.x) not in tried:
+                tried.add((a.x, b.x))
+                found = settle(a, b, there.x)
+            if found is not None and a.x < found < b.x:
+                wanted.append(found)
+                settled.add(found)
+                tried |= {(a.x, found), (found, b.x)}  # the branch between the two is known now
+            elif there.smooth or there.value < lowest - GAIN:
+                wanted.append(there.x)
+        places = sorted([*places, *ask(wanted)]) if wanted else places
     return places, _judged(places, settled, _open(places, tried))
 
 
-def _open(places: Sequence[Place], tried: set[float]) -> list[Open]:
+def _open(places: Sequence[Place], tried: set[tuple[float, float]]) -> list[Open]:
     """Neighbours between which the function may be lower by GAIN than anywhere known, the lowest promise first.
 
-    Beside an optimum that is smooth the smallest promise counts, until its minimum was looked for (``tried``).
+    Beside the least place the smallest promise counts, until its slope is LEVEL or the minimum was settled (``tried``):
+    from neighbours a third apart the search for it may fail, and succeed from nearer ones.
     """
-    lowest = min(p.value for p in places)
+    least_ = min(places, key=lambda p: p.value)
+    lowest = least_.value
     out = []
     for a, b in zip(places, places[1:]):
         there = promise(a, b)
-        first_look = there is not None and there.smooth and a.x not in tried and lowest in (a.value, b.value)
-        if there is not None and (there.value < lowest - GAIN or (first_look and there.value < lowest)):
+        if there is None:
+            continue
+        beside = a.slope < 0.0 < b.slope and least_ in (a, b) and abs(least_.slope) > LEVEL and (a.x, b.x) not in tried
+        if there.value < lowest - GAIN or (beside and there.value < lowest):
             out.append(((a, b), there))
     return sorted(out, key=lambda item: item[1].value)
 

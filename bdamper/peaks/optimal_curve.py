@@ -170,7 +170,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     rank_deficiency : (n,) int
     unknowns : (n, n_unknowns) float
     status : tuple of str
-        "complete", "incomplete: ..." with what was not followed, or "not found: ..." with the reason.
+        "complete", with a colon where an end of the interval is higher than all maxima; "incomplete: ..." with what was not
+        followed, or where there is no maximum; "not found: ..." with the reason.
     free, stuck : Limit
     optimum : OptimumPoint
     cost : Cost
@@ -186,8 +187,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     goes_on : (n,) bool
         Whether the highest point lies on one smooth branch with that of the preload before, by their tangents.
     kind : tuple of str
-        Of the highest point at each preload: "peak", "corner", "drift", "fold", or "end" of the interval, which is no
-        maximum; empty without a value.
+        Of the highest point at each preload: "peak", "corner", "drift" or "fold"; empty without a value.
     curves : tuple of Curve
         The whole curves that the values are from, and those between them that the search for the optimum took, by rising
         preload; followed coarsely, and without their unknowns.

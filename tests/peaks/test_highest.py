@@ -8,8 +8,10 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks.highest import AT_END, _tops, highest, highest_of_curve, maxima
+from bdamper.peaks.interval import resonance_interval
 from bdamper.peaks.newton import coarse_options
 from bdamper.plot import plot_response_map
+from tests.models import wedge_model
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
@@ -61,14 +63,37 @@ def test_a_closed_branch_is_named_and_never_counted(study, curve):
     assert replace(curve, closed=(0,)).peak.index == top  # nothing else is there
 
 
-def test_an_end_of_the_interval_counts_and_is_named(study):
+def test_an_end_of_the_interval_counts_where_there_is_no_maximum_and_is_named(study):
     peak = study.peak(1000.0, (250.0, 270.0))
     curve = study.track(1000.0, (250.0, 270.0))
-    assert curve.peak_at_end and peak.corner and peak.scan == f"complete, {AT_END}"
+    assert curve.peak_at_end and peak.corner and peak.scan == f"incomplete: {AT_END}"
     assert peak.frequency == pytest.approx(270.0, rel=1e-12)
     assert peak.amplitude == pytest.approx(curve.peak.amplitude, rel=1e-8)
     with pytest.raises(bd.SettingError, match="corner"):
         study.peak_sensitivities(peak, ["preload"])
+
+
+def test_an_end_that_is_higher_than_the_maximum_is_told_and_does_not_count():
+    """The flank of the next mode, 8.9 µm at the end of the interval, is no resonance of the mode, whose peak is 4.7 µm."""
+    study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
+    low, high = resonance_interval(study)
+    peak, curve = study.peak(3000.0), study.track(3000.0, (low, high))
+    assert curve.peak_at_end and curve.peak.amplitude > 1.5 * peak.amplitude
+    assert not peak.corner and low < peak.frequency < 0.9 * high
+    inner = study.track(3000.0, (low, peak.frequency * 1.02)).peak
+    assert peak.amplitude == pytest.approx(inner.amplitude, rel=1e-8)
+    told = f"higher at an end of the interval: {curve.peak.amplitude:.4g} m at {high:.6g} Hz"
+    assert peak.scan == f"complete: {told}" and told in str(peak)
+    result = study.optimal_curve((10.0, 3000.0), 3, check=False)
+    assert result.amplitude[-1] == pytest.approx(peak.amplitude, rel=1e-9) and result.complete
+    assert result.status[-1] == peak.scan and any(told in text for text in result.warnings)
+
+
+def test_a_preload_without_a_maximum_has_no_value(study):
+    result = study.optimal_curve([900.0, 1000.0, 1100.0], frequency=(250.0, 270.0), check=False)
+    assert set(result.status) == {f"incomplete: {AT_END}"} and set(result.kind) == {""}
+    assert np.isnan(result.amplitude).all() and not result.optimum.verified
+    assert result.lower_bound[1] == pytest.approx(study.peak(1000.0, (250.0, 270.0)).amplitude, rel=1e-9)
 
 
 def test_a_coarse_curve_that_is_not_whole_is_followed_again(study, monkeypatch):
