@@ -27,7 +27,7 @@ def draw(optimal: OptimalCurve, curves: list[Curve], path: Path) -> None:
     figure = plt.figure(figsize=(10.0, 7.0), layout="constrained")
     grid = figure.add_gridspec(2, 2, width_ratios=(1.15, 1.0), height_ratios=(1.9, 1.0))
     amplitude, _ = plot_optimal(optimal, figure.add_subplot(grid[0, 0]), title="Optimal curve", coexisting=False)
-    amplitude.legend(fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=3)  # both curves fill the axes
+    amplitude.legend(fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, frameon=False)
     if optimal.ladder is not None:
         plot_ladder(optimal.ladder, figure.add_subplot(grid[1, 0]))
     plot_curves(curves, figure.add_subplot(grid[:, 1]), title="Tracking curves, 1 N tangential at the tip")
