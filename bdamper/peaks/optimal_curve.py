@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.rattle import NO_STEADY
 from bdamper.fatigue.margin import MarginCurve
 from bdamper.util import validate
 from bdamper.util.cost import Cost
@@ -415,7 +414,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         for item in self.margins:
             best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
             lines.append(f"  margin against fatigue ({item.rule}): {best}")
-        open_ = [w for w in self.warnings if not w.startswith(("optimum", NO_STEADY))]
+        told = self.status[0] if self.no_steady_below else None
+        open_ = [w for w in self.warnings if w != told and not w.startswith("optimum")]
         if open_:
             lines.append(f"  {len(open_)} preloads with a warning, first {open_[0]}")
         return "\n".join(lines)

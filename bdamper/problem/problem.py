@@ -116,7 +116,7 @@ class Problem(Settings):
 
     def sharing(self, names: Iterable[str], **settings: Any) -> Self:
         """The same problem under other settings, which the parts of these names must not depend on."""
-        return replace(self, _given={name: self.parts[name] for name in names if name in self.parts}, **settings)
+        return replace(self, _given={name: self.parts[name] for name in tuple(names) if name in self.parts}, **settings)
 
     def given(self, **parts: Any) -> Self:
         """The same problem with parts that were made elsewhere, by name."""

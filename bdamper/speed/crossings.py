@@ -29,7 +29,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Formerly, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import Translated, left_undone
+from bdamper.util.status import FAILED, NOT_RUN, Translated, left_undone, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Shares, Tabular
 
 RPM = 60.0 / (2.0 * np.pi)
@@ -313,12 +313,14 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
         "speed", "frequency", "amplitude", "preload", "fixed_speed", "fixed_speed_amplitude", "residual",
         "amplitude_by_mass", "speed_by_mass", "margin",
     )  # fmt: skip
-    needed = {d for o in set(order.tolist()) for d in problem.with_(engine_order=o).needed_diameters}
+    kind = tuple(str(value.get("kind", status)) for value, status in zip(answers.values, answers.status))
+    made = {int(o) for o, what in zip(order, kind) if word(what) not in (FAILED, NOT_RUN)}  # others may miss modes
+    needed = {d for o in made for d in problem.with_(engine_order=o).needed_diameters}
     return Crossings(
         engine_order=order,
         mass_factor=factors,
         mass=factors * float(loaded.mass or np.nan),
-        kind=tuple(str(value.get("kind", status)) for value, status in zip(answers.values, answers.status)),
+        kind=kind,
         **{name: column(name) for name in names},
         shares=np.column_stack([column(name) for name in ("stick", "slip", "open")]),
         lines_=lines,

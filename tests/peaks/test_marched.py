@@ -53,6 +53,13 @@ def test_preloads_that_rattle_are_marched_by_default(found):
     assert [m.preload for m in study.with_marched(low, periods=16).marched] == [40.0, 60.0]
 
 
+def test_preloads_that_rattle_are_told_once(found):
+    """As one range, not again among the preloads with a warning."""
+    told = "not found: no steady periodic response below 60 N: the damper rattles"
+    gone = replace(found[1], no_steady_below=60.0, status=(told, told, "complete"))
+    assert str(gone).count(told) == 1 and "with a warning" not in str(gone)
+
+
 @pytest.mark.parametrize("method", ["with_marched", "with_sweeps"])
 def test_another_model_is_refused(found, method):
     with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):

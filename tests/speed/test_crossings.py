@@ -30,6 +30,13 @@ def found(study):
     return study.crossings(SPEEDS, [5], damper_mass=(0.999, 1.0, 1.001))
 
 
+def test_an_order_that_the_model_has_no_modes_for_fails_alone(study, found):
+    """The other crossings are there, and what the model neglects is told of them."""
+    both = study.crossings(SPEEDS, [4, 5])
+    assert both.kind[0].startswith("failed") and "nodal diameter" in both.kind[0] and not both.complete
+    assert both.kind[1] == "complete" and both.amplitude[1] == found.amplitude[1] and both.notes == found.notes
+
+
 def test_a_crossing_is_the_highest_point_of_the_line(study, found):
     """On the line, at the preload of its speed, and solutions on the line beside it are lower, as a maximum has them."""
     assert found.kind == ("complete",) * 3 and found.complete
