@@ -17,7 +17,7 @@ At a corner of the curve ``phi`` may jump through zero: then the search ends at 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.events import point_of
 from bdamper.continuation.follower import Follower
-from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.harmonic_balance import conditions
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 from bdamper.util import validate
@@ -73,8 +73,6 @@ class PeakOptions:
         Correctors spent on one peak.
     max_distance : float
         Largest distance, relative to the vibration, of a peak from its prediction in the parameter.
-    max_halvings : int
-        Halvings of a step in the parameter before the peak counts as vanished.
     difference : float
         Relative step of the central differences in sensitivities.
     """
@@ -85,14 +83,12 @@ class PeakOptions:
     max_iterations: int = 12
     max_trials: int = 60
     max_distance: float = 0.3
-    max_halvings: int = 6
     difference: float = 1e-5
 
     def __post_init__(self) -> None:
         positive = ("tolerance", "position_tolerance", "max_step", "max_distance", "difference")
         validate.fields(self, validate.number, *positive, above=0.0, below=10.0)
         validate.fields(self, validate.whole, "max_iterations", "max_trials", least=2)
-        validate.fields(self, validate.whole, "max_halvings")
 
 
 @brief
@@ -306,11 +302,11 @@ class _Search:
         near = abs(slope / c.curvature) <= options.position_tolerance
         return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
 
-    def first(self, y: NDArray, tangent: NDArray | None, drift: bool) -> Correction | None:
+    def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
         """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
         condition = conditions.Fixed() if tangent is None else conditions.Plane(tangent)
         found = self.solve(y, condition, NEARBY)
-        if found is not None or not drift:
+        if found is not None:
             return found
         for moved in drifted(self.system, y, self.scale):
             found = self.solve(moved, condition, NEARBY)
@@ -371,9 +367,7 @@ def find_peak(
     curvature: float = -1.0,
     options: PeakOptions | None = None,
     parameter: float = np.nan,
-    drift: bool = True,
     reach: float = np.inf,
-    thorough: bool = True,
 ) -> Peak:
     """The maximum of the response amplitude that the curve reaches uphill from a point near it.
 
@@ -392,12 +386,8 @@ def find_peak(
     options : PeakOptions
     parameter : float
         Noted in the result.
-    drift : bool
-        If Newton fails at the guess, try also the mean positions of :func:`drifted`.
     reach : float
         Largest distance along the curve, relative to the vibration.
-    thorough : bool
-        Search along the curve if Newton's method to the peak fails.
 
     Returns
     -------
@@ -410,8 +400,8 @@ def find_peak(
     top = start = None
     if tangent is not None and scale is not None and curvature < 0.0:
         top = search.newton(guess, tangent, curvature)
-    if top is None and thorough:
-        start = search.first(guess, tangent, drift)
+    if top is None:
+        start = search.first(guess, tangent)
         if start is not None:
             start = search.in_own_units(start) if scale is None else start
             top = search.newton(start.y, start.tangent, min(curvature, CURVED)) or search.uphill(start)
@@ -420,7 +410,7 @@ def find_peak(
     if top is None and start is not None and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST)):
         return find_peak(
             system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
-            parameter=parameter, drift=drift, reach=reach, thorough=thorough,
+            parameter=parameter, reach=reach,
         )  # fmt: skip
     at = top or start or Correction(NOT_CONVERGED, guess, np.zeros(len(guess)), 0, np.nan, 0.0, 0)
     return Peak(
@@ -433,28 +423,6 @@ def find_peak(
 def coarse_options(tolerance: float = 1e-7) -> ContinuationOptions:
     """Settings with which a curve is followed only to learn which peaks it has."""
     return ContinuationOptions(tolerance=tolerance, step=0.1, locate_tolerance=0.05)
-
-
-def refine_maxima(
-    system: HarmonicSystem,
-    points: Sequence[PathPoint],
-    *,
-    options: PeakOptions | None = None,
-    parameter: float = np.nan,
-) -> tuple[Peak, ...]:
-    """Peaks from the points of a followed path that are marked as maxima, each found once, the highest first."""
-    peaks: list[Peak] = []
-    for point in points:
-        if point.kind != "maximum":
-            continue
-        width = vibration_width(point.y, point.tangent, point.scale, system.n_mean)
-        scale = peak_scale(system, point.y, width)
-        tangent = point.tangent * point.scale / scale
-        tangent /= norm2(tangent)
-        peak = find_peak(system, point.y, tangent=tangent, scale=scale, options=options, parameter=parameter)
-        if peak.converged and not any(same_peak(peak, other) for other in peaks):
-            peaks.append(peak)
-    return tuple(sorted(peaks, key=lambda p: -p.amplitude))
 
 
 def same_peak(a: Peak, b: Peak, tolerance: float = 1e-5) -> bool:

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.continuation.follower import follow
 from bdamper.peaks.least import Place, least
-from bdamper.peaks.newton import Peak, coarse_options, refine_maxima
+from bdamper.peaks.newton import Peak, coarse_options, find_peak
 from bdamper.peaks.optimal import smooth_minimum
 from bdamper.peaks.sensitivity import amplitude_sensitivity, sensitivities
 from tests.following import follow_peak
@@ -47,9 +47,10 @@ def first_peak(system, limits, value) -> Peak:
     guess[0], guess[1], guess[-1] = start[0].real, -start[0].imag, omega
     path = follow(system, guess, limits, options=coarse_options())
     assert path.status == "complete"
-    peaks = refine_maxima(system, path.points, parameter=value)
-    assert len(peaks) == 1
-    return peaks[0]
+    (top,) = (p for p in path.points if p.kind == "maximum")
+    found = find_peak(system, top.y, parameter=value)
+    assert found.converged
+    return found
 
 
 def optimum(family, start, values):

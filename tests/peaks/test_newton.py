@@ -32,10 +32,9 @@ def beside(study, peak):
     return c
 
 
-@pytest.mark.parametrize("thorough", [False, True])
-def test_a_peak_beyond_the_reach_is_refused(study, peak, beside, thorough):
-    """By Newton's method alone, and by the search along the curve as well."""
-    ways = {"tangent": beside.tangent, "scale": peak.scale, "curvature": peak.curvature, "thorough": thorough}
+def test_a_peak_beyond_the_reach_is_refused(study, peak, beside):
+    """By Newton's method, and by the search along the curve as well."""
+    ways = {"tangent": beside.tangent, "scale": peak.scale, "curvature": peak.curvature}
     assert find_peak(study.system(1000.0), beside.y, reach=0.2, **ways).converged
     assert find_peak(study.system(1000.0), beside.y, reach=0.01, **ways).status == f"not found: {FAR}"
 

@@ -134,7 +134,7 @@ def test_too_few_samples_for_the_harmonics_are_refused_at_once(study):
             ("patience", 1), ("max_iterations", "8"),
         ]),
         *(lambda n=n, v=v: bd.PeakOptions(**{n: v}) for n, v in [
-            ("tolerance", 0.0), ("max_step", "x"), ("max_trials", 1), ("max_halvings", -1), ("max_iterations", 2.5),
+            ("tolerance", 0.0), ("max_step", "x"), ("max_trials", 1), ("max_iterations", 2.5),
         ]),
         *(lambda n=n, v=v: bd.Effects(**{n: v}) for n, v in [
             ("friction_law", "x"), ("residual_traction", "q"), ("damper_modes", "x"), ("blade_modes", 0),
