@@ -143,7 +143,10 @@ def least(known: Sequence[Place], ask: Ask, settle: Settle) -> tuple[list[Place]
                 tried |= {(a.x, found), (found, b.x)}  # the branch between the two is known now
             elif there.smooth or there.value < lowest - GAIN:
                 wanted.append(there.x)
-        places = sorted([*places, *ask(wanted)]) if wanted else places
+        new = ask(wanted) if wanted else ()
+        if wanted and not new:  # nobody answers any more
+            break
+        places = sorted([*places, *new])
     return places, _judged(places, settled, _open(places, tried))
 
 
