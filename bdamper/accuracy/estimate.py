@@ -45,7 +45,7 @@ from bdamper.effects.richer import Tops, compare
 from bdamper.model.model import Model
 from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
-from bdamper.peaks.optimal_curve import NOT_VERIFIED, OptimalCurve
+from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
@@ -121,7 +121,7 @@ def _at_optimum(problem: Problem, result: OptimalCurve) -> Curve | str:
         )
     best = result.optimum
     if best.kind == "none":
-        return f"the optimal curve has no optimum ({best.status.removeprefix(NOT_VERIFIED)})"
+        return f"the optimal curve has no optimum ({best.status.partition(': ')[2]})"
     preload = float(result.preload[-1]) if best.kind == "flat" else best.preload
     curve = uninterrupted(track(problem, preload, tuple(result.settings["frequency"])))
     if not curve.complete:

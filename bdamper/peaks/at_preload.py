@@ -22,7 +22,7 @@ from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost
 from bdamper.util.errors import BdamperError
 from bdamper.util.progress import ended_by
-from bdamper.util.status import COMPLETE, INCOMPLETE, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, NOT_FOUND, because
 
 LOST = (ArithmeticError, np.linalg.LinAlgError)
 """What a solution raises that cannot be computed, as where numbers overflow: one preload is lost by it, no curve."""
@@ -67,9 +67,9 @@ class AtPreload:
     def status(self) -> str:
         """"complete", "incomplete" or "not found", with what is to be said of it."""
         if self.top is None:
-            return f"not found: {self.curve.status}: {self.curve.reason}"
+            return because(NOT_FOUND, f"{self.curve.status}: {self.curve.reason}")
         if not self.curve.complete:
-            return f"incomplete: {self.curve.status}: {self.curve.reason}"
+            return because(INCOMPLETE, f"{self.curve.status}: {self.curve.reason}")
         if self.top.kind == "end":
             return because(INCOMPLETE, AT_END)
         return because(COMPLETE, self.top.note)
@@ -108,7 +108,7 @@ class AtPreload:
 
 
 def _plain(result: Curve | Peak) -> dict[str, Any]:
-    left = {"ladder", "error_estimates", "stable", "in_time", "stability_note", "unknowns"}
+    left = {"ladder", "error_estimates", "stable", "in_time", "stability_note", "unknowns", "made_with"}
     left |= {"cost", "settings", "model_hash"} if isinstance(result, Peak) else set()
     return {f.name: getattr(result, f.name) for f in fields(result) if f.name not in left}
 

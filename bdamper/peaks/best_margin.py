@@ -24,6 +24,7 @@ from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
+from bdamper.util.status import COMPLETE, INCOMPLETE, because
 
 BESIDE = 1e-3
 """Relative distance of the preloads at which the slope of a margin is read: peaks to 1e-8 leave 1e-5 of it."""
@@ -87,7 +88,8 @@ def best_margin(
     at = places[best.index]
     preload, value = float(np.exp(at.x)), float(np.exp(-at.value))
     where = "at the end of the preloads with a value" if best.kind == "end" else "refined between its neighbours"
-    status = f"{where}, {_compared(problem, curve, judge, preload, value)}"
+    doubt = _doubt(problem, curve, judge, preload, value)
+    status = because(INCOMPLETE, f"{where}, {doubt}") if doubt else because(COMPLETE, where)
     return replace(found, best_value=preload, best_margin=value, best_status=status)
 
 
@@ -112,18 +114,18 @@ def _peak(problem: Problem, curve: OptimalCurve, i: int) -> Peak:
     return find_peak(problem.system(p), y, parameter=p)
 
 
-def _compared(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
-    """What the whole tracking curve at a preload says of the margin there."""
+def _doubt(problem: Problem, curve: OptimalCurve, judge: LeastMargin, preload: float, value: float) -> str:
+    """What the whole tracking curve at a preload says against the margin there, empty where it agrees."""
     low, high = curve.settings["frequency"]
     whole = tracking.track(problem, preload, (low, high))
     if not whole.complete:
-        return f"not verified: the tracking curve there is {whole.status}"
+        return f"the tracking curve there is {whole.status}"
     try:
         margins = judge.along(problem, whole)
     except SettingError as error:
-        return f"not verified: {error}"
+        return str(error)
     i = margins.least
     least, hertz = float(margins.margin[i]), float(whole.frequency[i])
     if least < (1.0 - AGREES) * value:
-        return f"not verified: on the tracking curve there the margin is {least:.4g} at {hertz:.6g} Hz"
-    return "verified"
+        return f"on the tracking curve there the margin is {least:.4g} at {hertz:.6g} Hz"
+    return ""

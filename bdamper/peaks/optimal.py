@@ -27,7 +27,7 @@ from bdamper.peaks.highest import check_options
 from bdamper.peaks.interval import linear_peak, peak_interval
 from bdamper.peaks.least import Place, agree, least
 from bdamper.peaks.newton import Family, Peak, PeakOptions, find_peak
-from bdamper.peaks.optimal_curve import INTERRUPTED, NOT_VERIFIED, OptimalCurve, OptimumPoint
+from bdamper.peaks.optimal_curve import OptimalCurve, OptimumPoint
 from bdamper.peaks.sensitivity import amplitude_sensitivity
 from bdamper.problem.problem import Problem
 from bdamper.problem.variation import study_fingerprint
@@ -38,6 +38,7 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.progress import LongWork, stages
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.rootfind import find_root
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
 from bdamper.util.versions import HERE
 
 BUDGET = 8000
@@ -89,7 +90,7 @@ def optimal_curve(
     Returns
     -------
     OptimalCurve
-        After Ctrl-C with what was known by then: its optimum is "not verified: interrupted by the user".
+        After Ctrl-C with what was known by then: its optimum is "interrupted: by the user".
 
     Raises
     ------
@@ -240,11 +241,12 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     there = {float(np.log(p)): known[p] for p in known if p > edge}
     found = [item for item in there.values() if np.isfinite(item.value)]
     if not found:
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, f"{NOT_VERIFIED}no preload has a value")
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, because(NOT_FOUND, "no preload has a value"))
     height = [item.value for item in found]
     if len(found) > 1 and max(height) - min(height) <= FLAT:
         peak = found[int(np.argmin(height))].top.peak  # type: ignore[union-attr]
-        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, "the preload does not matter")
+        flat = because(NOT_FOUND, "the preload does not matter")
+        return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
 
     def ask(places: Sequence[float]) -> list[Place]:
         new = curves.follow([float(np.exp(x)) for x in places])
@@ -259,13 +261,13 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     places, best = least([Place(x, item.value, item.slope) for x, item in there.items()], ask, settle)
     at = there[places[best.index].x]
     assert at.top is not None
-    status = "verified"
+    status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not _bound(known[p]) >= at.top.peak.amplitude]
     if lower:
-        status = f"{NOT_VERIFIED}{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N"
+        status = because(INCOMPLETE, f"{len(lower)} preloads without a value could be lower, first {lower[0]:.6g} N")
     elif best.open is not None:
         low, high = np.exp(best.open)
-        status = f"{NOT_VERIFIED}the highest peak could be lower between {low:.6g} and {high:.6g} N"
+        status = because(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
     return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, best.kind, best.uncertainty, status)
 
 
@@ -301,11 +303,12 @@ def _least_so_far(curves: Curves) -> OptimumPoint:
     """The least value known at any preload when the search was interrupted."""
     edge = rattling_below(curves.known)
     found = [there for p, there in curves.known.items() if p > edge and there.known and there.top is not None]
+    status = because(INTERRUPTED, "by the user")
     if not found:
-        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, INTERRUPTED)
+        return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, status)
     best = min(found, key=lambda there: there.value)
     assert best.top is not None
-    return OptimumPoint(best.preload, best.top.peak.amplitude, best.top.peak.frequency, "unknown", np.inf, INTERRUPTED)
+    return OptimumPoint(best.preload, best.top.peak.amplitude, best.top.peak.frequency, "unknown", np.inf, status)
 
 
 def _bound(there: AtPreload) -> float:
@@ -331,8 +334,8 @@ def search_file(path: str | Path, problem: Problem, **asked: Any) -> ResultsFile
 def _status(row: AtPreload | None, preload: float, edge: float, why: str) -> str:
     """What is known at a preload."""
     if preload <= edge:
-        return f"not found: {NO_STEADY} below {edge:.6g} N: {why}"
-    return "not found: no curve was followed" if row is None else row.status
+        return because(NOT_FOUND, f"{NO_STEADY} below {edge:.6g} N: {why}")
+    return because(NOT_FOUND, "no curve was followed") if row is None else row.status
 
 
 def _columns(known: dict[float, AtPreload], values: NDArray, edge: float, n_unknowns: int) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,15 +19,19 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import Statuses
-from bdamper.util.tables import Column, Tabular
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because
+from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
 
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
-NOT_VERIFIED = "not verified: "
-INTERRUPTED = NOT_VERIFIED + "interrupted by the user"
-"""Status of an optimum whose search was interrupted."""
+
+
+class _OfOptimum(Translated):
+    """Of an optimum: one of versions before 0.3 is "converged", which tells of the search alone."""
+
+    def read(self, value: str | tuple[str, ...]) -> str | tuple[str, ...]:
+        return because(INCOMPLETE, "no tracking curve was compared") if value == "converged" else super().read(value)
 
 
 @dataclass(frozen=True)
@@ -115,9 +119,9 @@ class OptimumPoint:
     uncertainty : float
         Relative, of the preload.
     status : str
-        "verified" if no preload without a value could take its place, and the tangents of the highest points at two
+        "complete" if no preload without a value could take its place, and the tangents of the highest points at two
         neighbouring preloads nowhere lead below it; a lower value that no tangent leads to may still be missed between
-        preloads far apart.  Otherwise "not verified: " with the reason, such as :data:`INTERRUPTED`.
+        preloads far apart.  Otherwise "incomplete", "interrupted" or "not found" with the reason after a colon.
     """
 
     preload: float
@@ -125,23 +129,24 @@ class OptimumPoint:
     frequency: float
     kind: str
     uncertainty: float
-    status: str = "verified"
-
-    def __post_init__(self) -> None:
-        if self.status == "converged":  # in files of versions before 0.3, where it told of the search alone
-            object.__setattr__(self, "status", f"{NOT_VERIFIED}no tracking curve was compared")
+    status: Annotated[str, _OfOptimum()] = COMPLETE
 
     @property
     def verified(self) -> bool:
-        """Whether nothing known says that a lower value is elsewhere."""
-        return self.status == "verified"
+        """Whether it is complete: nothing known says that a lower value is elsewhere."""
+        return self.status == COMPLETE
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether the search was interrupted; files of versions before 0.6 say so in the reason."""
+        return INTERRUPTED in self.status
 
     def __str__(self) -> str:
         if self.kind == "flat":
             return f"no optimum: flat, {self.amplitude:.6g} m at {self.frequency:.6g} Hz at every preload"
         if self.kind == "none":
             return f"no optimum, {self.status}"
-        what = AT_END if self.kind == "end" else "so far" if self.status == INTERRUPTED else self.kind
+        what = AT_END if self.kind == "end" else "so far" if self.interrupted else self.kind
         name = "optimum" if self.verified and self.kind != "end" else "least"
         known = f"; preload known to a relative {self.uncertainty:.2g}" if self.uncertainty > COARSE else ""
         place = f"{self.amplitude:.6g} m at {self.preload:.7g} N, {self.frequency:.6g} Hz"
@@ -150,7 +155,7 @@ class OptimumPoint:
 
 @brief
 @dataclass(frozen=True)
-class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optimal"):
+class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optimal", row="preload"):
     """Resonance over preload.
 
     ``plot`` draws amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper
@@ -203,14 +208,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         Margins against fatigue along the curve, where they were asked for.
     """
 
-    preload: NDArray
-    amplitude: NDArray
-    frequency: NDArray
-    shares: NDArray
-    residual: NDArray
+    preload: Newtons
+    amplitude: Resonance
+    frequency: Hertz
+    shares: Shares
+    residual: Numbers
     rank_deficiency: NDArray
     unknowns: NDArray
-    status: Statuses
+    status: Annotated[Statuses, Quantity()]
     free: Limit
     stuck: Limit
     optimum: OptimumPoint
@@ -219,9 +224,9 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     model_hash: str = ""
     error_estimates: ErrorEstimates | None = None
     ladder: Ladder | None = None
-    lower_bound: NDArray = field(default_factory=lambda: np.empty(0))
+    lower_bound: Metres = field(default_factory=lambda: np.empty(0))
     goes_on: NDArray = field(default_factory=lambda: np.empty(0, bool))
-    kind: tuple[str, ...] = ()
+    kind: Kinds = ()
     curves: tuple[Curve, ...] = ()
     detached: tuple[str, ...] = ()
     no_steady_below: float = 0.0
@@ -248,7 +253,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     @property
     def interrupted(self) -> bool:
         """Whether the search was interrupted: the curve holds what was known by then."""
-        return self.optimum.status == INTERRUPTED
+        return self.optimum.interrupted
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -274,7 +279,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         return None if np.any(open_ & ~(self.lower_bound >= self.amplitude[k])) else k
 
     @property
-    def shift_percent(self) -> NDArray:
+    def shift_percent(self) -> Annotated[NDArray, Quantity("%", name="frequency_shift")]:
         """(n,) float: frequency relative to that of the free resonance, in percent."""
         return 100.0 * (self.frequency / self.free.frequency - 1.0)
 
@@ -368,23 +373,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             Fact("stuck amplitude", self.stuck.amplitude, "m"),
             Fact("stuck frequency", self.stuck.frequency, "Hz"),
         )
-
-    def _dimension(self) -> str:
-        return "preload"
-
-    def columns(self) -> dict[str, Column]:
-        """A row for each preload."""
-        shares = {name: Column(self.shares[:, k]) for k, name in enumerate(("stick", "slip", "open"))}
-        return {
-            "preload": Column(self.preload, "N"),
-            "amplitude": Column(self.amplitude, "m"),
-            "frequency": Column(self.frequency, "Hz"),
-            "frequency_shift": Column(self.shift_percent, "%"),
-            **shares,
-            "kind": Column(np.array(self.kind)),
-            "lower_bound": Column(self.lower_bound, "m"),
-            "status": Column(np.array(self.status)),
-        }
 
     def __str__(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))

@@ -313,6 +313,7 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
         "speed", "frequency", "amplitude", "preload", "fixed_speed", "fixed_speed_amplitude", "residual",
         "amplitude_by_mass", "speed_by_mass", "margin",
     )  # fmt: skip
+    columns: dict[str, Any] = {name: column(name) for name in names}
     kind = tuple(str(value.get("kind", status)) for value, status in zip(answers.values, answers.status))
     made = {int(o) for o, what in zip(order, kind) if word(what) not in (FAILED, NOT_RUN)}  # others may miss modes
     needed = {d for o in made for d in problem.with_(engine_order=o).needed_diameters}
@@ -321,7 +322,7 @@ def _table(problem: Problem, answers: SweepResult, values: NDArray, mode: int) -
         mass_factor=factors,
         mass=factors * float(loaded.mass or np.nan),
         kind=kind,
-        **{name: column(name) for name in names},
+        **columns,
         shares=np.column_stack([column(name) for name in ("stick", "slip", "open")]),
         lines_=lines,
         warnings=answers.warnings,

@@ -13,11 +13,11 @@ import os
 import secrets
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import InitVar, asdict, dataclass, fields, is_dataclass
+from dataclasses import InitVar, asdict, dataclass, field, fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
+from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import h5py
 import numpy as np
@@ -62,6 +62,7 @@ def load(path: FilePath) -> Any:
     return _READERS[kind](path)
 
 
+@dataclass(frozen=True)
 class Storable:
     """A result that can be saved, and read by :func:`load`; a mixin of frozen dataclasses.
 
@@ -74,21 +75,14 @@ class Storable:
     """
 
     _format: ClassVar[tuple[str, int]]
+    made_with: Versions = field(default=HERE, kw_only=True, repr=False, compare=False)
+    """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
 
     def __init_subclass__(cls, *, kind: str = "", version: int = 2, oldest: int = 1, **options: Any) -> None:
         super().__init_subclass__(**options)
         if kind:  # what derives from a result is saved as that
             cls._format = kind, version
             enter_reader(kind, partial(_read, cls, oldest, version))
-
-    @property
-    def made_with(self) -> Versions:
-        """Versions of bdamper, NumPy and SciPy that made the result, be it now or before it was saved."""
-        return self.__dict__.get("_made_with", HERE)
-
-    def _of(self, versions: Versions) -> Self:
-        object.__setattr__(self, "_made_with", versions)
-        return self
 
     def save(self, path: FilePath) -> None:
         """Write the result to an HDF5 file, which :func:`bdamper.load` reads.
@@ -102,7 +96,6 @@ class Storable:
         try:
             with written(path) as file:
                 file.attrs["format"], file.attrs["version"] = self._format
-                file.attrs.update(self.made_with.attributes())
                 _put(file, self)
         except OSError as error:
             raise BdamperError(f"{path}: expected a file that can be written, found {error}") from error
@@ -155,7 +148,7 @@ def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Stor
                 f"{path}: expected version {known} of the format '{_text(file.attrs['format'])}', found version {version}, "
                 f"written by {made_with}"
             )
-        return _take(cls, file)._of(made_with)
+        return _take(cls, file, made_with)
 
 
 def _text(value: Any) -> str:
@@ -176,9 +169,10 @@ def _is_stored(kind: Any) -> bool:
 
 
 def _put(group: h5py.Group, result: Any) -> None:
-    """Write the fields of a result."""
+    """Write the fields of a result, and which versions made it."""
+    group.attrs.update(result.made_with.attributes())
     hints = get_type_hints(type(result))
-    for name in (f.name for f in fields(result)):
+    for name in (f.name for f in fields(result) if f.name != "made_with"):
         value, leaf = getattr(result, name), _leaf(hints[name])
         if value is None:
             continue
@@ -211,15 +205,16 @@ def _former(cls: type[Any]) -> dict[str, str]:
     return {name: mark.name for name, mark in marks if isinstance(mark, Formerly)}
 
 
-def _take(cls: type[Any], group: h5py.Group) -> Any:
-    """A result from the fields in a file."""
+def _take(cls: type[Any], group: h5py.Group, made_with: Versions) -> Any:
+    """A result from the fields in a file, made with the versions that it names, or else with those given."""
     hints, former = get_type_hints(cls), _former(cls)
-    found: dict[str, Any] = {}
+    made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
+    found: dict[str, Any] = {"made_with": made_with}
     for name in (f.name for f in fields(cls)):
         leaf, item = _leaf(hints[name]), group.get(name, group.get(former.get(name, name)))
         if isinstance(item, h5py.Group):
             if _is_stored(leaf):
-                found[name] = tuple(_take(leaf, item[key]) for key in sorted(item, key=int))
+                found[name] = tuple(_take(leaf, item[key], made_with) for key in sorted(item, key=int))
             else:
                 found[name] = {key: part[()] for key, part in item.items()}
         elif item is not None:

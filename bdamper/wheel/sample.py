@@ -282,12 +282,13 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
     def array(records: list[dict[str, Any]], name: str, of: str = "values", missing: float = np.nan) -> NDArray:
         return np.array([r.get(of, {}).get(name, missing) for r in records], float).reshape(asked.shape)
 
+    columns: dict[str, Any] = {name: array(peaks, name) for name in OF_PEAKS}
     return MistunedSample(
         n_blades=job.wheel.n_blades,
         wheels=np.array(asked.wheels),
         standard_deviation=asked.deviations,
         preload=asked.preloads,
-        **{name: array(peaks, name) for name in OF_PEAKS},
+        **columns,
         tuned_amplitude=np.array([p.amplitude for p in tuned]),
         tuned_frequency=np.array([p.frequency for p in tuned]),
         status=tuple(r["status"] for r in peaks),

@@ -12,7 +12,7 @@ from bdamper.effects import richer as richer_module
 from bdamper.effects.richer import Tops, compare
 from bdamper.harmonic_balance.system import LINE_SEARCH_TRIALS, OK
 from bdamper.peaks.newton import PeakOptions
-from bdamper.peaks.optimal_curve import NOT_VERIFIED, OptimumPoint
+from bdamper.peaks.optimal_curve import OptimumPoint
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, SourceError, error_line
@@ -148,7 +148,7 @@ def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path)
     assert bd.load(tmp_path / "optimal.h5").error_estimates == errors
     wrong = replace(curve, optimum=replace(best, amplitude=0.9 * best.amplitude))
     assert own.estimate_errors(wrong, sources=["harmonics"]).line == "error not estimated"
-    none = OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, f"{NOT_VERIFIED}no preload has a value")
+    none = OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, "not found: no preload has a value")
     without = own.estimate_errors(replace(curve, optimum=none))
     assert {s.against for s in without.sources} == {"the optimal curve has no optimum (no preload has a value)"}
     with pytest.raises(SettingError, match="unknowns"):

@@ -528,17 +528,17 @@ class TestWarnings:
 
         def coarse(*args, **options):
             curve = whole(*args, **options)
-            coarse_optimum = replace(curve.optimum, status="not verified: lost", uncertainty=0.1)
+            coarse_optimum = replace(curve.optimum, status="incomplete: lost", uncertainty=0.1)
             return replace(curve, optimum=coarse_optimum, status=("scan incomplete (lost)", *curve.status[1:]))
 
         monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", coarse)
         samples = {"friction_coefficient": [0.3]}
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
-        assert result.values[0]["optimum_status"] == "not verified: lost"
+        assert result.values[0]["optimum_status"] == "incomplete: lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
             "500 N: scan incomplete (lost); optimum: least value at the end of the range, the optimum may lie beyond; "
-            "optimum not verified: lost, preload known to a relative 0.1"
+            "optimum incomplete: lost, preload known to a relative 0.1"
         )
         assert result.warnings == (expected,)
         curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)

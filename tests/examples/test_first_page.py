@@ -17,7 +17,7 @@ def test_six_lines(capsys):
     space = {}
     exec(compile(code.replace("(50.0, 5000.0), 15)", "(50.0, 5000.0), 15, check=False)"), str(PAGE), "exec"), space)
     found = capsys.readouterr().out  # without the ladder, which takes nine tenths of the time
-    for pattern in (r"peak (\S+) m at (\S+) Hz, 2 folds", r"optimum (\S+) m at (\S+) N, (\S+) Hz \(smooth\), verified",
+    for pattern in (r"peak (\S+) m at (\S+) Hz, 2 folds", r"optimum (\S+) m at (\S+) N, (\S+) Hz \(smooth\), complete",
                     r"free (\S+) m at (\S+) Hz, stuck (\S+) m at (\S+) Hz"):  # fmt: skip
         there, here = (list(map(float, re.search(pattern, text).groups())) for text in (shown, found))
         assert here == pytest.approx(there, rel=1e-4)

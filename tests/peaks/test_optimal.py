@@ -71,8 +71,8 @@ class TestOptimalCurve:
         """Direct evaluation on both sides of the optimum is higher, by the square of the distance."""
         small = study.optimal_curve((25.0, 60.0), 5, frequency=INTERVAL, check=False)
         o = small.optimum
-        assert (o.kind, o.status) == ("smooth", "verified")
-        assert "verified" in str(o)
+        assert (o.kind, o.status) == ("smooth", "complete")
+        assert str(o).endswith("(smooth), complete")
         at = study.peak(o.preload, INTERVAL)
         assert at.amplitude == pytest.approx(o.amplitude, rel=1e-8)
         rise = []
@@ -479,7 +479,7 @@ def test_a_picture_marks_what_is_not_known(result):
     curve = replace(
         result, amplitude=amplitude, lower_bound=bound, goes_on=np.empty(0)
     )
-    for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="not verified: lost")), "w")):
+    for shown, mark in ((curve, "k"), (replace(curve, optimum=replace(curve.optimum, status="incomplete: lost")), "w")):
         ax = shown.plot()[0]
         labels = ax.get_legend_handles_labels()[1]
         assert {"no value: no peak found", "no value: curve not followed to its ends", "lower bound"} <= set(labels)

@@ -147,8 +147,8 @@ class TestWriting:
 
 class TestVersions:
     def test_a_file_tells_what_made_it(self, tmp_path, curve):
-        made_now = replace(curve)
-        assert made_now.made_with == HERE
+        assert replace(curve, preload=1.0).made_with == curve.made_with != HERE  # a copy of an old result stays old
+        made_now = replace(curve, made_with=HERE)
         assert str(HERE) == f"bdamper {bd.__version__}, NumPy {np.__version__}, SciPy {HERE.scipy}"
         made_now.save(tmp_path / "curve.h5")
         with h5py.File(tmp_path / "curve.h5", "a") as file:
@@ -156,6 +156,13 @@ class TestVersions:
             assert file.attrs["numpy_version"] == np.__version__
             file.attrs["scipy_version"] = "1.99"
         assert bd.load(tmp_path / "curve.h5").made_with == replace(HERE, scipy="1.99")
+
+    def test_results_within_results_keep_their_own(self, tmp_path, curve, files_0_5):
+        whole = bd.load(files_0_5 / "optimal_curve.h5")
+        replace(whole, curves=(curve, replace(curve, made_with=HERE)), made_with=HERE).save(tmp_path / "whole.h5")
+        again = bd.load(tmp_path / "whole.h5")
+        assert again.made_with == HERE and [c.made_with for c in again.curves] == [curve.made_with, HERE]
+        assert whole.made_with not in (curve.made_with, HERE)
 
     @pytest.mark.parametrize("name", EXPECTED)
     def test_files_of_version_0_1_are_read(self, name, tmp_path):
