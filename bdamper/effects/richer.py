@@ -24,7 +24,8 @@ from bdamper.harmonic_balance.system import OK, HarmonicSystem
 from bdamper.peaks.highest import highest_of_curve, maxima
 from bdamper.peaks.newton import Peak, find_peak, peak_scale, same_peak
 from bdamper.problem.problem import Problem
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.repr import short
 from bdamper.util.status import COMPLETE, word
 
 Question = Callable[[Problem], Any]
@@ -63,16 +64,21 @@ def ask(problem: Problem, question: Question) -> Answer:
     begin, result = time.thread_time(), None
     try:
         result = question(problem)
-        amplitude, frequency, why = _read(result)
+        amplitude, frequency, why = _read(problem, result)
     except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
         amplitude, frequency, why = np.nan, np.nan, str(error)
     return Answer(float(amplitude), float(frequency), why, time.thread_time() - begin, result)
 
 
-def _read(result: Curve | Peak | tuple[float, float]) -> tuple[float, float, str]:
+def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     """Amplitude, frequency, and why they are not known."""
-    if isinstance(result, tuple):
-        return (*result, "")
+    if not isinstance(result, Curve | Peak):
+        try:
+            amplitude, frequency = (float(value) for value in result)
+        except (TypeError, ValueError):
+            what = "a Curve, a Peak, or amplitude (m) and frequency (Hz)"
+            raise SettingError(f"answer: expected {what}, found {short(result)}") from None
+        return amplitude, frequency, ""
     if isinstance(result, Peak):
         known, why = result.converged and word(result.scan) == COMPLETE, f"status '{result.status}', scan {result.scan}"
     else:
@@ -80,6 +86,8 @@ def _read(result: Curve | Peak | tuple[float, float]) -> tuple[float, float, str
     if not known:
         return np.nan, np.nan, why
     top = result if isinstance(result, Peak) else result.peak
+    if isinstance(result, Curve) and result.peak_at_end:
+        top = highest_of_curve(problem.system(result.preload), result).peak
     return top.amplitude, top.frequency, ""
 
 
@@ -87,12 +95,13 @@ def whole_curve(
     problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions | None = None,
     at_end: bool = False,
 ) -> Curve:  # fmt: skip
-    """A tracking curve; an error where it has no point or, unless ``at_end``, is highest at an end of the interval."""
+    """A tracking curve; an error where it has no point or, unless ``at_end``, no maximum within the interval."""
     curve = uninterrupted(track(problem, preload, frequency, options=options))
-    why = "" if at_end or not len(curve) or not curve.peak_at_end else "the response is highest at an end"
-    if why or not len(curve):
-        where = f"at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz"
-        raise BdamperError(f"no peak {where}: {why or curve.reason}")
+    why = "" if len(curve) else curve.reason
+    if not why and not at_end and curve.peak_at_end and highest_of_curve(problem.system(preload), curve).kind == "end":
+        why = "the response is highest at an end"
+    if why:
+        raise BdamperError(f"no peak at {preload:g} N between {frequency[0]:.6g} and {frequency[1]:.6g} Hz: {why}")
     return curve
 
 

@@ -20,6 +20,8 @@ from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
 from bdamper.util.text import percent, spaced
 
+MAIN = ("amplitude", "optimum_amplitude")
+"""Answers of a sweep that are drawn unless others are asked for."""
 EQUAL = 1e-12
 """Relative difference below which two answers are the same."""
 _WORDS = {"amplitude": "resonance amplitude", "frequency": "resonance frequency", "stick": "share of stick",
@@ -39,13 +41,14 @@ def _named_value(name: str, value: Any) -> str:
 
 
 @draws(SweepResult)
-def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None = None) -> Axes:
+def plot_sweep(result: SweepResult, quantity: str | None = None, ax: Axes | None = None) -> Axes:
     """One answer of a sweep over its last setting, a line for each combination of the others.
 
     Parameters
     ----------
     result : SweepResult
-    quantity : str
+    quantity : str, optional
+        By default the amplitude, that of the optimum, or else the first answer.
     ax : matplotlib axes, optional
 
     Returns
@@ -53,6 +56,7 @@ def plot_sweep(result: SweepResult, quantity: str = "amplitude", ax: Axes | None
     matplotlib axes
         Points without a value are crosses at the lower edge, in the colour of their line.
     """
+    quantity = quantity or next((q for q in (*MAIN, *result.quantities) if q in result.quantities), MAIN[0])
     values = result.array(quantity)
     if values.ndim != len(result.shape) or values.dtype.kind != "f":
         raise SettingError(f"quantity: expected one number for each point, found '{quantity}' of shape {values.shape}")

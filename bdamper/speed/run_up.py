@@ -15,7 +15,7 @@ from bdamper.problem.at_speed import Conditions
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossings import RPM, OverSpeed, speed_values
 from bdamper.speed.family import SpeedFamily
-from bdamper.speed.line import CLOSE, exact, follow_line, interval
+from bdamper.speed.line import CLOSE, Line, exact, follow_line, interval
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, CostMeter
@@ -158,17 +158,18 @@ def run_up(
     """
     validate.instance("study", problem, Problem, "a Study")
     given = Conditions.of(conditions)
-    asked = speed_values(speeds or within or np.clip(given.reach(int(problem.engine_order)), *WITHIN).tolist())
+    everywhere = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
+    asked = speed_values(next((r for r in (speeds, within) if r is not None), everywhere))
     mode = validate.whole("mode", mode, least=1)
     meter = CostMeter(time.perf_counter())
     family = SpeedFamily(problem, given)
     low, high = float(asked[0]), float(asked[-1])
     holds = interval(family, low, high, mode)
-    line = None if holds is None else follow_line(family, (low, high) if speeds else holds, mode, meter, options)
+    line = None if holds is None else follow_line(family, holds if speeds is None else (low, high), mode, meter, options)
     if line is None or line.top is None:
         raise BdamperError(
             f"run-up: expected a crossing of mode {mode} with engine order {problem.engine_order} between {low:.6g} and "
-            f"{high:.6g} rad/s, found none{'' if line is None else f': no maximum, {line.reason}'}"
+            f"{high:.6g} rad/s, found none{'' if line is None else f': {_why_no_top(line)}'}"
         )
     top, error = exact(family, line)
     if not error <= CLOSE:
@@ -193,4 +194,16 @@ def run_up(
         cost=meter.read(time.perf_counter()),
         settings=problem.record(None),
         model_hash=problem.model.hash,
+    )
+
+
+def _why_no_top(line: Line) -> str:
+    """Why a followed line has no highest point but its ends."""
+    if not len(line.y):
+        return line.reason
+    i = int(np.argmax(line.amplitude))
+    end = "upper" if line.speed[i] == line.speed.max() else "lower"
+    return (
+        f"no maximum, the response is highest at the {end} end, {line.amplitude[i]:.4g} m at {line.speed[i]:.6g} rad/s; "
+        "give a range that goes further there, or none"
     )

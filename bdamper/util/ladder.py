@@ -199,7 +199,7 @@ class Ladder(Plottable, Tabular):
     def __str__(self) -> str:
         own = sum(r.seconds for r in self.rungs if self._is_answer(r))
         times = f"processor time: answer {own:.3g} s, others {self.seconds:.3g} s"
-        head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>10}{'time':>10}"
+        head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>12}{'time':>10}"
         lines = [self.note, times, head]
         for r in (*self.rungs, *self.others):
             if r is next(iter(self.others), None):
@@ -208,8 +208,8 @@ class Ladder(Plottable, Tabular):
             time = f"{r.seconds:>8.2f} s" if r.seconds else f"{'':>10}"
             if r.known:
                 change = percent(r.change, True) if np.isfinite(r.change) else ""
-                text = f"{place}{r.amplitude:>13.5g} m{r.frequency:>10.5g} Hz{change:>10}{time}"
+                text = f"{place}{r.amplitude:>13.5g} m{r.frequency:>10.5g} Hz{change:>12}{time}"
             else:
-                text = f"{place}{'not known':>15}{'':>23}{time}"
+                text = f"{place}{'not known':>15}{'':>25}{time}"
             lines.append(text + ("  answer" if self._is_answer(r) else ""))
         return "\n".join(lines)

@@ -534,6 +534,7 @@ class TestWarnings:
         monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", coarse)
         samples = {"friction_coefficient": [0.3]}
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
+        assert result.plot().get_ylabel() == "Optimum amplitude (m)"
         assert result.values[0]["optimum_status"] == "incomplete: lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (

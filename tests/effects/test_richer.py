@@ -6,6 +6,9 @@ import pytest
 import bdamper as bd
 from bdamper.effects import richer
 from bdamper.effects.richer import Tops, ask, compare, whole_curve
+from bdamper.peaks.interval import resonance_interval
+from tests.models import wedge_model
+from tests.plain import plain_study
 
 BAND = (0.1, 0.35)
 
@@ -36,6 +39,21 @@ def test_curve_peak_and_numbers_are_read_alike(study):
     with pytest.raises(bd.BdamperError, match=r"no peak at 0 N between 0\.1 and 0\.12 Hz: the response"):
         whole_curve(study, 0.0, (0.1, 0.12))
     assert len(whole_curve(study, 0.0, (0.1, 0.12), at_end=True))
+
+
+def test_a_maximum_counts_where_an_end_is_higher():
+    """As for the search for peaks: that end is a flank of the next mode."""
+    study = plain_study(wedge_model(0), bd.Excitation("tip"), 2, friction_coefficient=0.4)
+    found = ask(study, lambda p: whole_curve(p, 3000.0, resonance_interval(study)))
+    assert found.result.peak_at_end and found.why == ""
+    assert found.amplitude == pytest.approx(study.peak(3000.0).amplitude, rel=1e-8) != found.result.peak.amplitude
+
+
+def test_a_list_of_two_numbers_is_an_answer_and_others_are_named(study):
+    assert ask(study, lambda p: [0.1, np.float64(0.2)])[:3] == (0.1, 0.2, "")
+    for wrong in ([0.1], "ab", None, [0.1, "x"]):
+        found = ask(study, lambda p, answer=wrong: answer)
+        assert "expected a Curve, a Peak, or amplitude (m) and frequency (Hz), found" in found.why
 
 
 def test_newton_and_whole_curve_find_the_same_change(study, monkeypatch):
