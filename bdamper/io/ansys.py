@@ -30,7 +30,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from bdamper.io.fe_body import FEBody, modes_by_diameter
+from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
 from bdamper.io.reading import Lines, check_count, grouped, reader
 from bdamper.model.checks import require
@@ -301,6 +301,8 @@ class _Archive:
         self.angles: list[list[float]] = []
         self.types: dict[int, str] = {}
         self.elements: list[list[int]] = []
+        self.owners: list[tuple[str, int]] = []  # type and number of the material of each element
+        self.elastic: dict[str, dict[int, float]] = {}
         self.sets: dict[str, NDArray] = {}
         self.skipped: Counter[str] = Counter()
 
@@ -335,6 +337,8 @@ class _Archive:
                 self._component(words)
             elif key == "ET" and len(words) >= 3 and words[1].isdigit():
                 self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
+            elif key == "MPDATA" and len(words) >= 7 and words[3].upper() in ("EX", "NUXY", "PRXY") and words[4].isdigit():
+                self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
         if not self.numbers:
             raise mismatch(self.source, "a block of nodes (NBLOCK)", "none")
         numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
@@ -342,7 +346,7 @@ class _Archive:
         return FEBody(
             numbers,
             nodes,
-            elements=grouped(self.elements),
+            **by_kind(self.elements, map(self._kind, self.owners, self.elements)),
             node_sets=self.sets,
             node_axes=axes,
             source=self.source,
@@ -350,6 +354,12 @@ class _Archive:
                 f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()
             ),
         )
+
+    def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
+        name, material = owner
+        poisson = self.elastic.get("PRXY", {}) | self.elastic.get("NUXY", {})
+        plain = f"C3D{len(nodes)}" + ("R" if name == "186" and len(nodes) == 20 else "")
+        return ElementKind(plain, self.elastic.get("EX", {}).get(material), poisson.get(material))
 
     def _nodes(self) -> None:
         fields = self._fields("NBLOCK")
@@ -391,6 +401,7 @@ class _Archive:
             if 0 in nodes or count != known:  # nodes between corners left out
                 nodes = nodes[: N_CORNER[known]]
             self.elements.append(nodes)
+            self.owners.append((name, words[0]))
 
     def _component(self, words: list[str]) -> None:
         name, kind = words[1].strip(), words[2].strip().upper()

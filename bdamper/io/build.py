@@ -12,6 +12,7 @@ import datetime
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,14 @@ from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.from_matrices import Sectors, constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
 from bdamper.io.import_report import ImportReport, frequencies_of
+from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
 from bdamper.io.plausible import check_frequencies_against, check_not_swapped, check_one_scale, check_radial, check_sizes
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
 from bdamper.io.row_order import check_row_order
 from bdamper.model.model import Body, Location, Model
+from bdamper.model.stress import StressSet
 from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters, picture_mesh
 from bdamper.reduction.cyclic import match_faces
@@ -37,6 +40,9 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
+
+if TYPE_CHECKING:
+    from bdamper.reduction.stress import StressRows
 
 
 @brief
@@ -89,6 +95,8 @@ def build_model(
     check_units: bool = True,
     wheel: NodeSet | None = None,
     wheel_shapes: LocalSizes | None = None,
+    stress: NodeSet | Mapping[str, NodeSet] | None = None,
+    elasticity: Sequence[float] | None = None,
 ) -> BuiltModel:
     """Make a model from finite element bodies.
 
@@ -124,6 +132,10 @@ def build_model(
         All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
     wheel_shapes : LocalSizes, optional
         Numbers of shapes of such a blade.
+    stress : set, or mapping of name to set, optional
+        Nodes of the blade at which stress is wanted, for fatigue; needs the extra ``bdamper[fe]``.
+    elasticity : (Young's modulus, Poisson's ratio), optional
+        For stress, in the units of the file; by default those of the input deck.
 
     Raises
     ------
@@ -143,8 +155,10 @@ def build_model(
     pictured = diameters if excited is None else (excited,)  # shapes of the surface make up most of a file
     ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters, pictured)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
-    made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes)
-    return _assembled(bodies, laid, places, made, n_blades, known, check_units)
+    rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
+    made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
+    sets = {own.name: own.set("blade", "bdamper.io.build_model, mean over elements at nodes") for own in rows}
+    return _assembled(bodies, laid, places, made, sets, n_blades, known, check_units)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -267,6 +281,7 @@ def _reduced(
     fixed: NodeSet | None,
     wheel: NodeSet | None,
     shapes: LocalSizes | None,
+    rows: Sequence[StressRows],
 ) -> dict[str, Body]:
     """All bodies with their modes, by the way that the numbers given for each of them allow."""
     made = {}
@@ -276,7 +291,7 @@ def _reduced(
         part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel)
         if name == "blade" and body.has_matrices:
             sectors = Sectors(body, wanted, ring, fixed, kept=() if part is None else sampled_waves(ring.n_blades))
-            made[name] = constrained_from_matrices(sectors)
+            made[name] = constrained_from_matrices(sectors, rows)
             if part is not None:
                 made[name] = with_local_basis(made[name], sectors, laid.interfaces, part, shapes or LocalSizes())
         elif name == "blade":
@@ -293,6 +308,7 @@ def _assembled(
     laid: LaidContacts,
     places: Mapping[str, tuple[str, int]],
     made: Mapping[str, Body],
+    stress: Mapping[str, StressSet],
     n_blades: int,
     known: Mapping[int, Sequence[float]],
     check_units: bool,
@@ -311,6 +327,7 @@ def _assembled(
         interfaces=laid.interfaces,
         locations={key: Location(key, b, bodies[b].nodes[node].copy()) for key, (b, node) in places.items()},
         contact=laid.stiffness,
+        stress=stress,
         meshes={
             name: picture_mesh(body.boundary, body.nodes, body.pictures) for name, body in bodies.items() if body.elements
         },

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, Modes, modes_by_diameter
+from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, triangle_to_full
 from bdamper.io.reading import LARGEST_COUNT, Lines, grouped, read_body, reader
 from bdamper.model.checks import require
@@ -53,6 +53,10 @@ class _Deck:
         self.numbers: list[int] = []
         self.positions: list[list[float]] = []
         self.element_of: dict[int, list[int]] = {}
+        self.type_of: dict[int, str] = {}
+        self.sections: dict[str, str] = {}
+        self.elastic: dict[str, tuple[float, float]] = {}
+        self.material = ""
         self.node_sets: dict[str, list[int]] = {}
         self.element_sets: dict[str, list[int]] = {}
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
@@ -110,6 +114,12 @@ class _Deck:
                 if any(len(p) != 2 for p in pairs):
                     raise mismatch(item, "an element or set and the label of a face in every line", "another line")
                 self.surfaces[name] = pairs  # type: ignore[assignment]
+        elif keyword == "*MATERIAL":
+            self.material = parameters.get("NAME", "").upper()
+        elif keyword == "*ELASTIC" and lines and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
+            self.elastic[self.material] = self._constants(*lines[0])  # at the lowest temperature
+        elif keyword == "*SOLID SECTION":
+            self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
         elif keyword in _IGNORED_STRUCTURE:
             self.notes.append(f"{keyword} of the deck is not read: what it does must be in the matrices")
 
@@ -124,6 +134,22 @@ class _Deck:
             return int(word)
         except ValueError:
             raise mismatch(f"{self.source}: line {number}", "a whole number", f"'{word[:30]}'") from None
+
+    def _constants(self, number: int, text: str) -> tuple[float, float]:
+        try:
+            young, poisson = (float(word) for word in text.split(",")[:2])
+        except ValueError:
+            raise mismatch(f"{self.source}: line {number}", "Young's modulus, Poisson's ratio", f"'{text[:50]}'") from None
+        return young, poisson
+
+    def _kinds(self) -> list[ElementKind]:
+        """Type and material of each element."""
+        elastic = {
+            element: self.elastic.get(material, ())
+            for name, material in self.sections.items()
+            for element in self.element_sets.get(name, ())
+        }
+        return [ElementKind(self.type_of[element], *elastic.get(element, ())) for element in self.element_of]
 
     def _nodes(self, parameters: dict[str, str], lines: list[tuple[int, str]]) -> None:
         added = []
@@ -155,6 +181,7 @@ class _Deck:
             raise mismatch(item, f"1 + {n} numbers for each element of type {kind}", f"{len(words)} numbers in all")
         for k in range(0, len(words), n + 1):
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
+            self.type_of[words[k]] = kind
         if parameters.get("ELSET"):
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
 
@@ -197,7 +224,7 @@ class _Deck:
         return FEBody(
             numbers,
             nodes,
-            elements=grouped(self.element_of.values()),
+            **by_kind(self.element_of.values(), self._kinds()),
             node_sets=sets,
             face_sets=self._face_sets(numbers, nodes),
             source=str(self.source),
@@ -236,7 +263,7 @@ class _Deck:
 def read_inp(path: Path) -> FEBody:
     """Nodes, solid elements, node sets and surfaces of a CalculiX or Abaqus input file.
 
-    Names of sets are in capitals.  Steps, loads and materials are ignored.
+    Names of sets are in capitals.  Elastic constants of isotropic materials are kept, steps and loads ignored.
 
     Raises
     ------

@@ -6,9 +6,10 @@ axes and phases are converted where the model is built.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -149,6 +150,32 @@ class MassProperties:
     inertia: NDArray
 
 
+@dataclass(frozen=True)
+class ElementKind:
+    """Type and isotropic material of solid elements, for their stress.
+
+    Parameters
+    ----------
+    name : str
+        As CalculiX and Abaqus call the type, "C3D20R"; plain ones need none.
+    youngs_modulus, poisson_ratio : float, optional
+        In the units of the file.
+    """
+
+    name: str
+    youngs_modulus: float | None = None
+    poisson_ratio: float | None = None
+
+
+def by_kind(elements: Iterable[Sequence[int]], kinds: Iterable[ElementKind]) -> dict[str, Any]:
+    """``elements`` and ``element_kinds`` of an :class:`FEBody` from elements one by one."""
+    groups: dict[tuple[ElementKind, int], list[Sequence[int]]] = {}
+    for nodes, kind in zip(elements, kinds):
+        groups.setdefault((kind, len(nodes)), []).append(nodes)
+    arrays = tuple(np.array(group, np.int64) for group in groups.values())
+    return {"elements": arrays, "element_kinds": tuple(kind for kind, _ in groups)}
+
+
 @brief
 @dataclass(frozen=True)
 class FEBody:
@@ -168,6 +195,8 @@ class FEBody:
     elements : tuple of (n, 4 | 6 | 8 | 10 | 15 | 20) int arrays
         Node numbers of solid elements; needed where faces are given as sets of nodes.  Corners first: of hexahedra four in
         turn around one face, then the four opposite ones (:mod:`bdamper.io.corner_order`).
+    element_kinds : tuple of ElementKind
+        Of each array of ``elements``; none counts as full integration and unknown material.
     node_sets : mapping of name to (n,) int
         Node numbers.
     face_sets : mapping of name to tuple of (n, 3 | 4 | 6 | 8) int arrays
@@ -204,6 +233,7 @@ class FEBody:
     notes: tuple[str, ...] = ()
     rotor_speed: float = 0.0
     other_speeds: tuple[FEBody, ...] = ()
+    element_kinds: tuple[ElementKind, ...] = ()
 
     def __str__(self) -> str:
         n_elements = sum(len(e) for e in self.elements)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from bdamper.model.model import Body
 from bdamper.reduction.bodies import constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
+
+if TYPE_CHECKING:
+    from bdamper.reduction.stress import StressRows
 
 POSITIVE = "a positive definite stiffness (fixed nodes?) and a positive definite mass matrix"
 
@@ -68,8 +72,8 @@ class Sectors:
         return made
 
 
-def constrained_from_matrices(sectors: Sectors) -> Body:
-    """A sector from its matrices at each nodal diameter.
+def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = ()) -> Body:
+    """A sector from its matrices at each nodal diameter; ``stress`` collects that of its vectors.
 
     Raises
     ------
@@ -85,6 +89,8 @@ def constrained_from_matrices(sectors: Sectors) -> Body:
         made = sectors(d)
         if d in ring.pictured:
             body.keep_pictures(d, made.modes(n_modes)[1])
+        for rows in stress:
+            rows.add(made, wanted.contact, n_modes)
         return made
 
     with body.refusing("matrices", POSITIVE):

@@ -19,9 +19,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, Modes
+from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind
 from bdamper.io.matrices import square_matrix, triangle_to_full
-from bdamper.io.reading import check_count, grouped, reader
+from bdamper.io.reading import check_count, reader
 from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, mismatch
 from bdamper.util.hdf5 import FilePath
@@ -96,7 +96,7 @@ def read_bdf(path: Path) -> FEBody:
     labels, positions = model.get_xyz_in_coord_no_xref(cid=0)
     numbers, nodes = np.array(labels, np.int64), np.array(positions, float)
     require(np.isfinite(nodes).all(), f"{path}: GRID", "finite positions", "others")
-    elements, skipped = [], Counter[str]()
+    elements, kinds, skipped = [], [], Counter[str]()
     for element in model.elements.values():
         corners = _SOLIDS.get(element.type)
         if corners is None:
@@ -106,11 +106,19 @@ def read_bdf(path: Path) -> FEBody:
         if len(own) not in (corners, {4: 10, 6: 15, 8: 20}[corners]):
             own = own[:corners]
         elements.append(own)
+        kinds.append(_kind(model, element.pid, len(own)))
     axes = _displacement_axes(model, numbers, nodes)
     sets = {f"SET{key}": np.array(sorted(s.ids), np.int64) for key, s in model.sets.items() if hasattr(s, "ids") and s.ids}
     notes = tuple(f"{count} elements {name} are no solids and are not read" for name, count in skipped.items())
-    body = FEBody(numbers, nodes, elements=grouped(elements), node_sets=sets, node_axes=axes, source=str(path), notes=notes)
+    solids = by_kind(elements, kinds)
+    body = FEBody(numbers, nodes, **solids, node_sets=sets, node_axes=axes, source=str(path), notes=notes)
     return _with_dmig(body, model, str(path))
+
+
+def _kind(model: Any, pid: int, n_nodes: int) -> ElementKind:
+    """Type and material (MAT1) of an element by the number of its section (PSOLID)."""
+    material = model.materials.get(getattr(model.properties.get(pid), "mid", None))
+    return ElementKind(f"C3D{n_nodes}", getattr(material, "e", None), getattr(material, "nu", None))
 
 
 def _displacement_axes(model: Any, numbers: NDArray, nodes: NDArray) -> dict[int, NDArray]:

@@ -20,8 +20,10 @@ from bdamper.fe.geometry import Material
 from bdamper.fe.mesh import join_blocks
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
-from bdamper.fe.stress import blade_points, element_rows, near_patches, node_average, stress_set, von_mises_size
+from bdamper.fe.stress import blade_points, solids_of
 from bdamper.io.calculix import read_frd_stress
+from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
+from bdamper.reduction.stress import StressRows, near_patches
 from examples.calculix.decks import deck_of, numbers_of, run_job
 
 PRELOAD = 20e3
@@ -40,7 +42,7 @@ def model(fe):
 @pytest.fixture(scope="module")
 def rows(fe):
     nodes = blade_points(fe.blade, fe.geometry)
-    pairs, owner = element_rows(fe.blade, nodes)
+    pairs, owner = element_rows(solids_of(fe.blade), fe.blade.nodes, nodes)
     return node_average(owner, len(nodes)) @ pairs
 
 
@@ -168,7 +170,7 @@ def test_stress_of_a_linear_displacement_is_exact():
     grid = np.stack(np.meshgrid([0.0, 0.4, 1.0], [0.0, 0.7], [0.0, 0.3, 0.5], indexing="ij"), axis=-1)
     body = discretise(join_blocks([grid + 0.05 * np.sin(3.0 * grid[..., ::-1])]), Material(2e11, 0.3, 7800.0))
     gradient = np.array([[1.0, 0.2, 0.3], [-0.1, 2.0, 0.4], [0.5, 0.6, -1.0]]) * 1e-3
-    pairs, _ = element_rows(body, np.arange(len(body.nodes)))
+    pairs, _ = element_rows(solids_of(body), body.nodes, np.arange(len(body.nodes)))
     found = (pairs @ (body.nodes @ gradient.T).ravel()).reshape(-1, 6)
     strain = 0.5 * (gradient + gradient.T)
     lame, shear = 2e11 * 0.3 / (1.3 * 0.4), 2e11 / 2.6
@@ -178,8 +180,9 @@ def test_stress_of_a_linear_displacement_is_exact():
 
 
 def test_nodes_on_a_cut_face_are_refused(fe):
+    rows = StressRows("x", solids_of(fe.blade), fe.blade.nodes, fe.left[:1])
     with pytest.raises(ValueError, match="away from the cut faces"):
-        stress_set("x", "blade", fe.blade, fe.cyclic, None, fe.left[:1], (), 1)
+        rows.add(fe.cyclic(0), None, 1)
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
@@ -200,5 +203,4 @@ def test_stress_is_that_of_calculix(fe, rows, tmp_path):
     u[free] = splu(body.stiffness[np.ix_(free, free)].tocsc()).solve(force[free])
     ours = (rows @ u).reshape(-1, 6)
     apart = von_mises_size(ours - theirs) / von_mises_size(theirs)
-    assert apart[4:].max() < 1e-4  # shank: straight elements
-    assert np.abs(von_mises_size(ours) / von_mises_size(theirs) - 1.0).max() < 0.01
+    assert apart.max() < 3e-4  # digits of the file; 0.03 with the strain at the nodes themselves
