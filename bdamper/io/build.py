@@ -31,7 +31,6 @@ from bdamper.io.plausible import check_frequencies_against, check_not_swapped, c
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
 from bdamper.io.row_order import check_row_order
 from bdamper.model.model import Body, Location, Model
-from bdamper.model.stress import StressSet
 from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters, picture_mesh
 from bdamper.reduction.cyclic import match_faces
@@ -108,10 +107,8 @@ def build_model(
         A free body at its place beside the blade of this sector.
     n_blades : int
     contacts : sequence of ContactFaces
-    sector_faces : (set, set), optional
-        The two faces at which the sector repeats, in either order; needed if ``n_blades > 1``.
-    fixed : set, optional
-        Clamped nodes of the blade.
+    sector_faces, fixed : (set, set), set, optional
+        The two faces at which the sector repeats, in either order, needed if ``n_blades > 1``; clamped nodes of the blade.
     locations : mapping of name to node number, position, or (body, node number or position)
         Where forces act and the response is read; positions in the axes and units of the file.
     engine_order, harmonics, nodal_diameters : int, int, sequence of int (0 to N/2), optional
@@ -128,14 +125,12 @@ def build_model(
         Of the program that made the matrices; they are compared to 1 %.
     check_units : bool
         Whether sizes, density and frequencies far from anything built are refused.
-    wheel : set, optional
-        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
-    wheel_shapes : LocalSizes, optional
-        Numbers of shapes of such a blade.
-    stress : set, or mapping of name to set, optional
-        Nodes of the blade at which stress is wanted, for fatigue; needs the extra ``bdamper[fe]``.
-    elasticity : (Young's modulus, Poisson's ratio), optional
-        For stress, in the units of the file; by default those of the input deck.
+    wheel, wheel_shapes : set, LocalSizes, optional
+        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades; numbers of
+        its shapes.
+    stress, elasticity : set or mapping of name to set, (Young's modulus, Poisson's ratio), optional
+        Nodes of the blade at which stress is wanted (needs the extra ``bdamper[fe]``), and constants in the units of the
+        file in place of those that it has.
 
     Raises
     ------
@@ -146,19 +141,15 @@ def build_model(
     n_blades = validate.whole("n_blades", n_blades, least=1)
     counts = _counts(n_modes, n_damper_modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    validate.flag("check_units", check_units)
     bodies = _prepared(blade, damper, place)
     contacts, known = _given_contacts(contacts), _known_frequencies(expected_frequencies)
-    _check_bodies(bodies, n_blades, check_units)
+    _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
     diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
-    excited = None if engine_order is None else min(engine_order % n_blades, -engine_order % n_blades)
-    pictured = diameters if excited is None else (excited,)  # shapes of the surface make up most of a file
-    ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters, pictured)
+    ring = _ring(bodies["blade"], sector_faces, n_blades, diameters, engine_order)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
     made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
-    sets = {own.name: own.set("blade", "bdamper.io.build_model, mean over elements at nodes") for own in rows}
-    return _assembled(bodies, laid, places, made, sets, n_blades, known, check_units)
+    return _assembled(bodies, laid, places, made, rows, n_blades, known, check_units)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -224,6 +215,18 @@ def _diameters(
         raise SettingError("expected engine_order or nodal_diameters, found neither")
     wanted = validate.wholes("nodal_diameters", given, most=n_blades // 2)
     return tuple(sorted({0, *wanted}))
+
+
+def _ring(
+    body: PreparedBody,
+    faces: tuple[NodeSet, NodeSet] | None,
+    n_blades: int,
+    diameters: tuple[int, ...],
+    engine_order: int | None,
+) -> Ring:
+    excited = None if engine_order is None else min(engine_order % n_blades, -engine_order % n_blades)
+    pictured = diameters if excited is None else (excited,)  # shapes of the surface make up most of a file
+    return Ring(n_blades, *_sector_faces(body, faces, n_blades), diameters, pictured)
 
 
 def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int) -> tuple[NDArray, NDArray]:
@@ -308,7 +311,7 @@ def _assembled(
     laid: LaidContacts,
     places: Mapping[str, tuple[str, int]],
     made: Mapping[str, Body],
-    stress: Mapping[str, StressSet],
+    rows: Sequence[StressRows],
     n_blades: int,
     known: Mapping[int, Sequence[float]],
     check_units: bool,
@@ -327,7 +330,7 @@ def _assembled(
         interfaces=laid.interfaces,
         locations={key: Location(key, b, bodies[b].nodes[node].copy()) for key, (b, node) in places.items()},
         contact=laid.stiffness,
-        stress=stress,
+        stress={own.name: own.set("blade", "bdamper.io.build_model, mean over elements at nodes") for own in rows},
         meshes={
             name: picture_mesh(body.boundary, body.nodes, body.pictures) for name, body in bodies.items() if body.elements
         },
