@@ -89,7 +89,7 @@ def save(result: Any, name: str) -> str:
         np.savez_compressed(STORED / f"{name}.npz", **result)
         return f"{len(result)} arrays"
     result.save(STORED / f"{name}.h5")
-    return str(result).splitlines()[1].strip()
+    return result.bottom_line()
 
 
 def main() -> None:

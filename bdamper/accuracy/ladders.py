@@ -162,7 +162,10 @@ class AccuracyCost(Plottable, Tabular, Storable, kind="bdamper-accuracy", versio
             f"{best.seconds / self.richest.seconds:.2g} of its time"
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        return f"{self._conclusion()[0].upper()}{self._conclusion()[1:]}."
+
+    def details(self) -> str:
         steps = ", ".join(f"{spaced(name)} {percent(e)}" for name, e in self.last_steps.items())
         width = [max(len(spaced(n)), *(len(r.values[i]) for r in self.runs)) + 2 for i, n in enumerate(self.varied)]
         head = "".join(f"{spaced(n):>{w}}" for n, w in zip(self.varied, width))

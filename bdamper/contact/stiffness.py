@@ -212,7 +212,11 @@ class StiffnessComparison(Plottable):
     literal_negative: dict[str, NDArray]
     frequencies: dict[str, NDArray]
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        normal = [np.median([f.stiffness[:, 2] for f in faces.values()]) for faces in self.stiffness.values()]
+        return f"Normal contact stiffness by {len(normal)} methods: {min(normal):.3g} to {max(normal):.3g} N/m (medians)."
+
+    def details(self) -> str:
         lines = ["contact stiffness, median over the face, N/m (share of fallbacks, %)"]
         for name in self.interfaces:
             lines.append(f"  {name:<18}{'t1':>18}{'t2':>18}{'n':>18}")

@@ -27,6 +27,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Pascals, Places, Quantity, SquareMetres, Tabular
+from bdamper.util.text import amount, percent
 
 
 @brief
@@ -227,7 +228,14 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
         limit = (self.friction * self.force[:, 2])[:, None]
         return np.divide(np.abs(self.force[:, :2]), limit, out=np.zeros_like(self.force[:, :2]), where=limit > 0.0)
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        area, force = self.contact_area, self.normal_force
+        whole = {name: float(self.area[self.owner == i].sum()) for i, name in enumerate(self.interfaces)}
+        parts = ", ".join(f"{name} on {percent(area[name] / whole[name])} of its area" for name in whole if area[name])
+        most = f"{amount(sum(force.values()), 'N')} in all, pressure up to {amount(self.pressure.max(), 'Pa')}"
+        return f"Under {amount(self.load, 'N')} the faces touch: {parts}; normal forces {most}."
+
+    def details(self) -> str:
         lines = [f"static contact under {self.load:g} N, load factors {self.history}:"]
         area, force = self.contact_area, self.normal_force
         for i, name in enumerate(self.interfaces):

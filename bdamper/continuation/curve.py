@@ -27,6 +27,7 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED, Status
 from bdamper.util.tables import ROW, Amplitude, Hertz, Kinds, Metres, Numbers, Quantity, Radians, Shares, Tabular
+from bdamper.util.text import amount, height
 
 
 @brief
@@ -251,7 +252,22 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
             *([] if ladder is None else [Fact("harmonics", ladder.note)]),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not len(self):
+            return f"No point of this curve was found: {self.reason}."
+        top, low, high = self.peak, float(self.frequency.min()), float(self.frequency.max())
+        what = {"tracking": "Resonance", "free": "Free resonance", "stuck": "Stuck resonance"}[self.kind]
+        load = f" under a preload of {amount(self.preload, 'N')}" if self.kind == "tracking" else ""
+        out = [f"{'Highest response' if self.peak_at_end else what} of {height(top.amplitude, top.frequency)}{load}."]
+        if self.peak_at_end:
+            out.append(f"It lies at an end of the curve ({amount(low, 'Hz')} to {amount(high, 'Hz')}) and is no peak.")
+        if self.folds:
+            out.append(f"The curve has {len(self.folds)} folds: the response can jump there.")
+        if not self.complete:
+            out.append(f"The curve is {self.status}, there may be a higher one: {self.reason}.")
+        return " ".join(out)
+
+    def details(self) -> str:
         head = f"{self.kind} curve, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
         if not len(self):
             return head
@@ -270,7 +286,7 @@ class Curve(Plottable, Comparable, Tabular, Storable, kind="bdamper-curve", row=
         if self.kind == "tracking":
             lines.append(f"  {error_line(self.error_estimates)}")
         if self.ladder is not None:
-            lines += [f"  {line}" for line in str(self.ladder).split("\n")]
+            lines += [f"  {line}" for line in self.ladder.details().split("\n")]
         return "\n".join(lines)
 
 

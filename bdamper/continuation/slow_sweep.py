@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.util import validate
+from bdamper.util.plotting import Summarised
 from bdamper.util.repr import brief
+from bdamper.util.text import amount, height
 
 SAME = 1e-6
 """Relative difference of amplitudes below which two places of a curve at one frequency are one solution."""
@@ -48,7 +50,7 @@ class Jump(NamedTuple):
 
 @brief
 @dataclass(frozen=True)
-class SlowSweep:
+class SlowSweep(Summarised):
     """Response along a slow sweep of frequency, by :meth:`bdamper.continuation.curve.Curve.sweep`.
 
     Parameters
@@ -69,7 +71,15 @@ class SlowSweep:
     jumps: tuple[Jump, ...]
     note: str
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not len(self.frequency):
+            return f"Slow sweep {self.direction}: {self.note}."
+        i = int(np.argmax(self.amplitude))
+        jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
+        top = height(self.amplitude[i], self.frequency[i])
+        return f"Slow sweep {self.direction}: highest {top}{jumps}."
+
+    def details(self) -> str:
         if not len(self.frequency):
             return f"sweep {self.direction}: {self.note}"
         i = int(np.argmax(self.amplitude))

@@ -25,7 +25,7 @@ from bdamper.util.plotting import Plottable
 from bdamper.util.progress import each
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, joined
-from bdamper.util.text import aligned, percent
+from bdamper.util.text import aligned, amount, height, percent
 
 Found = TypeVar("Found", Curve, OptimalCurve)
 
@@ -83,7 +83,19 @@ class DesignComparison(Plottable, Tabular, Storable, kind="bdamper-designs"):
               for n, a, f, p, s in rows),
         ]  # fmt: skip
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        known = {name: _outcome(result) for name, result in self.results.items()}
+        found = {name: row for name, row in known.items() if np.isfinite(row[0])}
+        if not found:
+            return "No design has a peak."
+        least = min(found, key=lambda name: found[name][0])
+        a, f, p, _ = found[least]
+        first = known[self.names[0]][0]
+        change = f", {percent(a / first - 1.0, True)} beside '{self.names[0]}'" if a < first else ""
+        place = f"{height(a, f)}, preload {amount(p, 'N')}"
+        return f"Least amplitude of {len(self)} designs: '{least}' with {place}{change}."
+
+    def details(self) -> str:
         return "\n".join(aligned(self._table()))
 
 

@@ -31,10 +31,11 @@ from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.progress import LongWork
-from bdamper.util.repr import brief
+from bdamper.util.repr import brief, short
 from bdamper.util.results_file import ResultsFile
 from bdamper.util.status import COMPLETE, FAILED, Statuses, all_complete, because, left_undone, word
 from bdamper.util.tables import Column, Tabular
+from bdamper.util.text import amount, spaced
 from bdamper.util.versions import HERE
 
 UNITS = {
@@ -229,7 +230,20 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
             out[key] = Column(values[:, 0], unit) if single else Column(values, unit, ("point", f"{key}_index"))
         return out | {"run": Column(np.array(self.status)), "seconds": Column(self.seconds, "s")}
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        name = next(
+            (q for q in self.quantities if self.array(q).dtype.kind == "f" and self.array(q).ndim == len(self.shape)), ""
+        )
+        known = self.array(name).ravel() if name else np.empty(0)
+        failed = sum(word(s) == FAILED for s in self.status)
+        head = f"{len(self)} points over {', '.join(spaced(n) for n in self.names)}, {failed} failed"
+        if not np.isfinite(known).any():
+            return f"{head}."
+        i, j = int(np.nanargmin(known)), int(np.nanargmax(known))
+        ends = (f"{amount(known[k], UNITS.get(name, ''))} ({_as_words(self.points[k])})" for k in (i, j))
+        return f"{head}. {spaced(name).capitalize()} from {' to '.join(ends)}."
+
+    def details(self) -> str:
         failed = [s for s in self.status if word(s) == FAILED]
         warned = [w for w in self.warnings if w]
         lines = [
@@ -246,6 +260,10 @@ class SweepResult(Plottable, Tabular, Storable, kind="bdamper-sweep"):
         if warned:
             lines.append(f"  first warning: {warned[0]}")
         return "\n".join(lines)
+
+
+def _as_words(point: Mapping[str, Any]) -> str:
+    return ", ".join(f"{spaced(name)} {short(value)}" for name, value in point.items())
 
 
 def _named(task: Any) -> str:

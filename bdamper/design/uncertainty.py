@@ -37,6 +37,7 @@ from bdamper.util.status import (
     word,
 )
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
+from bdamper.util.text import amount
 
 METHODS = ("sobol", "latin", "random")
 
@@ -173,7 +174,17 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain", row
         samples = {f"sample_{name}": Column(values, "", ("draw",)) for name, values in self.samples.items()}
         return super().columns() | bands | samples
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not np.isfinite(self.amplitude).any():
+            return f"No peak at any preload of {len(self)} draws."
+        _, mid, high = self.percentile([5.0, 50.0, 95.0])
+        k = int(np.nanargmin(high))
+        return (
+            f"At a preload of {amount(self.preload[k], 'N')} 95 % of {len(self)} draws of {', '.join(self.samples)} "
+            f"stay below {amount(high[k], 'm')}, half below {amount(mid[k], 'm')}: least of the preloads tried."
+        )
+
+    def details(self) -> str:
         run = np.array([word(s) != NOT_RUN for s in self.status], bool)
         missing = int(np.count_nonzero(~np.isfinite(self.amplitude[run])))
         warned = sum(bool(w) for w in self.warnings)

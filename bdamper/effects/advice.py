@@ -29,9 +29,10 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Plottable
+from bdamper.util.plotting import Plottable, Summarised
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, from_rows
+from bdamper.util.text import amount, percent
 
 MOST_HARMONICS = 3
 """Of the reference, unless the study or the caller asks for more: each of the many peaks takes some five times as long with
@@ -147,7 +148,15 @@ class Advice(Plottable, Tabular, Storable, kind="bdamper-advice", version=4, old
         """Names of the effects that the scene does not call for."""
         return tuple(e.name for e in self.effects if not e.called_for)
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        left = ", ".join(self.left_out) or "none"
+        change = f"the peak changes by {_percent(self.amplitude_change)} at {self.work:.2g} of the work"
+        return (
+            f"At a preload of {amount(self.preload, 'N')} this scene calls for {len(self.effects) - len(self.left_out)} of "
+            f"{len(self.effects)} effects. Without the others ({left}) {change}."
+        )
+
+    def details(self) -> str:
         lines = [
             f"peak with all effects: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N, "
             f"tolerance {100 * self.tolerance:g} %",
@@ -416,7 +425,7 @@ class CheckedPeak:
 
 @brief
 @dataclass(frozen=True)
-class AdviceCheck(Storable, kind="bdamper-advice-check"):
+class AdviceCheck(Summarised, Storable, kind="bdamper-advice-check"):
     """The highest peak with all effects on and with just those called for, each computed anew.
 
     Parameters
@@ -452,7 +461,15 @@ class AdviceCheck(Storable, kind="bdamper-advice-check"):
         """Processor time with all effects, relative to that with those called for."""
         return self.whole.seconds / self.lean.seconds
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        within = "within" if self.agrees else "beyond"
+        changes = f"amplitude by {_percent(self.amplitude_change)} and frequency by {_percent(self.frequency_change)}"
+        return (
+            f"What is left out changes the {changes}, {within} the tolerance of {percent(self.tolerance)}. "
+            f"Without it the answer comes {self.speedup:.1f} times as fast."
+        )
+
+    def details(self) -> str:
         lines = [
             f"preload {self.preload:g} N",
             f"{'effects':<12}{'amplitude m':>14}{'frequency Hz':>14}{'s':>9}{'evaluations':>13}",

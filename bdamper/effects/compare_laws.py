@@ -19,6 +19,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Column, Tabular, joined
+from bdamper.util.text import amount, percent
 
 LAWS = ("separable", "major", "coupled", "constant_normal_load", "bonded")
 """Names of laws; "major" is the separable law along the major directions of the motion."""
@@ -49,7 +50,12 @@ class LawComparison(Plottable, Tabular, Storable, kind="bdamper-law-comparison",
         """The points of all curves one below the other, each with its law."""
         return {"law": Column(np.repeat(self.laws, [len(c) for c in self.curves])), **joined(self.curves)}
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        known = [law for law, curve in zip(self.laws[:-1], self.curves) if len(curve) and len(self.curves[-1])]
+        parts = ", ".join(f"{percent(self.difference(law), True)} under '{law}'" for law in known) or "no law to compare"
+        return f"Peaks beside that under the law '{self.laws[-1]}', at {amount(self.curves[0].preload, 'N')}: {parts}."
+
+    def details(self) -> str:
         lines = [f"preload {self.curves[0].preload:g} N, peaks relative to '{self.laws[-1]}'"]
         for law, curve in zip(self.laws, self.curves):
             peak = f"{curve.peak.amplitude:.6g} m at {curve.peak.frequency:.6g} Hz  " if len(curve) else f"{curve.reason}  "

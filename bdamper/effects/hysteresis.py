@@ -50,6 +50,7 @@ from bdamper.util.tables import (
     Tabular,
     Texts,
 )
+from bdamper.util.text import amount, percent
 
 AXES = ("t1", "t2", "n")
 WHOLE = "whole"
@@ -224,7 +225,16 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             Fact("equivalent damping ratio", 100.0 * self.damping_ratio, "%"),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        share = self.lost / self.excitation if self.excitation else float("nan")
+        most = max(self.by_interface, key=lambda name: self.by_interface[name], default="")
+        where = f", most of it at {most}" if self.lost > NOTHING * self.excitation else ""
+        return (
+            f"The contacts take {percent(share)} of the work of the excitation{where}: equivalent damping ratio "
+            f"{percent(self.damping_ratio)} at {amount(self.amplitude, 'm')} and {amount(self.frequency, 'Hz')}."
+        )
+
+    def details(self) -> str:
         lines = [
             f"hysteresis at {self.frequency:.6g} Hz, preload {self.preload:g} N, response {self.amplitude:.6g} m",
             f"  a cycle of one sector: work of the excitation {self.excitation:.4g} J, modal damping {self.damping:.4g} J, "
@@ -309,7 +319,15 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
         """A row for each point of the result, with what each face takes; what each contact point takes for xarray."""
         return super().columns() | {f"lost_{name}": Column(energy, "J") for name, energy in self.by_interface.items()}
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not len(self):
+            return "No points."
+        k = int(np.argmax(self.damping_ratio))
+        at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
+        load = amount(self.preload[k], "N")
+        return f"Largest damping ratio of the contacts {percent(float(self.damping_ratio[k]))}, at {at}, preload {load}."
+
+    def details(self) -> str:
         if not len(self):
             return "dissipation: no points"
         k = int(np.argmax(self.damping_ratio))

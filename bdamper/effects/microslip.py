@@ -27,6 +27,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Metres, Newtons, Numbers, Tabular
+from bdamper.util.text import amount, percent
 
 
 @brief
@@ -64,7 +65,12 @@ class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
         """(n - 1,) slope of the chords between neighbouring forces, N/m."""
         return np.diff(self.force) / np.diff(self.displacement)
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        way = f"{amount(self.displacement[-1], 'm')} under {amount(self.force[-1], 'N')}"
+        slips = f"{percent(self.slipping[-1])} of the contact slips{'' if self.complete else ', beyond it slides'}"
+        return f"At a preload of {amount(self.preload, 'N')} the damper moves by {way}; {slips}."
+
+    def details(self) -> str:
         lines = [f"first loading at {self.preload:g} N{'' if self.complete else ', sliding beyond the last force'}:"]
         lines += [f"{'force N':>12}{'um':>12}{'N/um':>10}{'slipping':>10}{'open':>8}"]
         slope = np.concatenate([self.stiffness, [np.nan]])

@@ -33,6 +33,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
+from bdamper.util.text import amount
 
 
 class Solved(Protocol):
@@ -117,7 +118,13 @@ class StressCycle(Plottable, Comparable, Storable, kind="bdamper-stress"):
             Fact("at", self.names[i]),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        i, cycle = self.critical, self.amplitude_and_mean()
+        stress = f"{amount(cycle.amplitude[i], 'Pa')} about a mean of {amount(cycle.mean[i], 'Pa')}"
+        at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
+        return f"Largest stress amplitude (von Mises) {stress} at {self.names[i]} ({at})."
+
+    def details(self) -> str:
         cycle, head = self.amplitude_and_mean(), self.facts()[0].value
         lines = [f"stress over the cycle: {head}; amplitude and mean, von Mises"]
         for i, name in enumerate(self.names):

@@ -25,6 +25,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
+from bdamper.util.text import amount
 
 LARGE_SPREAD = 0.2
 """Difference between elements, over the mean, from which on the stress at a point is told to be uncertain."""
@@ -172,7 +173,14 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", 
             Fact("material", self.material.name or "given by the user"),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        i = self.critical
+        stress = f"{amount(self.amplitude[i], 'Pa')} about a mean of {amount(self.mean[i], 'Pa')}"
+        judged = "the vibration is below the limit" if self.least >= 1.0 else "the limit is exceeded"
+        yields = " It yields in the first cycle." if self.yields else ""
+        return f"Margin against fatigue {self.least:.3g}: {judged}. Least at {self.names[i]}, {stress}.{yields}"
+
+    def details(self) -> str:
         i = self.critical
         place = f"{self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"
         lines = [
@@ -316,7 +324,16 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
         """A row for each value; stresses and factors at all points with the dimension "location"."""
         return {self._dimension(): Column(self.values, self.unit), **super().columns()}
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if np.isnan(self.margin).all():
+            return f"No margin against fatigue was found at any of {len(self)} values of {self.over}."
+        i, j = self.least, self.greatest
+        value, best = (self.values[j], self.margin[j]) if np.isnan(self.best_value) else (self.best_value, self.best_margin)
+        worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
+        head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
+        return f"{head}, least {worst}." + (" Below 1 the limit is exceeded." if self.margin[i] < 1.0 else "")
+
+    def details(self) -> str:
         head, *rest = self.facts()
         lines = [f"{head.name} {head.value}"] + [f"  {fact.name}: {fact.text}" for fact in rest]
         return "\n".join([*lines, *(f"  {note}" for note in self.notes)])

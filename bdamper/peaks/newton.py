@@ -36,6 +36,7 @@ from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
+from bdamper.util.text import amount, height
 
 JUMP = 1e3
 """Curvature of ln(amplitude) along the curve, in scaled unknowns, beyond which its slope is said to jump: a corner."""
@@ -169,7 +170,14 @@ class Peak(Comparable):
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not self.converged:
+            return f"No peak: {self.status}."
+        load = f" under a preload of {amount(self.parameter, 'N')}" if np.isfinite(self.parameter) else ""
+        open_ = "" if self.scan in ("", "complete") else f" There may be a higher one, the curve ended as: {self.scan}."
+        return f"Resonance of {height(self.amplitude, self.frequency)}{load}.{open_}"
+
+    def details(self) -> str:
         if not self.converged:
             return f"peak {self.status}"
         return (

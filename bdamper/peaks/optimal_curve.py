@@ -21,10 +21,13 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
+from bdamper.util.text import amount, height
 
 AT_END = "end of the range, the optimum may lie beyond"
 COARSE = 1e-5
 """Relative uncertainty of the preload of an optimum from which on it is told."""
+NEAR_BEST = 1.2
+"""Amplitude over that of the optimum up to which a range of preloads is printed: what a designer may give away."""
 
 
 class _OfOptimum(Translated):
@@ -374,7 +377,24 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             Fact("stuck frequency", self.stuck.frequency, "Hz"),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        o, at = self.optimum, height(self.optimum.amplitude, self.optimum.frequency)
+        if not np.isfinite(o.preload):
+            return f"The preload does not matter: {at}." if o.kind == "flat" else f"No optimum: {o.status}."
+        gain = f"{self.free.amplitude / o.amplitude:.3g} times less than without contact"
+        where = f"a preload of {amount(o.preload, 'N')}" + (f", the {AT_END}" if o.kind == "end" else "")
+        out = [f"Least resonance at {where}: {at}, {gain} ({amount(self.free.amplitude, 'm')})."]
+        low, high = self.preloads_within(NEAR_BEST * o.amplitude)
+        limit = amount(NEAR_BEST * o.amplitude, "m")
+        out.append(f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below {limit}.")
+        if not o.verified:
+            out.append(f"The search for the optimum is {o.status}.")
+        if self.ladder is not None and not self.ladder.converged:
+            out.append(f"Harmonics: {self.ladder.note}.")
+        unknown = () if self.error_estimates is None else self.error_estimates.unknown
+        return " ".join([*out, *([f"Not checked: {', '.join(unknown)}."] if unknown else [])])
+
+    def details(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
         jumps = int(np.count_nonzero(~self.goes_on[1:] & np.isfinite(self.amplitude[1:] + self.amplitude[:-1])))
         lines = [
@@ -389,7 +409,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             *(f"  detached at {item}" for item in self.detached),
         ]
         if self.ladder is not None:
-            note, *table = str(self.ladder).split("\n")
+            note, *table = self.ladder.details().split("\n")
             high = self.ladder.range[1]
             if high > self.optimum.amplitude:
                 below, above = self.preloads_within(high)

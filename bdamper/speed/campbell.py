@@ -114,7 +114,17 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
             *(Fact("neglected", note) for note in self.notes),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        def rpm(speed: float) -> str:
+            return f"{speed * RPM:.0f} rpm" if np.isfinite(speed) else "beyond"
+
+        met = np.isfinite(self.order_free) | np.isfinite(self.order_stuck)
+        rows = list(zip(self.order[met], self.order_mode[met], self.order_free[met], self.order_stuck[met]))
+        named = [f"order {n} with mode {m} at {rpm(a)} (free) to {rpm(b)} (stuck)" for n, m, a, b in rows[:3]]
+        head = f"From {rpm(self.speed[0])} to {rpm(self.speed[-1])} engine orders meet modes {len(rows)} times"
+        return f"{head}{': ' if rows else ''}{', '.join(named)}{' ...' if len(rows) > len(named) else ''}."
+
+    def details(self) -> str:
         def places(speed: float) -> str:
             return f"{speed:.5g} rad/s ({speed * RPM:.0f} rpm)" if np.isfinite(speed) else "not in the range"
 
@@ -126,7 +136,7 @@ class Campbell(OverSpeed, Plottable, Tabular, Storable, kind="bdamper-campbell")
             if np.isfinite(a) or np.isfinite(b):
                 lines.append(f"  order {order}, mode {mode}: free at {places(a)}, stuck at {places(b)}")
         lines += [f"  neglected: {note}" for note in self.notes]
-        return "\n".join(lines + [f"  {line}" for found in self.damped for line in str(found).split("\n")])
+        return "\n".join(lines + [f"  {line}" for found in self.damped for line in found.details().split("\n")])
 
 
 def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDArray:

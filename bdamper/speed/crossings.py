@@ -31,6 +31,7 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import FAILED, NOT_RUN, Translated, left_undone, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Shares, Tabular
+from bdamper.util.text import amount
 
 RPM = 60.0 / (2.0 * np.pi)
 """Revolutions per minute in one rad/s."""
@@ -189,7 +190,19 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
             Fact("there: speed", float(self.speed[i]), "rad/s"),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        low, high = (f"{speed * RPM:.0f}" for speed in self.range)
+        if not self.found.any():
+            return f"No crossing of mode {self.mode} from {low} to {high} rpm with any of {len(self)} lines."
+        i = int(np.nanargmax(np.where(self.found, self.amplitude, np.nan)))
+        place = f"{self.rpm[i]:.0f} rpm ({amount(self.frequency[i], 'Hz')}) by engine order {self.engine_order[i]}"
+        load = f"damper of {amount(self.mass[i], 'kg')}, preload {amount(self.preload[i], 'N')}"
+        return (
+            f"Highest response from {low} to {high} rpm: {amount(self.amplitude[i], 'm')} at {place}, {load}. "
+            f"{int(self.found.sum())} of {len(self)} crossings found."
+        )
+
+    def details(self) -> str:
         low, high = self.range
         lines = [
             f"crossings of mode {self.mode}, {low:.6g} to {high:.6g} rad/s: {int(self.found.sum())} of {len(self)}; "

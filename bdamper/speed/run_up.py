@@ -26,6 +26,7 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INCOMPLETE, because
 from bdamper.util.tables import Hertz, Metres, RadiansPerSecond, Shares, Tabular
+from bdamper.util.text import amount, percent
 
 WITHIN = (50.0, 2000.0)
 """Speeds (rad/s) between which a crossing is looked for if none are given."""
@@ -105,7 +106,13 @@ class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-r
             Fact("on the line at", self.fixed_speed, "rad/s"),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        top = f"{amount(self.peak_amplitude, 'm')} at {self.peak_speed * RPM:.0f} rpm"
+        beside = f", {percent(self.difference)} above the peak at fixed speed" if np.isfinite(self.fixed_speed) else ""
+        cut = " It is higher still at an end of the range: give a wider one." if self.cut else ""
+        return f"Highest response of the run-up along engine order {self.engine_order}: {top}{beside}.{cut}"
+
+    def details(self) -> str:
         lines = [
             f"run-up along engine order {self.engine_order}: {self.status}, {len(self)} points",
             f"  highest {self.peak_amplitude:.6g} m at {self.peak_speed:.6g} rad/s ({self.peak_speed * RPM:.0f} rpm)",

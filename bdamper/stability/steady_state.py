@@ -29,6 +29,7 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import ROW, Amplitude, Numbers, Quantity, Tabular
+from bdamper.util.text import amount
 
 FEWEST = BOUNDS.look
 """Least number of periods from which a mean and a range are taken."""
@@ -112,7 +113,16 @@ class SettledResponse(Plottable, Tabular, row="period"):
         """Wall-clock time in all."""
         return self.cost.seconds
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        low, high = self.range
+        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic")
+        reach = f"{amount(low, 'm')} to {amount(high, 'm')}"
+        at = f"{amount(self.frequency, 'Hz')}, preload {amount(self.preload, 'N')}"
+        return (
+            f"In time the response comes to {amount(self.mean, 'm')} on average ({reach}, {kind}) at {at}; {self.status}."
+        )
+
+    def details(self) -> str:
         low, high = self.range
         n = len(self.harmonics)
         kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic") + " response"

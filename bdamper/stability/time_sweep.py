@@ -36,6 +36,7 @@ from bdamper.util.progress import LongWork, counter
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, INTERRUPTED
 from bdamper.util.tables import ROW, Amplitude, Hertz, Metres, Quantity, Tabular
+from bdamper.util.text import amount, height
 
 RATE = 0.1
 """Half bandwidths of the least damped mode that the frequency goes within the memory of its transients."""
@@ -218,7 +219,13 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="tu
         """Wall-clock time in all."""
         return self.cost.seconds
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        f, a = self.highest
+        way = f"from {amount(self.frequency[0], 'Hz')} to {amount(self.frequency[-1], 'Hz')}"
+        jumps = f"; it jumps at {', '.join(amount(j.frequency, 'Hz') for j in self.jumps)}" if self.jumps else ""
+        return f"Sweep in time {way}, preload {amount(self.preload, 'N')}: highest {height(a, f)}{jumps}."
+
+    def details(self) -> str:
         f, a = self.highest
         lines = [
             f"sweep in time from {self.frequency[0]:.6g} to {self.frequency[-1]:.6g} Hz at {abs(self.rate):.3g} Hz/s, "

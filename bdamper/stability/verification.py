@@ -24,6 +24,7 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.tables import Metres, Quantity, Seconds, Tabular
+from bdamper.util.text import amount, height, percent
 
 
 @brief
@@ -89,7 +90,11 @@ class Verification(Plottable, Tabular):
         size = float(np.linalg.norm(self.expected[1:]))
         return float(np.linalg.norm((self.settled - self.expected)[1:])) / max(size, 1e-300)
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        heights = f"{height(abs(self.settled[1]), self.frequency)}, expected {amount(abs(self.expected[1]), 'm')}"
+        return f"Time integration: {self.verdict} within {percent(self.tolerance)}, {heights} ({self.reason})."
+
+    def details(self) -> str:
         ended = ", interrupted by the user" if self.interrupted else ""
         return (
             f"time integration at {self.frequency:.6g} Hz{ended}: {self.verdict} within {100.0 * self.tolerance:g} % "

@@ -42,7 +42,7 @@ class Differences(Summarised):
     def rows(self) -> list[tuple[str, str, str, str]]:
         """Name, first, second, and relative change of numbers, as texts."""
         out = [(name, _text(a), _text(b), _change(a, b)) for name, a, b in self.settings]
-        return out + [(a.name, a.text, b.text, _change(a.value, b.value)) for a, b in self.outcomes]
+        return out + [(a.name, a.to_digits(6), b.to_digits(6), _change(a.value, b.value)) for a, b in self.outcomes]
 
     def __str__(self) -> str:
         if not self:
@@ -99,7 +99,7 @@ class Comparable(Summarised):
         if same:
             there = {fact.name: fact for fact in other._outcomes()}
             both = [(fact, there[fact.name]) for fact in self._outcomes() if fact.name in there]
-            outcomes = tuple((a, b) for a, b in both if a.text != b.text)
+            outcomes = tuple((a, b) for a, b in both if a.to_digits(6) != b.to_digits(6))
         return Differences(settings, outcomes, (type(self).__name__, type(other).__name__))
 
     def _outcomes(self) -> tuple[Fact, ...]:

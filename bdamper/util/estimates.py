@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from bdamper.util.plotting import Summarised
 from bdamper.util.repr import brief
-from bdamper.util.text import percent
+from bdamper.util.text import amount, height, percent
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class SourceError:
 
 @brief
 @dataclass(frozen=True)
-class ErrorEstimates:
+class ErrorEstimates(Summarised):
     """Estimated errors of a peak, by source.
 
     Parameters
@@ -98,7 +99,11 @@ class ErrorEstimates:
         text = f"{percent(self.total)} ({named})" if self.total > 1e-5 else "below 0.001 %"
         return f"estimated error {text}" + (f", not estimated: {', '.join(self.unknown)}" if self.unknown else "")
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        peak = f"{height(self.amplitude, self.frequency)}, preload {amount(self.preload, 'N')}"
+        return f"{self.line[0].upper()}{self.line[1:]} of the peak of {peak}."
+
+    def details(self) -> str:
         lines = [f"peak {self.amplitude:.6g} m at {self.frequency:.6g} Hz, preload {self.preload:g} N: {self.line}"]
         for s in self.sources:
             change = f"amplitude {percent(s.amplitude, True)}, frequency {percent(s.frequency, True)}"

@@ -196,7 +196,10 @@ class Ladder(Plottable, Tabular):
             text += f"; with {self.answer + 2} harmonics the optimum lies {place}"
         return text + (f"; {self.limit}" if self.limit and not self.converged else "")
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        return f"{self.note[0].upper()}{self.note[1:]}."
+
+    def details(self) -> str:
         own = sum(r.seconds for r in self.rungs if self._is_answer(r))
         times = f"processor time: answer {own:.3g} s, others {self.seconds:.3g} s"
         head = f"{'harmonics':>9}{'preload':>13}{'amplitude':>15}{'frequency':>13}{'change':>12}{'time':>10}"

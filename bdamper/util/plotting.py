@@ -11,14 +11,20 @@ from __future__ import annotations
 import base64
 import html
 import importlib
+import re
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import wraps
 from typing import Any, NamedTuple, TypeVar, cast
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
+from bdamper.util.text import aligned, amount
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
+
+WIDTH = 100
+"""Characters of a line of text."""
 
 _DRAWINGS: dict[tuple[type, str], Callable[..., Any]] = {}
 
@@ -69,17 +75,46 @@ class Fact(NamedTuple):
 
     @property
     def text(self) -> str:
-        """Value with its unit."""
-        value = f"{self.value:.6g}" if isinstance(self.value, float) else str(self.value)
-        return f"{value} {self.unit}".rstrip()
+        """Value with its unit, in three digits."""
+        return self.to_digits(3)
+
+    def to_digits(self, digits: int) -> str:
+        """Value with its unit, in so many digits where it is a number."""
+        value = self.value
+        return amount(value, self.unit, digits) if isinstance(value, float) else f"{value} {self.unit}".rstrip()
+
+
+LINES = 9
+"""Lines below the first sentences of what is printed, besides the one that names the rest."""
 
 
 class Summarised:
-    """What a notebook shows as a small table and a picture; a mixin."""
+    """A result that tells what matters first; a mixin.
+
+    What is printed begins with :meth:`bottom_line` and goes on with a few lines, of :meth:`facts` or of :meth:`details`,
+    which has everything; a notebook shows the same with a picture, and the details folded away.
+    """
+
+    def bottom_line(self) -> str:
+        """What it comes to, in one or two sentences."""
+        return ""
 
     def facts(self) -> tuple[Fact, ...]:
-        """The few things to know, in order; where there are none, a notebook shows what is printed."""
+        """The few things to know besides, in order."""
         return ()
+
+    def details(self) -> str:
+        """Everything that there is to say, in lines."""
+        return str(self)
+
+    def __str__(self) -> str:
+        rows = [row for row in self._table() if row]
+        lines = aligned(rows) if rows else self.details().split("\n")[1:]
+        first = (
+            textwrap.fill(re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line()), WIDTH).replace("\0", " ").split("\n")
+        )
+        shown = lines[:LINES] + ["details() has the rest"]
+        return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
     def _table(self) -> list[tuple[str, ...]]:
         """Head, which may be empty, and rows of the table."""
@@ -91,14 +126,17 @@ class Summarised:
 
     def _repr_html_(self) -> str:
         head, *rows = self._table()
-        text = _html_table(head, rows) if rows else f"<pre>{html.escape(str(self))}</pre>"
+        text = _html_table(head, rows) if rows else "" if self.bottom_line() else f"<pre>{html.escape(str(self))}</pre>"
         shown = self._shown()
         try:
             image = b"" if shown is None else draw(shown, "image")
         except BdamperError:  # there is nothing to draw, as the text says
             image = b""
         source = base64.b64encode(image).decode()
-        return f"<div>{text}" + (f'<img src="data:image/png;base64,{source}">' if image else "") + "</div>"
+        picture = f'<img src="data:image/png;base64,{source}">' if image else ""
+        first = f"<p><b>{html.escape(self.bottom_line())}</b></p>" if self.bottom_line() else ""
+        rest = f"<details><summary>details</summary><pre>{html.escape(self.details())}</pre></details>" if first else ""
+        return f"<div>{first}{text}{picture}{rest}</div>"
 
 
 def _html_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

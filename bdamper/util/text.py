@@ -15,6 +15,35 @@ def percent(value: float, sign: bool = False) -> str:
     return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
 
 
+FITTING = {"m": "nµm ", "N": "m kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
+"""Prefixes that the number of a unit may take; a kilogram counts as a thousand grams."""
+PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
+
+
+def amount(value: float, unit: str = "", digits: int = 3) -> str:
+    """A number with its unit: so many digits, but no fewer than stand before the point, and the prefix that fits.
+
+    Parameters
+    ----------
+    value : float
+    unit : str
+        Without a prefix, besides kg; "" for a mere number, "%" for percent, with "per ..." behind it where needed.
+    digits : int
+    """
+    base, per, rest = unit.partition(" per ")
+    size, base = (1e3 * abs(value), "g") if base == "kg" else (abs(value), base)
+    fitting = [p for p in FITTING.get(base, " ") if size >= (1.0 - 0.5 * 10.0**-digits) * PREFIXES[p]]
+    prefix = fitting[-1] if fitting and np.isfinite(size) else " "
+    number = np.copysign(size / PREFIXES[prefix], value)
+    whole = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1 if np.isfinite(number) else 1
+    return f"{number:.{max(digits, whole if whole < 7 else 0)}g} {prefix.strip()}{base}{per}{rest}".rstrip()
+
+
+def height(amplitude: float, frequency: float) -> str:
+    """How high a response is (m), and where (Hz)."""
+    return f"{amount(amplitude, 'm')} at {amount(frequency, 'Hz')}"
+
+
 def newtons(value: float) -> str:
     """A force in a legend."""
     return f"{value / 1000.0:g} kN" if 1000.0 <= value < 1e6 else f"{value:g} N"

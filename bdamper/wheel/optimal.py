@@ -17,6 +17,7 @@ from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Statuses
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Tabular
+from bdamper.util.text import amount
 from bdamper.wheel.peak import WheelPeakOptions, peak
 from bdamper.wheel.results import OfWheel
 from bdamper.wheel.wheel_problem import WheelProblem
@@ -99,7 +100,15 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
             Fact("amplification factor there", float(self.amplification[i])),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        i = self.best
+        if i is None:
+            return "The best preload is open: see the candidates."
+        top = f"{amount(self.amplitude[i], 'm')} (number {self.blade[i]})"
+        tuned = f"{self.amplification[i]:.3g} times the tuned wheel"
+        return f"The highest blade is lowest at {amount(self.preload[i], 'N')} of {len(self)} preloads: {top}, {tuned}."
+
+    def details(self) -> str:
         return "\n".join(f"{fact.name}: {fact.text}" for fact in self.facts()) + f"\n  {self.cost}"
 
 

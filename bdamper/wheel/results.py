@@ -16,6 +16,7 @@ from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, HELD, Status
 from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
+from bdamper.util.text import amount, height
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +132,15 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
             Fact("folds", len(self.folds)),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not len(self):
+            return f"No point of this curve was found: {self.reason}."
+        i, blade = self.highest
+        top = height(self.amplitude[i, blade], self.frequency[i])
+        open_ = "" if self.complete else f" The curve is {self.status}: {self.reason}."
+        return f"Highest blade at a preload of {amount(self.preload, 'N')}: number {blade}, {top}.{open_}"
+
+    def details(self) -> str:
         head = f"curve of a wheel, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
         if not len(self):
             return head
@@ -247,7 +256,16 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
             Fact("amplification factor", self.amplification),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        if not np.isfinite(self.amplitude):
+            return f"No peak of the wheel at a preload of {amount(self.preload, 'N')}: {self.reason}."
+        top = height(self.amplitude, self.frequency)
+        tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
+        open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
+        head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
+        return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"
+
+    def details(self) -> str:
         if not self.found:
             return f"peak of a wheel, preload {self.preload:g} N: {self.status} ({self.reason})"
         return (

@@ -15,6 +15,7 @@ from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, FAILED, NOT_RUN, Statuses, Translated, all_complete, left_undone, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, Resonance, Seconds, Tabular
+from bdamper.util.text import amount
 from bdamper.wheel.statistics import Interval, WeibullTail, percentile, share, weibull_tail
 
 RESAMPLES = 2000
@@ -318,7 +319,16 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
             Fact("amplification factor, 99 %", float(upper)),
         )
 
-    def __str__(self) -> str:
+    def bottom_line(self) -> str:
+        middle, upper = (self.percentile(q)[:, -1, -1] for q in (50.0, 99.0))
+        spread, load = f"{100.0 * float(self.standard_deviation[-1]):.3g} %", amount(self.preload[-1], "N")
+        ends = f" ({upper[0]:.3g} to {upper[2]:.3g})" if np.isfinite(upper).all() else ", not bounded by the sample"
+        return (
+            f"Blades that differ by {spread} raise the highest amplitude by the factor {middle[1]:.3g} in half of "
+            f"{len(self)} wheels and by {upper[1]:.3g}{ends} in one of a hundred, at a preload of {load}."
+        )
+
+    def details(self) -> str:
         failed, held = sum(word(s) == FAILED for s in self.status), int((self.springs > 0.0).sum())
         pattern = self.drawn.get("distribution", "")
         pattern = pattern if isinstance(pattern, str) else "measured pattern"

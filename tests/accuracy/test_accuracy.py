@@ -45,7 +45,7 @@ def test_all_sources_of_a_peak(study, place, peak):
     assert errors["solver"].size < 1e-8
     assert errors["evaluation"].size < 1e-5
     assert errors.total >= errors.largest.size
-    text = str(errors)
+    text = errors.details()
     assert all(source in text for source in SOURCES) and len(text.splitlines()) == 1 + len(SOURCES)
     assert errors.line.endswith("), not estimated: contact points") and "\n" not in errors.line
     with pytest.raises(KeyError, match="friction"):
@@ -95,7 +95,7 @@ def test_one_line_says_what_is_known():
     assert ErrorEstimates(1.0, 1.0, 1.0, (modes, harmonics)).line == "estimated error 1.5 % (harmonics 1.1, modes 0.4)"
     errors = ErrorEstimates(1.0, 1.0, 1.0, (modes, unknown, vague))
     assert errors.line == "estimated error 0.4 % (modes 0.4), not estimated: contact points, solver"
-    assert not vague.known and errors.total == 0.004 and "solver: not estimated" in str(errors)
+    assert not vague.known and errors.total == 0.004 and "solver: not estimated" in errors.details()
     assert ErrorEstimates(1.0, 1.0, 1.0, (unknown,)).line == error_line(None) == "error not estimated"
 
 
@@ -126,10 +126,12 @@ def test_solver_error_is_that_of_a_loose_peak(study, place, peak):
 def test_curve_carries_its_errors(study, place, tmp_path):
     curve = study.track(*place)
     with_errors = study.with_errors(curve, sources=["harmonics", "solver"])
-    assert curve.error_estimates is None and "  error not estimated" in str(curve).splitlines()
+    assert curve.error_estimates is None and "  error not estimated" in curve.details().splitlines()
     assert with_errors.error_estimates == study.estimate_errors(curve, sources=["harmonics", "solver"])
     line = with_errors.error_estimates.line
-    assert f"  {line}" in str(with_errors).splitlines() and line.startswith("estimated error") and "(harmonics " in line
+    assert (
+        f"  {line}" in with_errors.details().splitlines() and line.startswith("estimated error") and "(harmonics " in line
+    )
     with_errors.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").error_estimates == with_errors.error_estimates
 
@@ -137,13 +139,13 @@ def test_curve_carries_its_errors(study, place, tmp_path):
 def test_optimal_curve_carries_the_errors_at_its_optimum(study, place, tmp_path):
     own = study.with_(harmonics=1)
     curve = own.optimal_curve((3000.0, 4000.0, 5000.0), frequency=place[1], check=False)
-    assert "  error not estimated" in str(curve).splitlines()
+    assert "  error not estimated" in curve.details().splitlines()
     with_errors = own.with_errors(curve, sources=["harmonics"])
     errors, best = with_errors.error_estimates, curve.optimum
     assert errors.preload == best.preload and errors.amplitude == pytest.approx(best.amplitude, rel=0.01)
     at_optimum = own.estimate_errors(own.track(best.preload, place[1]), sources=["harmonics"])
     assert errors["harmonics"].amplitude == at_optimum["harmonics"].amplitude
-    assert f"  {errors.line}" in str(with_errors).splitlines()
+    assert f"  {errors.line}" in with_errors.details().splitlines()
     with_errors.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").error_estimates == errors
     wrong = replace(curve, optimum=replace(best, amplitude=0.9 * best.amplitude))
@@ -182,7 +184,7 @@ def test_peak_carries_its_cost(peak):
     assert peak.cost is not None
     assert peak.cost.seconds >= peak.cost.core > 0.0 and peak.cost.python > 0.0
     assert peak.cost.evaluations >= peak.cost.iterations > peak.iterations
-    assert "contact" in str(peak)
+    assert "contact" in peak.details()
 
 
 def test_work_is_counted_by_sizes(study, place):
@@ -285,7 +287,10 @@ def test_each_setting_goes_down_until_it_misses_the_tolerance(study, place, resu
     assert all(r.error <= 0.06 for r in down[:-1])
     strict = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3, 4]}, tolerance=1e-9)
     assert [r.values for r in strict.runs] == [("4",), ("3",), ("2",)]  # the last is the study itself
-    assert strict.recommended is strict.richest and "nothing but the richest that was run is within 1e-07 %" in str(strict)
+    assert (
+        strict.recommended is strict.richest
+        and "nothing but the richest that was run is within 1e-07 %" in strict.details()
+    )
 
 
 def scene(errors):
@@ -317,7 +322,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path, capsys):
     vary = {"harmonics": [1, 2, 3]}
     found = bd.accuracy_cost(study, *place, vary=vary, quantity=ask, progress=True)
     assert [r.values for r in found.runs] == [("3",), ("2",)] and found.interrupted
-    assert str(found).count("interrupted by the user") == 1
+    assert found.details().count("interrupted by the user") == 1
     assert "harmonics 3" in capsys.readouterr().err
     found.save(tmp_path / "cost.h5")
     assert bd.load(tmp_path / "cost.h5").interrupted
@@ -328,7 +333,7 @@ def test_interrupted_runs_are_kept(study, place, tmp_path, capsys):
 def test_unknown_answers_are_not_recommended(study, place):
     errors = {(3, 9): 0.0, (2, 9): float("nan")}
     found = bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2, 3]}, quantity=scene(errors), tolerance=0.5)
-    assert found.recommended is found.richest and "not known" in str(found)
+    assert found.recommended is found.richest and "not known" in found.details()
     assert np.isnan(found.uncertainty)
     with pytest.raises(bd.BdamperError, match="no whole answer with the richest settings, harmonics 2"):
         bd.accuracy_cost(study, *place, vary={"harmonics": [1, 2]}, quantity=scene(errors))
@@ -348,7 +353,7 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
     assert reasons["harmonics"] == "no answer with one harmonic"
     assert reasons["evaluation"].startswith("evaluation: expected") and "rigid" in reasons["rigid_modes"]
     assert found.recommended.values == ("2", "exact", " ".join(study.rigid_modes))
-    assert all(reason in str(found) for reason in reasons.values())
+    assert all(reason in found.details() for reason in reasons.values())
     found.plot()
     found.save(tmp_path / "cost.h5")
     assert [r.reason for r in bd.load(tmp_path / "cost.h5").runs] == [r.reason for r in found.runs]
@@ -357,7 +362,7 @@ def test_runs_that_fail_leave_the_others(study, place, tmp_path):
 
 
 def test_result_prints_plots_and_saves(result, tmp_path):
-    text = str(result)
+    text = result.details()
     assert "the richest itself is uncertain by its last steps: harmonics" in text
     assert sum(line.endswith("for 6 %") for line in text.splitlines()) == 1
     ax = result.plot()

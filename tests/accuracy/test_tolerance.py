@@ -51,7 +51,7 @@ class TestCurve:
         assert curve.peak.amplitude == pytest.approx(own[-1].amplitude, rel=1e-9)
         last = [p.amplitude for p in own[1:]]
         assert curve.ladder.error == pytest.approx((max(last) - min(last)) / last[-1], rel=1e-6)
-        assert curve.ladder.converged and "converged to 2 %: 3, 5 and 7 harmonics differ by" in str(curve)
+        assert curve.ladder.converged and "converged to 2 %: 3, 5 and 7 harmonics differ by" in curve.details()
         whole = [study.with_(harmonics=n).track(*PLACE).cost for n in (1, 3, 5, 7)]
         assert curve.cost.work == pytest.approx(sum(c.work for c in whole), rel=1e-9)
         assert curve.cost.processor == pytest.approx(sum(r.seconds for r in curve.ladder.rungs), rel=1e-6)
@@ -64,7 +64,10 @@ class TestCurve:
         assert abs(curve.ladder.rungs[-1].change) < 0.02 and not curve.ladder.converged
         one, three, five = (p.amplitude for p in peaks(study, 1, 3, 5))
         assert (low, high) == pytest.approx((min(three, five), one), rel=1e-9)
-        assert curve.complete and f"not converged to 2 %: {low:.4g} to {high:.4g} m with 1, 3 and 5 harmonics" in str(curve)
+        assert (
+            curve.complete
+            and f"not converged to 2 %: {low:.4g} to {high:.4g} m with 1, 3 and 5 harmonics" in curve.details()
+        )
 
     def test_begins_with_the_harmonics_of_the_study(self, study):
         curve = study.with_(harmonics=2).track(*PLACE, tolerance=0.2)
@@ -143,7 +146,7 @@ class TestPeak:
         peak = study.peak(*PLACE, tolerance=0.02)
         assert study.of(peak).harmonic_numbers == tuple(range(1, 8))
         assert peak.amplitude == pytest.approx(peaks(study, 7)[0].amplitude, rel=1e-6)
-        assert "converged to 2 %: 3, 5 and 7 harmonics differ by" in str(peak)
+        assert "converged to 2 %: 3, 5 and 7 harmonics differ by" in peak.details()
         errors = study.estimate_errors(peak, PLACE[0], sources=["solver"])
         assert errors["solver"].size < 1e-8
 
@@ -196,9 +199,11 @@ class TestOptimalCurve:
     def test_prints_plots_and_saves(self, optimal, tmp_path):
         optimal.save(tmp_path / "curve.h5")
         again = bd.load(tmp_path / "curve.h5")
-        assert str(again) == str(optimal) and "not converged to 5 %" in str(again)
+        assert again.details() == optimal.details() and "not converged to 5 %" in again.details()
         share = percent(optimal.ladder.error)
-        assert f"estimated error {share} (harmonics {share[:-2]}), not estimated: contact points, modes" in str(optimal)
+        assert (
+            f"estimated error {share} (harmonics {share[:-2]}), not estimated: contact points, modes" in optimal.details()
+        )
         ax = again.ladder.plot()
         assert "processor time" in ax.get_xlabel() and len(ax.texts) == 4
 
@@ -218,12 +223,12 @@ class TestOptimalCurve:
         monkeypatch.setattr(richer, "track", stopped)
         part = study.optimal_curve(**ask)
         assert tracked == [(5, 3000.0), (3, 3000.0)] and not part.interrupted
-        assert numbers(part) == [1, 3, 5] and not part.ladder.others and "interrupted by the user" in str(part)
+        assert numbers(part) == [1, 3, 5] and not part.ladder.others and "interrupted by the user" in part.details()
         del tracked[:]
         whole = study.optimal_curve(**ask)
         assert tracked == [(3, 5000.0)]
         assert whole.ladder.rungs[1:] == part.ladder.rungs[1:] and len(whole.ladder.others) == 2
-        assert "interrupted" not in str(whole)
+        assert "interrupted" not in whole.details()
 
     def test_ctrl_c_ends_the_threads(self, study, optimal, monkeypatch):
         """It reaches the main thread alone; the others leave curves with many harmonics unfinished."""
@@ -240,7 +245,7 @@ class TestOptimalCurve:
         timer.start()
         part = tolerance.with_ladder(study.with_(harmonics=9), bare, 0.05, threads=2)
         timer.join()
-        assert "interrupted by the user" in str(part.ladder)
+        assert "interrupted by the user" in part.ladder.details()
         assert [t for t in enumerate_threads() if t.name.startswith("ThreadPool")] == []
         assert set(endings) <= {"interrupted"}
 

@@ -106,7 +106,7 @@ def test_map_of_the_contact(tmp_path):
     assert 0.0 < contact.contact_area["left"] <= s.model.interfaces["left"].area.sum()
     assert contact.utilisation.max() <= 1.0 + 1e-9
     assert (contact.distance[contact.status[:, 0] != 3] == 0.0).all()
-    assert "MPa" in str(contact)
+    assert "MPa" in contact.details()
     contact.save(tmp_path / "map.h5")
     again = bd.load(tmp_path / "map.h5")
     np.testing.assert_array_equal(again.force, contact.force)
@@ -172,7 +172,7 @@ def test_comparison_of_the_methods():
     assert set(found.stiffness) == {"residual_modes", "unit_traction", "eq4"}
     assert found.literal_negative["left"].max() > 0.0
     assert np.abs(found.frequencies["residual_modes"] / found.frequencies["unit_traction"] - 1.0).max() > 0.02
-    assert "taken literally" in str(found)
+    assert "taken literally" in found.details()
     assert found.plot("eq4").axes
     with pytest.raises(SettingError, match="method"):
         found.plot("guess")

@@ -32,7 +32,7 @@ def test_a_sweep_keeps_its_branch_until_the_fold(curve):
     assert down.amplitude.max() == curve.peak.amplitude and up.amplitude.max() < 0.51 * curve.peak.amplitude
     # outside of the folds both show the same, between them each its branch
     np.testing.assert_array_equal(up.amplitude[up.frequency < 300.0], down.amplitude[down.frequency < 300.0][::-1])
-    assert f"jumps at {upper:.6g} Hz" in str(up)
+    assert f"jumps at {upper:.6g} Hz" in up.details()
 
 
 def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_is_stable(curve):
@@ -44,7 +44,7 @@ def test_a_sweep_leaves_a_branch_where_stability_is_lost_and_ends_where_nothing_
     assert down.jumps[0].after < down.jumps[0].before < 1.25e-4
     stable[curve.frequency < 330.0] = False
     down = judged.sweep("down")
-    assert len(down.jumps) == 1 and np.isnan(down.jumps[0].after) and "no stable solution" in str(down)
+    assert len(down.jumps) == 1 and np.isnan(down.jumps[0].after) and "no stable solution" in down.details()
     assert 330.0 <= down.frequency[-1] < 335.0
     assert not len(judged.sweep("up").frequency)
 

@@ -36,7 +36,7 @@ def test_each_design_has_its_own_curve(study, found, tmp_path):
     assert found.differences["smooth"].settings[0] == ("friction_coefficient.left", 0.4, 0.2)
     assert [name for name, *_ in found.differences["heavier"].settings] == ["model"]
     assert found.columns()["design"].values.tolist().count("smooth") == len(alone)
-    text = str(found).splitlines()
+    text = found.details().splitlines()
     assert text[2].startswith("smooth") and f"{alone.peak.amplitude:.6g} m" in text[2] and text[2].endswith("complete")
     found.save(tmp_path / "designs.h5")
     assert str(bd.load(tmp_path / "designs.h5")) == str(found)

@@ -170,7 +170,7 @@ class TestAnswers:
         assert result.status[1].startswith("failed: preload: expected")
         assert np.isnan(result.array("amplitude")[1])
         assert not result.complete
-        assert "1 failed" in str(result)
+        assert "1 failed" in result.details()
 
     def test_save_load_print_and_plot(self, serial, tmp_path):
         import matplotlib as mpl
@@ -185,7 +185,7 @@ class TestAnswers:
         assert np.array_equal(again.seconds, serial.seconds)
         assert again.cost == serial.cost
         assert all(c.evaluations > 0 and c.iterations > 0 for c in again.cost)
-        assert "6 points" in str(serial)
+        assert "6 points" in serial.details()
         assert len(serial.plot("amplitude").lines) == 3
 
     @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ class TestInterrupted:
         assert result.status == ("complete", "complete", "not run", "not run")
         assert result.array("value")[:2].tolist() == [100.0, 200.0] and np.isnan(result.array("value")[2:]).all()
         assert not result.complete
-        assert str(result).count("interrupted: 2 of 4 points were not run") == 1 and "0 failed" in str(result)
+        assert result.details().count("interrupted: 2 of 4 points were not run") == 1 and "0 failed" in result.details()
         result.save(tmp_path / "part.h5")
         assert bd.load(tmp_path / "part.h5").status == result.status
         lines = (tmp_path / "r.jsonl").read_text().splitlines()
@@ -282,7 +282,7 @@ class TestInterrupted:
             result = bd.sweep(study, self.over, deadly_question, executor=pool)
         assert result.status[:2] == ("complete", "complete") and result.array("value")[:2].tolist() == [100.0, 200.0]
         assert all(s.startswith("not run: A process in the process pool was terminated") for s in result.status[2:])
-        assert "2 of 4 points were not run: A process" in str(result)
+        assert "2 of 4 points were not run: A process" in result.details()
 
     def test_points_finished_while_one_is_written_are_kept(self, study, tmp_path, monkeypatch):
         """Ctrl-C while a line is forced to disk; all four points are finished by then."""
@@ -337,7 +337,7 @@ class TestInterrupted:
         curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
         assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
-        assert "interrupted: 1 of 4 draws were not run" in str(curve) and "without a peak" not in str(curve)
+        assert "interrupted: 1 of 4 draws were not run" in curve.details() and "without a peak" not in curve.details()
         ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
         made.clear()
         found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
@@ -515,13 +515,13 @@ class TestWarnings:
         assert result.complete
         assert result.array("scan").tolist() == [peak.scan]
         assert result.warnings == (f"scan {peak.scan}",)
-        assert "0 failed, 1 with a warning" in str(result)
-        assert f"first warning: scan {peak.scan}" in str(result)
+        assert "0 failed, 1 with a warning" in result.details()
+        assert f"first warning: scan {peak.scan}" in result.details()
 
     def test_none_of_a_whole_scan(self, serial):
         assert set(serial.array("scan").ravel()) == {"complete"}
         assert serial.warnings == ("",) * len(serial)
-        assert "0 with a warning" in str(serial)
+        assert "0 with a warning" in serial.details()
 
     def test_optimal_curves_and_what_is_made_of_them(self, study, monkeypatch, tmp_path):
         whole = optimal_curve
@@ -544,7 +544,7 @@ class TestWarnings:
         assert result.warnings == (expected,)
         curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
         assert curve.warnings == (expected,)
-        assert "1 draws with a warning" in str(curve)
+        assert "1 draws with a warning" in curve.details()
         curve.save(tmp_path / "curve.h5")
         assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
         robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)
@@ -594,7 +594,7 @@ class TestUncertainty:
         assert list(again.samples) == list(curve.samples)
         assert again.settings == curve.settings and again.settings["engine_order"] == 5
         assert again.model_hash == curve.model_hash != ""
-        assert "8 draws" in str(curve)
+        assert "8 draws" in curve.details()
         curve.plot()
         curve.plot(quantity="frequency")
 

@@ -91,7 +91,7 @@ def test_effects_that_the_study_lacks_are_judged_against_what_the_model_can_do(f
     assert any(e.verdict == "switch on" for e in other.effects)
     true = changes(full, other.called_for, other)
     assert max(map(abs, true)) <= TOLERANCE
-    assert "off: switch on" in str(other)
+    assert "off: switch on" in other.details()
 
 
 def rows(*given):
@@ -173,20 +173,20 @@ def test_the_check_computes_both(full, advice, tmp_path):
     assert check.amplitude_change == pytest.approx(advice.amplitude_change, abs=1e-9)
     assert check.agrees and check.whole.seconds > 0.0 and check.lean.evaluations > 0
     assert not replace(check, tolerance=1e-9).agrees
-    assert "within the tolerance" in str(check) and "times as fast" in str(check)
+    assert "within the tolerance" in check.details() and "times as fast" in check.details()
     check.save(tmp_path / "check.h5")
     assert bd.load(tmp_path / "check.h5") == check
 
 
 def test_advice_prints_plots_and_saves(advice, tmp_path):
-    text = str(advice)
+    text = advice.details()
     for e in advice.effects:
         assert e.name in text and e.verdict in text
     with pytest.raises(KeyError, match="no advice on 'gravity'"):
         advice["gravity"]
     advice.save(tmp_path / "advice.h5")
     again = bd.load(tmp_path / "advice.h5")
-    assert str(again) == text and again.called_for == advice.called_for and again.reference == advice.reference
+    assert again.details() == text and again.called_for == advice.called_for and again.reference == advice.reference
     ax = advice.plot()
     assert [t.get_text() for t in ax.get_yticklabels()] == [e.name for e in advice.effects[::-1]]
     unknown = [e.name for e in advice.effects if e.source == "unknown"]
@@ -196,7 +196,7 @@ def test_advice_prints_plots_and_saves(advice, tmp_path):
 @pytest.mark.parametrize("change", [0.0, -0.9999, 99.99, 1e5, np.nan])
 def test_columns_stay_apart(advice, change):
     item = replace(advice.effects[0], amplitude_change=change, source="computed", work=123.45, reason="")
-    row = str(replace(advice, effects=(item,))).splitlines()[2]
+    row = replace(advice, effects=(item,)).details().splitlines()[2]
     assert row.startswith(f"{item.name} ")
     assert row[len(item.name) :].replace(" %", "%").split()[2:] == ["computed", "123.45", "on:", *item.verdict.split()]
 
@@ -205,10 +205,10 @@ def test_no_number_is_less_than_what_it_may_miss(advice):
     item = replace(
         advice.effects[0], amplitude_change=-0.002, frequency_change=0.0004, uncertainty=0.0005, source="estimated"
     )
-    row = str(replace(advice, effects=(item,))).splitlines()[2].replace(" %", "%").replace("< ", "<")
+    row = replace(advice, effects=(item,)).details().splitlines()[2].replace(" %", "%").replace("< ", "<")
     assert row[len(item.name) :].split()[:3] == ["-0.20%", "<0.09%", "0.05%"]
     vague = replace(item, uncertainty=0.004)
-    row = str(replace(advice, effects=(vague,))).splitlines()[2].replace(" %", "%").replace("< ", "<")
+    row = replace(advice, effects=(vague,)).details().splitlines()[2].replace(" %", "%").replace("< ", "<")
     assert row[len(item.name) :].split()[:3] == ["<0.60%", "<0.44%", "estimated"]
 
 

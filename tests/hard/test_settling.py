@@ -47,7 +47,7 @@ def test_kind_of_response(stop, omega, repeats):
     low, high = found.range
     assert low <= found.mean <= high
     assert (high > 1.02 * low) == (repeats != 1)
-    assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in str(found)
+    assert {1: "periodic", 2: "2-periodic", None: "irregular"}[repeats] in found.details()
 
 
 @pytest.mark.slow

@@ -240,7 +240,7 @@ def test_curves_carry_stability(tmp_path):
     assert curve.complete
     assert curve.stable.shape == (len(curve),)
     assert "all disturbances" in curve.stability_note
-    assert "unstable" in str(curve)
+    assert "unstable" in curve.details()
     curve.save(tmp_path / "curve.h5")
     again = bd.load(tmp_path / "curve.h5")
     np.testing.assert_array_equal(again.stable, curve.stable)

@@ -62,7 +62,7 @@ def test_ring_of_sectors_keeps_the_travelling_wave():
     assert result.sectors == 4  # the pattern repeats
     assert (curve.shares[curve.peak.index, 1:] > 0.01).all()  # slip and separation
     assert result.distance < 0.03
-    assert "distance" in str(result) and "evaluations" in str(result)
+    assert "distance" in result.details() and "evaluations" in result.details()
     cost = result.cost
     assert cost.evaluations >= 20 * result.steps_per_period
     assert cost.contact > 0.0 and cost.core < cost.seconds == result.seconds
@@ -145,7 +145,7 @@ def test_verification_can_fail():
     assert found.distance > 0.1 and found.tolerance == 0.05 and found.verdict != AGREES
     right = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, steps_per_period=400)
     assert right.verdict == AGREES and right.distance < 0.02 and right.periods == len(right.amplitude) == 96
-    assert "agrees within 5 %" in str(right) and "agrees within 5 %" in right.plot().get_title()
+    assert "agrees within 5 %" in right.details() and "agrees within 5 %" in right.plot().get_title()
     assert verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=5, steps_per_period=400).verdict == UNDECIDED
 
 
@@ -162,7 +162,7 @@ def test_an_unmet_contact_condition_is_told(monkeypatch):
         verify_solution(system, u, omega, 1, 0, steps_per_period=256),
         march_until_settled(system, omega, 1, 0, u, preload=1.0, periods=100),
     ):
-        assert found.reason == ring.unsolved and UNDECIDED in str(found)
+        assert found.reason == ring.unsolved and UNDECIDED in found.details()
     assert judge_in_time(system, u, omega, 1, 0).verdict == UNDECIDED
 
 
@@ -219,7 +219,7 @@ def test_interrupted_verification_keeps_the_periods(monkeypatch):
 
     monkeypatch.setattr(Ring, "march", stopped)
     found = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=60, steps_per_period=400)
-    assert found.interrupted and found.periods == 4 and "interrupted by the user" in str(found)
+    assert found.interrupted and found.periods == 4 and "interrupted by the user" in found.details()
     monkeypatch.setattr(Ring, "march", march)
     whole = verify_solution(system, p.y[:-1], p.y[-1], 1, 0, periods=4, steps_per_period=400)
     assert not whole.interrupted

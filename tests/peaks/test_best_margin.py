@@ -34,7 +34,7 @@ def test_the_best_is_no_less_than_at_every_preload_and_near_a_fresh_peak(study, 
     assert study.margin(fresh, AISI_1050).least == pytest.approx(margins.best_margin, rel=1e-6)
     question = LeastMargin(AISI_1050)
     assert question(study, fresh.y[:-1], fresh.y[-1], margins.best_value) == pytest.approx(margins.best_margin, rel=1e-6)
-    assert "margin against fatigue" in str(curve)
+    assert "margin against fatigue" in curve.details()
     curve.save(tmp_path / "curve.h5")
     assert str(bd.load(tmp_path / "curve.h5").margins[0]) == str(margins)
 

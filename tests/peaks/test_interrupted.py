@@ -70,7 +70,7 @@ def test_goes_on_from_any_curve_with_the_same_result(whole, tmp_path):
         kept.append(len(path.read_text().splitlines()) - 1)
         if not curve.interrupted:
             break
-        assert curve.optimum.status == "interrupted: by the user" and str(curve).count("interrupted") == 1
+        assert curve.optimum.status == "interrupted: by the user" and curve.details().count("interrupted") == 1
     assert kept[:2] == [3, 6] and kept[-1] == len(whole.curves)
     same(curve, whole)
     executor = Here()

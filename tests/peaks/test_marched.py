@@ -40,7 +40,7 @@ def test_mean_and_range_are_those_of_a_march_from_the_highest_solution(found, tm
     assert there[2:] == (pytest.approx(settled.mean), *map(pytest.approx, settled.range), settled.status)
     assert there.low < there.mean < there.high
     assert there.spread == pytest.approx((there.high - there.low) / there.mean)
-    assert f"marched at {there}" in str(out)
+    assert f"marched at {there}" in out.details()
     out.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").marched == out.marched
 
@@ -57,7 +57,7 @@ def test_preloads_that_rattle_are_told_once(found):
     """As one range, not again among the preloads with a warning."""
     told = "not found: no steady periodic response below 60 N: the damper rattles"
     gone = replace(found[1], no_steady_below=60.0, status=(told, told, "complete"))
-    assert str(gone).count(told) == 1 and "with a warning" not in str(gone)
+    assert gone.details().count(told) == 1 and "with a warning" not in gone.details()
 
 
 @pytest.mark.parametrize("method", ["with_marched", "with_sweeps"])
@@ -78,7 +78,7 @@ def test_sweeps_up_and_down_meet_what_they_meet_on_the_tracking_curve(tmp_path):
         for way, found in (("up", there.up), ("down", there.down)):
             assert found == pytest.approx(tracked.sweep(way).amplitude.max(), rel=1e-9)
         assert there.up < 0.9 * there.down == pytest.approx(0.9 * tracked.peak.amplitude, rel=1e-6)
-        assert f"slow sweeps at {there}" in str(out)
+        assert f"slow sweeps at {there}" in out.details()
     least = next(s for s in out.swept if s.preload == curve.optimum.preload)
     assert least.down == pytest.approx(curve.optimum.amplitude, rel=1e-6)
     out.save(tmp_path / "curve.h5")

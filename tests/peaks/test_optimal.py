@@ -104,7 +104,7 @@ class TestOptimalCurve:
         import matplotlib as mpl
 
         mpl.use("Agg")
-        text = str(result)
+        text = result.details()
         assert "optimum" in text
         assert "14 points" in text
         left, right = result.plot()

@@ -87,7 +87,7 @@ def test_run_up(study, found):
     assert 0.0 < run.difference < 1e-3
     assert run.speed.min() == pytest.approx(420.0) and run.speed.max() == pytest.approx(465.0)
     assert run.interpolation < 1e-5
-    assert "above the peak at fixed speed" in str(run)
+    assert "above the peak at fixed speed" in run.details()
     assert len(run.plot().lines) == 3
 
 
@@ -111,15 +111,15 @@ def test_where_the_response_has_a_shoulder_both_are_named():
     study = bd.Study(shipped, bd.Excitation("tip", amplitude=20.0), 5, friction_coefficient=0.3)
     run = study.run_up(within=(400.0, 600.0))
     assert 0.02 < run.difference < 0.03, str(run)
-    assert "peak at fixed speed" in str(study.crossings((400.0, 600.0), [5]))
+    assert "peak at fixed speed" in study.crossings((400.0, 600.0), [5]).details()
 
 
 def test_a_range_that_ends_on_a_plateau_is_told(study):
     run = study.run_up((420.0, 465.0))
     higher = replace(run, amplitude=np.append(run.amplitude, 1.01 * run.peak_amplitude))
-    assert not run.cut and higher.cut and "higher still at an end of the range" in str(higher)
+    assert not run.cut and higher.cut and "higher still at an end of the range" in higher.details()
     alone = replace(run, fixed_speed=np.nan, fixed_speed_amplitude=np.nan)
-    assert "no peak at fixed speed beside it" in str(alone)
+    assert "no peak at fixed speed beside it" in alone.details()
 
 
 def test_pictures_of_crossings(study, found):
@@ -242,7 +242,7 @@ def test_nodal_diameters_without_data_over_speed_are_told():
     bases = {d: replace(basis, speed=None if d == 10 else basis.speed) for d, basis in blade.bases.items()}
     study = study.with_(model=replace(study.model, bodies={**study.model.bodies, "blade": replace(blade, bases=bases)}))
     told = "nodal diameters 10: modes of one rotor speed"
-    assert told in str(study.crossings((100.0, 200.0), [5])) and told in str(study.at_speed(400.0))
+    assert told in study.crossings((100.0, 200.0), [5]).details() and told in str(study.at_speed(400.0))
     assert "neglected" not in str(study.with_(harmonics=1).at_speed(400.0))
 
 

@@ -61,14 +61,14 @@ def test_the_usual_rate_follows_from_the_damping(linear):
     found = linear.sweep_in_time(0.0, (9.9, 10.1), check=False)
     assert found.memory == pytest.approx(1.0 / (ZETA * W0))
     assert found.rate == pytest.approx(usual(time_sweep.RATE))
-    assert np.isnan(found.error) and "not known" in str(found)
+    assert np.isnan(found.error) and "not known" in found.details()
 
 
 @pytest.mark.parametrize("factor", [1.0, 50.0])
 def test_a_sweep_that_is_too_fast_has_no_error(linear, factor):
     """All of it counts as the way of jumps, or it is shorter than the memory over which amplitudes are averaged."""
     found = linear.sweep_in_time(0.0, BAND, rate=usual(factor))
-    assert np.isnan(found.error) and "too fast to compare" in str(found)
+    assert np.isnan(found.error) and "too fast to compare" in found.details()
 
 
 @pytest.mark.parametrize("up", [True, False])
@@ -111,7 +111,7 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
     interrupting(monkeypatch, settling + 3)
     found = linear.sweep_in_time(0.0, BAND)
     assert (found.status, len(found), found.beside) == ("interrupted", 3 * BOUNDS.look, ())
-    assert f"{len(found)} of {len(whole)} turns" in str(found)
+    assert f"{len(found)} of {len(whole)} turns" in found.details()
     np.testing.assert_array_equal(found.harmonics, whole.harmonics[: len(found)])
     np.testing.assert_array_equal(found.frequency, whole.frequency[: len(found)])
     monkeypatch.undo()
@@ -127,7 +127,7 @@ def test_what_was_marched_before_an_interruption_is_kept(linear, monkeypatch):
 def test_an_unmet_contact_condition_is_told(linear, monkeypatch):
     monkeypatch.setattr(Ring, "unsolved", "not met at 3 of 61 instants")
     found = linear.sweep_in_time(0.0, BAND, rate=usual(1.0))
-    assert found.complete and "complete (not met at 3 of 61 instants)" in str(found)
+    assert found.complete and "complete (not met at 3 of 61 instants)" in found.details()
 
 
 def test_it_starts_from_a_point_of_a_curve(separating):

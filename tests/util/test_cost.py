@@ -52,7 +52,7 @@ def test_a_curve_carries_its_cost(tmp_path):
     curve = study.track(200.0, (280.0, 320.0))
     cost = curve.cost
     assert cost.evaluations >= cost.jacobians >= cost.factorisations > 0
-    assert f"{cost.seconds:.3f} s, {cost.processor:.3f} s of the processor: contact" in str(curve)
+    assert f"{cost.seconds:.3f} s, {cost.processor:.3f} s of the processor: contact" in curve.details()
     curve.save(tmp_path / "curve.h5")
     assert bd.load(tmp_path / "curve.h5").cost == cost
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import bdamper as bd
-from bdamper.util.text import percent
+from bdamper.peaks.optimal_curve import NEAR_BEST
+from bdamper.util.text import amount, percent
 from tests.plain import plain_study
 
 INTERVAL = (270.0, 380.0)
@@ -44,12 +45,12 @@ class TestHighestAtTheEnd:
         """At 2000 N the resonance is near 352 Hz: above 360 Hz the response falls."""
         curve = study.track(2000.0, (360.0, 380.0))
         assert curve.peak_at_end
-        assert "highest 0.000223667 m at 360 Hz, the end of the interval: no peak" in str(curve)
+        assert "highest 0.000223667 m at 360 Hz, the end of the interval: no peak" in curve.details()
 
     def test_a_maximum_is_a_peak(self, study):
         curve = study.track(2000.0, (330.0, 365.0))
         assert not curve.peak_at_end
-        assert f"peak {curve.peak.amplitude:.6g} m" in str(curve)
+        assert f"peak {curve.peak.amplitude:.6g} m" in curve.details()
 
     def test_of_linear_limits(self, study):
         assert not study.free(INTERVAL).peak_at_end
@@ -61,12 +62,12 @@ class TestOptimum:
     def test_at_the_end_of_the_range(self, study):
         curve = study.optimal_curve((3e3, 2e4), 3, frequency=INTERVAL, check=False)
         assert curve.optimum.kind == "end"
-        assert "end of the range, the optimum may lie beyond" in str(curve)
+        assert "end of the range, the optimum may lie beyond" in curve.details()
 
     def test_without_any_peak_the_end_of_the_interval_is_named(self, study):
         curve = study.optimal_curve((100.0, 1e3), 3, frequency=(100.0, 150.0), check=False)
         assert set(curve.kind) == {""} and np.isnan(curve.amplitude).all() and (curve.lower_bound > 0.0).all()
-        assert "highest at an end of the interval, without a maximum in it" in str(curve)
+        assert "highest at an end of the interval, without a maximum in it" in curve.details()
 
     def test_without_any_response_is_refused(self, study, monkeypatch):
         def overflows(*args, **_):
@@ -80,7 +81,7 @@ class TestOptimum:
         assert bonded.optimum.kind == "flat"
         assert np.isnan(bonded.optimum.preload)
         assert bonded.optimum.amplitude == pytest.approx(bonded.stuck.amplitude, rel=1e-6)
-        assert "no optimum: flat" in str(bonded)
+        assert "no optimum: flat" in bonded.details()
 
     def test_flat_is_kept_in_a_file(self, bonded, tmp_path):
         bonded.save(tmp_path / "flat.h5")
@@ -136,7 +137,7 @@ class TestShortTexts:
             study, contact_stiffness={name: np.full((face.n_points, 3), 1e7) for name, face in faces.items()},
             gap={name: np.full(face.n_points, 2e-6) for name, face in faces.items()}, bias=False,
         )  # fmt: skip
-        text = str(full)
+        text = full.details()
         assert "array" not in text
         assert "gap: left up to 2 um" in text
         assert "off: bias" in text
@@ -147,3 +148,37 @@ class TestShortTexts:
     )
     def test_percent(self, value, text):
         assert percent(value) == text
+
+
+class TestBottomLine:
+    """What is printed begins with what a designer can act on."""
+
+    def test_of_an_optimal_curve(self, study):
+        curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
+        first, second, *rest = str(curve).split("\n")
+        assert first.startswith("Least resonance at a preload of ") and first.count("µm") == 1
+        o = curve.optimum
+        for value, unit in ((o.preload, "N"), (o.amplitude, "m"), (o.frequency, "Hz"), (curve.free.amplitude, "m")):
+            assert amount(value, unit) in f"{first} {second}"
+        assert f"{curve.free.amplitude / o.amplitude:.3g} times less than without contact" in f"{first} {second}"
+        low, high = curve.preloads_within(NEAR_BEST * o.amplitude)
+        assert f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below" in curve.bottom_line()
+        assert len(rest) <= 12 and rest[-1] == "  details() has the rest"
+        left = replace(curve, optimum=replace(o, status="incomplete: why"))
+        assert "The search for the optimum is incomplete: why." in left.bottom_line()
+        assert "does not matter" in replace(curve, optimum=replace(o, preload=np.nan, kind="flat")).bottom_line()
+
+    def test_of_curves_and_peaks(self, study, curve, peak):
+        top = f"{amount(curve.peak.amplitude, 'm')} at {amount(curve.peak.frequency, 'Hz')}"
+        assert str(curve).startswith(f"Resonance of {top} under a preload of 8 kN.")
+        assert f"{len(curve.folds)} folds" in curve.bottom_line() or not len(curve.folds)
+        end = study.track(2000.0, (360.0, 380.0))
+        assert "an end of the curve (360 Hz to 380 Hz) and is no peak" in end.bottom_line()
+        assert "there may be a higher one: why" in replace(end, status="incomplete", reason="why").bottom_line()
+        assert study.free(INTERVAL).bottom_line().startswith("Free resonance of 1.44 mm at 283 Hz.")
+        assert str(peak).startswith(f"Resonance of {amount(peak.amplitude, 'm')} at {amount(peak.frequency, 'Hz')}")
+        assert str(replace(peak, status="not found: why")).startswith("No peak: not found: why.")
+
+    def test_numbers_stay_with_their_units(self, curve):
+        for line in str(curve).split("\n"):
+            assert not line.endswith(tuple("0123456789")) or line.startswith("  ")

@@ -193,13 +193,18 @@ class TestQuantities:
 
 class TestNotebook:
     def test_a_table_with_units_and_a_picture(self, study, curve):
-        for shown, line in ((curve, f"{curve.peak.amplitude:.6g} m"), (study, "1 N at tip")):
+        for shown, line in ((curve, f"{1e6 * curve.peak.amplitude:.3g} µm"), (study, "1 N at tip")):
             page = shown._repr_html_()
-            assert page.startswith("<div><table>") and line in page and page.count("data:image/png;base64,iVBOR") == 1
+            assert "<table>" in page and line in page and page.count("data:image/png;base64,iVBOR") == 1
+        first = f"<div><p><b>{curve.bottom_line()}</b></p><table>"
+        assert curve._repr_html_().startswith(first) and f"{curve.peak.amplitude:.6g} m" in curve._repr_html_(), (
+            "folded away"
+        )
         assert not plt.get_fignums(), "a notebook would show open figures once more"
 
     def test_what_is_printed_where_there_are_no_facts(self, swept):
-        assert f"<pre>{str(swept).splitlines()[0][:10]}" in swept._repr_html_()
+        page = swept._repr_html_()
+        assert f"<p><b>{swept.bottom_line()}</b></p><img" in page and f"<pre>{swept.details()[:10]}" in page
 
     def test_without_anything_to_draw(self):
         class Empty(Plottable):
@@ -238,7 +243,7 @@ class TestDifferences:
         one, other = (study.peak(preload, (350.0, 358.0)) for preload in (4000.0, 8000.0))
         named = {a.name: (a.value, b.value) for a, b in one.compare(other).outcomes}
         assert named["peak amplitude"] == (one.amplitude, other.amplitude) and named["preload"] == (4000.0, 8000.0)
-        assert f'<td style="text-align:left">{one.frequency:.6g} Hz</td>' in one._repr_html_()
+        assert f'<td style="text-align:left">{one.frequency:.3g} Hz</td>' in one._repr_html_()
         assert "img" not in one._repr_html_() and not study.compare(one)
 
     def test_settings_of_a_study_and_a_result(self, study, curve):

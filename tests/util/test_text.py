@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from bdamper.util.text import aligned, cut, length, newtons, percent, spaced
+from bdamper.util.text import PREFIXES, aligned, amount, cut, length, newtons, percent, spaced
 
 
 @pytest.mark.parametrize(
@@ -28,3 +30,31 @@ def test_names_and_tables():
     assert spaced("excitation.amplitude_of") == "excitation amplitude of"
     assert cut("abcdef", 6) == "abcdef" and cut("abcdefg", 6) == "abc..."
     assert aligned([("a", "bcd", ""), ("ef", "g", "h")], "- ") == ["- a   bcd", "- ef  g    h"]
+
+
+class TestAmount:
+    """Three digits and the prefix that fits, for a reader; nothing that its number does not say."""
+
+    @pytest.mark.parametrize(
+        ("value", "unit", "text"),
+        [
+            (57.12e-6, "m", "57.1 µm"), (1.4449e-3, "m", "1.44 mm"), (999.7e-6, "m", "1 mm"), (-3.2e-9, "m", "-3.2 nm"),
+            (0.0, "m", "0 m"), (7e-25, "J", "7e-25 J"), (103.6448, "N", "104 N"), (25e3, "N", "25 kN"),
+            (1e-4, "N", "0.0001 N"), (1234.56, "Hz", "1235 Hz"), (660.784, "Hz", "661 Hz"), (250e3, "Hz", "250000 Hz"),
+            (0.0203, "kg", "20.3 g"), (39.2e6, "Pa", "39.2 MPa"), (237e-6, "J per cycle", "237 µJ per cycle"),
+            (1.5, "", "1.5"), (33.24, "%", "33.2 %"), (float("nan"), "m", "nan m"), (float("inf"), "N", "inf N"),
+            (1.2e7, "N/m", "1.2e+07 N/m"),
+        ],
+    )  # fmt: skip
+    def test_three_digits(self, value, unit, text):
+        assert amount(value, unit) == text
+
+    def test_more_digits(self):
+        assert amount(57.123456e-6, "m", 6) == "57.1235 µm"
+
+    @given(st.floats(1e-9, 1e5), st.sampled_from(["m", "N", "Hz", "Pa", "J", "s", "kg"]))
+    def test_is_the_number(self, value, unit):
+        number, _, shown = amount(value, unit).partition(" ")
+        base = "g" if unit == "kg" else unit
+        factor = PREFIXES[shown.removesuffix(base) or " "] * (1e-3 if unit == "kg" else 1.0)
+        assert float(number) * factor == pytest.approx(value, rel=5.1e-3)

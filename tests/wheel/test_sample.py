@@ -199,7 +199,7 @@ def test_an_interruption_keeps_what_is_finished(study, quick, monkeypatch):
     found = sample(study)
     assert found.status.count("complete") == 20 and not found.complete
     assert np.isfinite(found.amplitude).sum() == 20 and set(found.curve_status) == {"not asked"}
-    assert "interrupted: 28 of 48 peaks were not run" in str(found)
+    assert "interrupted: 28 of 48 peaks were not run" in found.details()
 
 
 @pytest.mark.parametrize(
