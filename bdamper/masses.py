@@ -15,7 +15,8 @@ coordinate and springs ``k_i`` on the motions ``w_i^T q``, which are interfaces 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from numbers import Integral
 from typing import Any, NamedTuple
 
@@ -40,6 +41,7 @@ OWN_SETTINGS = (
 BODY, GROUND = "masses", "ground"
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Contact:
     """A contact between freedoms of a lumped model, or between one and the ground.
@@ -106,6 +108,7 @@ class Contact:
         return self.tangential, self.tangential2, self.normal
 
 
+@partial(validate.spelt, also=[f.name for f in fields(Study)])
 def lumped(
     mass: Any,
     damping: Any,
@@ -332,7 +335,9 @@ def _matrix(name: str, value: Any, n: int | None = None) -> NDArray:
         A = np.full(n, float(A)) if n == 1 or A == 0.0 else A
     A = np.diag(np.atleast_1d(A)) if A.ndim < 2 else A
     sizes = A.shape if n is None else (n, n)
-    if A.ndim != 2 or A.shape != (sizes[0], sizes[0]) or not A.size or not np.isfinite(A).all():
+    if not np.isfinite(A).all():
+        raise SettingError(f"{name}: expected finite numbers, found {A[~np.isfinite(A)][0]}")
+    if A.ndim != 2 or A.shape != (sizes[0], sizes[0]) or not A.size:
         expected = "(n, n)" if n is None else f"{(n, n)} as the mass"
         raise SettingError(f"{name}: expected finite numbers, a diagonal or a matrix {expected}, found shape {found}")
     if np.abs(A - A.T).max() > ROUNDING * np.abs(A).max():

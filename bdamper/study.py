@@ -43,6 +43,7 @@ from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, short
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True, eq=False)
 class Study(Problem, Comparable):
@@ -96,6 +97,7 @@ class Study(Problem, Comparable):
     free = linear_curve.free
     stuck = linear_curve.stuck
 
+    @validate.spelt
     def track(
         self,
         preload: float,
@@ -157,6 +159,7 @@ class Study(Problem, Comparable):
     sweep_in_time = time_sweep.sweep_in_time
 
     # peaks and the optimal curve
+    @validate.spelt
     @one_thread
     def peak(
         self,
@@ -177,6 +180,7 @@ class Study(Problem, Comparable):
             return accuracy_tolerance.peak_to_tolerance(self, preload, frequency, tolerance, **ways)
         return highest.highest_peak(self, preload, frequency, **ways)
 
+    @validate.spelt
     @one_thread
     def optimal_curve(
         self,

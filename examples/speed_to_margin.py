@@ -20,7 +20,8 @@ from bdamper.fatigue.margin import LeastMargin
 from bdamper.fatigue.material import Material
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot import plot_campbell, plot_crossings, save_figure
-from bdamper.speed.crossings import RPM, Crossings
+from bdamper.problem.at_speed import RPM
+from bdamper.speed.crossings import Crossings
 
 ORDERS, MASSES, SPEEDS = (4, 5, 6), (0.55, 0.8, 1.4), (200.0, 720.0)
 """Engine orders, factors on the mass of the damper, and the range of speeds (rad/s)."""

@@ -348,7 +348,7 @@ def _question(
     """The question that is asked: the one given, or that for the highest peak."""
     if evaluate is None:
         if preload is None and "preload" not in names:
-            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep')
+            raise SettingError('preload: expected a number, or "preload" among the settings of the sweep, found neither')
         return PeakTask(preload, frequency, mode)
     if not callable(evaluate) or isinstance(evaluate, type):
         raise validate.unfit("evaluate", "PeakTask(...), OptimalTask(...) or a function", evaluate)
@@ -375,6 +375,7 @@ def _header(job: _Job, over: Mapping[str, Any], combine: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
+@validate.spelt
 @one_thread
 def sweep(
     problem: Problem,

@@ -25,11 +25,13 @@ from numpy.typing import NDArray
 
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.warn import implausible
 
 LINES = ("goodman", "gerber", "soderberg")
 ON = ("amplitude", "both")
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Material:
     """Strength of a material, as the user knows it for this part.
@@ -63,6 +65,9 @@ class Material:
         validate.fields(
             self, validate.number, "endurance_limit", "ultimate_strength", "yield_strength", "findley_k", above=0.0
         )
+        if self.ultimate_strength < 1e6:
+            found = f"{self.ultimate_strength:g} Pa: MPa suspected, 1e6 Pa each"
+            implausible("ultimate_strength", "1e6 to 1e10 Pa", found)
         if self.yield_strength > self.ultimate_strength:
             expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
             raise SettingError(f"yield_strength: expected {expected}, found {self.yield_strength:g}")

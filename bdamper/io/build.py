@@ -70,6 +70,7 @@ class BuiltModel:
         save_model(self.model, path)
 
 
+@validate.spelt
 @one_thread
 def build_model(
     blade: FEBody,

@@ -18,7 +18,8 @@ def direction_vector(value: str | Sequence[float], what: str) -> NDArray:
     """Unit vector along a direction by name or components; ``what`` names it in errors."""
     if isinstance(value, str):
         if value not in DIRECTIONS:
-            raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'")
+            near = validate.meant(value, DIRECTIONS)
+            raise SettingError(f"{what}: expected one of {tuple(DIRECTIONS)} or three numbers, found '{value}'{near}")
         return np.array(DIRECTIONS[value])
     vector = validate.numbers(what, value, 3)
     if not np.any(vector):
@@ -31,6 +32,7 @@ def _check_place(place: Excitation | Response, what: str) -> None:
     direction_vector(place.direction, f"{what} direction")
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Excitation:
     """A travelling-wave force of engine-order type on every blade.
@@ -55,6 +57,7 @@ class Excitation:
         object.__setattr__(self, "phase", validate.number("excitation phase", self.phase, unit="rad"))
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Response:
     """Where and along which direction the response is read.

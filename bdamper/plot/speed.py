@@ -13,8 +13,9 @@ from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, few_ticks
+from bdamper.problem.at_speed import RPM
 from bdamper.speed.campbell import Campbell
-from bdamper.speed.crossings import RPM, Crossings, SpeedLine
+from bdamper.speed.crossings import Crossings, SpeedLine
 from bdamper.speed.run_up import RunUp
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws

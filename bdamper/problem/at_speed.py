@@ -6,18 +6,25 @@ its centre of mass at rest.  Speeds are in rad/s.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bdamper.model.coupling import centrifugal_load
 from bdamper.model.validation import as_checked
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.repr import short
+from bdamper.util.warn import implausible
 
+RPM = 60.0 / (2.0 * np.pi)
+"""Revolutions per minute in one rad/s."""
+TIP_SPEED = 800.0
+"""Largest speed (m/s) of a point of a rotor: the longest blades of steam turbines, of titanium, come to some 750."""
 P = TypeVar("P", bound=Problem)
 Table = Mapping[float, float] | Callable[[float], float]
 """A function of one number, or its values: linear in between, and refused outside."""
@@ -81,10 +88,8 @@ class Conditions:
     @staticmethod
     def of(given: Mapping[str, Any]) -> Conditions:
         """The conditions given by name, an error for other names."""
-        known = Conditions.__dataclass_fields__
-        unknown = [name for name in given if name not in known]
-        if unknown:
-            raise SettingError(f"conditions over speed: expected some of {list(known)}, found {unknown}")
+        for name in given:
+            validate.choice("conditions over speed", name, Conditions.__dataclass_fields__)
         return Conditions(**given)
 
     def __repr__(self) -> str:  # the same from run to run
@@ -146,13 +151,44 @@ def own_preload(problem: Problem) -> float:
     return preload_at(problem, problem.speed)
 
 
-def at_speed(problem: P, omega: float, **conditions: Any) -> P:
+Speeds = Sequence[float] | NDArray | float
+"""One rotor speed or several."""
+
+
+def asked_speeds(
+    problem: Problem, speeds: Speeds | None, rpm: Speeds | None, check: Callable[..., Any] = validate.numbers
+) -> Any:
+    """The speeds (rad/s) of a user who gives them in rad/s or in revolutions per minute; a warning where those were meant.
+
+    Raises
+    ------
+    SettingError
+        Unless one of the two is given, and above 0.
+    """
+    if (speeds is None) == (rpm is None):
+        raise SettingError(f"rotor speed: expected it in rad/s or as rpm=, found {'none' if rpm is None else 'both'}")
+    if rpm is not None:
+        return check("rpm", rpm, above=0.0) / RPM
+    values = check("speeds" if check is validate.numbers else "rotor speed", speeds, above=0.0, unit="rad/s")
+    radius = max((float(np.hypot(*place.position[:2])) for place in problem.model.locations.values()), default=0.0)
+    if radius * np.max(values) > TIP_SPEED:
+        implausible(
+            "rotor speed",
+            f"at most {TIP_SPEED / radius:.0f} rad/s, {TIP_SPEED:g} m/s at a radius of {radius:.3g} m",
+            f"{np.max(values):g}: revolutions per minute suspected, which are given as rpm={short(speeds)}",
+        )
+    return values
+
+
+def at_speed(problem: P, omega: float | None = None, *, rpm: float | None = None, **conditions: Any) -> P:
     """The same problem at a rotor speed: its model there, friction and excitation by speed where they are given.
 
     Parameters
     ----------
     problem : Problem
     omega : float, rad/s
+    rpm : float, revolutions per minute
+        Instead of ``omega``.
     **conditions
         ``friction``, ``temperature``, ``excitation`` of :class:`Conditions`.
 
@@ -167,8 +203,7 @@ def at_speed(problem: P, omega: float, **conditions: Any) -> P:
     SettingError
         If no free body carries a load, or a table does not reach the speed.
     """
-    omega = validate.number("rotor speed", omega, above=0.0, unit="rad/s")
-    return under(problem, omega, Conditions.of(conditions))
+    return under(problem, asked_speeds(problem, omega, rpm, validate.number), Conditions.of(conditions))
 
 
 def under(problem: P, omega: float, conditions: Conditions) -> P:

@@ -30,6 +30,7 @@ def _effect(default: Any, meaning: str, off: str) -> Any:
     return field(default=default, metadata={"meaning": meaning, "off": off})
 
 
+@validate.spelt
 @dataclass(frozen=True)
 class Effects:
     """Physical effects that a simulation includes.
@@ -88,9 +89,7 @@ class Effects:
         True, "each harmonic vibrates in its own nodal diameter", "every harmonic has the modes of the first"
     )
     constraints: bool = _effect(True, "constraint planes", "nothing limits the axial motion of the damper")
-    contact_points: int | None = _effect(
-        None, "contact points on each face", "neighbouring patches slip and open together"
-    )
+    contact_points: int | None = _effect(None, "contact points on each face", "neighbouring patches slip and open together")
     stability: bool = _effect(
         False, "stability of every solution", "a curve that runs back between two folds counts as unstable"
     )

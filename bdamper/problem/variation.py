@@ -20,7 +20,7 @@ import numpy as np
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.model.model import Body, Model, feed_digest
 from bdamper.model.validation import as_checked
-from bdamper.problem.at_speed import at_speed
+from bdamper.problem.at_speed import Conditions, under
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -61,8 +61,7 @@ def setting_names(problem: Problem) -> list[str]:
 
 def check_name(problem: Problem, name: str) -> None:
     """Raises a SettingError that lists the names there are."""
-    if name not in setting_names(problem):
-        raise SettingError(f"setting to vary: expected one of {setting_names(problem)}, found '{name}'")
+    validate.choice("setting to vary", name, setting_names(problem))
 
 
 def study_fingerprint(problem: Problem) -> str:
@@ -112,7 +111,8 @@ def _with_kept_parts(old: P, new: P, names: list[str]) -> P:
 
 def _varied(problem: P, settings: Mapping[str, Any]) -> P:
     if settings.get("speed") is not None:
-        problem = at_speed(problem, settings["speed"])
+        speed = validate.number("speed", settings["speed"], above=0.0, unit="rad/s")
+        problem = under(problem, speed, Conditions())
     plain = {name: value for name, value in settings.items() if "." not in name and name not in (*FACTORS, "speed")}
     if plain:
         problem = problem.with_(**plain)

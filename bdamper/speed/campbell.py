@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.problem.at_speed import Conditions, preload_at, under
+from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at, under
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossings import RPM, Crossings, OverSpeed, SpeedLine, speed_values
+from bdamper.speed.crossings import Crossings, OverSpeed, SpeedLine, speed_values
 from bdamper.speed.family import SpeedFamily, free_and_stuck
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -154,9 +154,10 @@ def line_crossings(speed: NDArray, frequency: NDArray, engine_order: int) -> NDA
 @one_thread
 def campbell(
     problem: Problem,
-    speeds: tuple[float, float] | Sequence[float] | NDArray,
+    speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
     engine_orders: Sequence[int] = (),
     *,
+    rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
     modes: int = 3,
     damped: Crossings | Sequence[Crossings] | None = None,
     progress: bool = False,
@@ -171,6 +172,8 @@ def campbell(
         Thirteen between two ends.
     engine_orders : sequence of int
         Of which lines are drawn and crossings told.
+    rpm : as ``speeds``, revolutions per minute
+        Instead of them.
     modes : int
         Of each nodal diameter, from the lowest.
     damped : Crossings or sequence of Crossings, optional
@@ -185,7 +188,7 @@ def campbell(
         If speeds or orders are none, or damped crossings of another model.
     """
     validate.instance("study", problem, Problem, "a Study")
-    values = speed_values(speeds)
+    values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validate.wholes("engine_orders", engine_orders, least=1)
     modes = validate.whole("modes", modes, least=1)
     shown = (damped,) if isinstance(damped, Crossings) else tuple(damped or ())

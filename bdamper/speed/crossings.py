@@ -19,7 +19,7 @@ from bdamper.continuation.follower import TWO_PI
 from bdamper.design.sweep import SweepResult, sweep
 from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
-from bdamper.problem.at_speed import Conditions, preload_at
+from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at
 from bdamper.problem.problem import Problem
 from bdamper.speed.crossing import BOTH, CrossingTask
 from bdamper.util import validate
@@ -32,9 +32,6 @@ from bdamper.util.repr import brief
 from bdamper.util.status import FAILED, NOT_RUN, Translated, left_undone, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Shares, Tabular
 from bdamper.util.text import amount
-
-RPM = 60.0 / (2.0 * np.pi)
-"""Revolutions per minute in one rad/s."""
 
 
 class OverSpeed:
@@ -246,9 +243,10 @@ def speed_values(speeds: Any, n: int = 13) -> NDArray:
 
 def crossings(
     problem: Problem,
-    speeds: tuple[float, float] | Sequence[float] | NDArray,
-    engine_orders: Sequence[int],
+    speeds: tuple[float, float] | Sequence[float] | NDArray | None = None,
+    engine_orders: Sequence[int] = (),
     *,
+    rpm: tuple[float, float] | Sequence[float] | NDArray | None = None,
     damper_mass: Sequence[float] = (1.0,),
     mode: int = 1,
     executor: Executor | None = None,
@@ -266,6 +264,8 @@ def crossings(
     speeds : (low, high) or sequence of more than two values, rad/s
         Range in which crossings are looked for.
     engine_orders : sequence of int
+    rpm : as ``speeds``, revolutions per minute
+        Instead of them.
     damper_mass : sequence of float
         Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
     mode : int
@@ -290,7 +290,7 @@ def crossings(
         If speeds, orders or factors are none, or no free body carries a load.
     """
     validate.instance("study", problem, Problem, "a Study")
-    values = speed_values(speeds)
+    values = speed_values(asked_speeds(problem, speeds, rpm))
     orders = validate.wholes("engine_orders", engine_orders, least=1)
     factors = validate.numbers("damper_mass", damper_mass, above=0.0)
     if not orders:

@@ -35,11 +35,13 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
 
     Raises
     ------
-    FloatingPointError
+    SettingError
         If the two do not have the same coordinates.
     """
     if basis.coordinates != reference.coordinates:
-        raise FloatingPointError("residual modes of two speeds differ in number")
+        raise SettingError(
+            "speeds: expected a range in which contacts keep their residual modes, found one that changes them"
+        )
     own = np.array([i for i, c in enumerate(basis.coordinates) if c.body == RESIDUAL], int)
     if not len(own):
         return basis
@@ -114,9 +116,7 @@ class SpeedFamily(Generic[P]):
         With a factor on the mass of the free bodies, load and inertia together.
         """
         speeds = node_speeds(low, high, nodes)
-        return HarmonicFamily(
-            [self.heavier(float(omega), mass) for omega in speeds], speeds, int(self.whole.engine_order)
-        )
+        return HarmonicFamily([self.heavier(float(omega), mass) for omega in speeds], speeds, int(self.whole.engine_order))
 
     def heavier(self, omega: float, mass: float) -> HarmonicSystem:
         """The equations at a speed with a factor on the mass of the free bodies, load and inertia together."""

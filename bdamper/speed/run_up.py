@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.follower import TWO_PI
 from bdamper.continuation.path import ContinuationOptions
-from bdamper.problem.at_speed import Conditions
+from bdamper.problem.at_speed import RPM, Conditions, asked_speeds
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossings import RPM, OverSpeed, speed_values
+from bdamper.speed.crossings import OverSpeed, speed_values
 from bdamper.speed.family import SpeedFamily
 from bdamper.speed.line import CLOSE, Line, exact, follow_line, interval
 from bdamper.util import validate
@@ -134,6 +134,7 @@ def run_up(
     problem: Problem,
     speeds: tuple[float, float] | None = None,
     *,
+    rpm: tuple[float, float] | None = None,
     mode: int = 1,
     within: tuple[float, float] | None = None,
     options: ContinuationOptions | None = None,
@@ -148,6 +149,8 @@ def run_up(
     speeds : (low, high), rad/s, optional
         Range of the run-up, which holds the crossing; by default the speeds at which the free and the stuck resonance of
         the mode meet the line, and some way beyond.
+    rpm : (low, high), revolutions per minute
+        Instead of ``speeds``.
     mode : int
     within : (low, high), rad/s, optional
         What the default range does not leave; 50 to 2000 rad/s by default, as far as tables over speed reach.
@@ -166,6 +169,8 @@ def run_up(
     validate.instance("study", problem, Problem, "a Study")
     given = Conditions.of(conditions)
     everywhere = np.clip(given.reach(int(problem.engine_order)), *WITHIN)
+    if speeds is not None or rpm is not None:
+        speeds = asked_speeds(problem, speeds, rpm)
     asked = speed_values(next((r for r in (speeds, within) if r is not None), everywhere))
     mode = validate.whole("mode", mode, least=1)
     meter = CostMeter(time.perf_counter())

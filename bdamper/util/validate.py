@@ -6,8 +6,11 @@ Every check takes the name first and raises a :class:`~bdamper.util.errors.Setti
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
+from difflib import get_close_matches
+from functools import wraps
 from numbers import Real
 from typing import Any, TypeVar
 
@@ -97,11 +100,57 @@ def flag(name: str, value: Any) -> bool:
     return bool(value)
 
 
+def meant(found: object, choices: Iterable[str]) -> str:
+    """The end of an error: up to three choices of which a name is a part, or the one that it misspells; empty if none."""
+    if not isinstance(found, str):
+        return ""
+    known = [c for c in choices if not c.startswith("_")]
+    near = [c for c in known if len(found) > 2 and found in c] or get_close_matches(found, known, 1)
+    return f"; did you mean {' or '.join(near[:3])}?" if near else ""
+
+
 def choice(name: str, value: Any, choices: Iterable[str]) -> str:
     """One of several names."""
+    choices = tuple(choices)
     if not isinstance(value, str) or value not in choices:
-        raise unfit(name, f"one of {tuple(choices)}", value)
+        near = meant(value, choices)
+        expected = f"one of {len(choices)} names" if near and len(choices) > 8 else f"one of {choices}"
+        raise SettingError(f"{unfit(name, expected, value)}{near}")
     return value
+
+
+def spelt(called: T, also: Iterable[str] = ()) -> T:
+    """A function or a class that answers a keyword it does not have with the one that was meant.
+
+    Parameters
+    ----------
+    called : function or class
+    also : iterable of str
+        Keywords that a function takes beyond those it names.
+    """
+    if isinstance(called, type):
+        called.__init__ = spelt(called.__init__)  # type: ignore[misc]
+        return called
+    function: Callable[..., Any] = called  # type: ignore[assignment]
+    signature = inspect.signature(function)
+    takes_any = not also and any(p.kind is p.VAR_KEYWORD for p in signature.parameters.values())
+    name, known = function.__qualname__.removesuffix(".__init__"), [*signature.parameters, *also]
+    needed = [
+        n for n, p in signature.parameters.items() if n != "self" and p.default is p.empty and p.kind != p.VAR_KEYWORD
+    ]
+
+    @wraps(function)
+    def checked(*given: Any, **keywords: Any) -> Any:
+        for word in () if takes_any else keywords.keys() - set(known):
+            near = meant(word, known) or f"; there are {', '.join(k for k in known if k != 'self' and k[0] != '_')}"
+            raise SettingError(f"{name}: expected keywords that it has, found {word}{near}")
+        try:
+            signature.bind(*given, **keywords)
+        except TypeError as error:
+            raise SettingError(f"{name}: expected {', '.join(needed)}, found: {error}") from None
+        return function(*given, **keywords)
+
+    return checked  # type: ignore[return-value]
 
 
 def names(name: str, value: Any, choices: Iterable[str], least: int = 0) -> tuple[str, ...]:
@@ -129,7 +178,7 @@ def mapping(name: str, value: Any, keys: Iterable[str], words: str) -> Mapping[s
         raise unfit(name, f"a mapping of {words} out of {list(keys)} to values", value)
     unknown = [key for key in value if key not in keys]
     if unknown:
-        raise unfit(name, f"{words} out of {list(keys)}", unknown)
+        raise SettingError(f"{unfit(name, f'{words} out of {list(keys)}', unknown)}{meant(unknown[0], keys)}")
     return value
 
 

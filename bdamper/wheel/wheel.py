@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from bdamper.util import validate
 from bdamper.util.repr import brief
 from bdamper.wheel.optimal import optimal_curve
 from bdamper.wheel.peak import peak
@@ -11,6 +12,7 @@ from bdamper.wheel.track import track
 from bdamper.wheel.wheel_problem import WheelProblem
 
 
+@validate.spelt
 @brief
 @dataclass(frozen=True, eq=False)
 class Wheel(WheelProblem):
