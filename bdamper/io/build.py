@@ -18,18 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
-from bdamper.io.contact_faces import ContactFaces, LaidContacts, lay_contacts
+from bdamper.io.contact_faces import ContactFaces, LaidContacts, from_first_sector, lay_contacts
 from bdamper.io.corner_order import check_corner_order
 from bdamper.io.fe_body import FEBody, Units
 from bdamper.io.from_matrices import Sectors, constrained_from_matrices, free_from_matrices
 from bdamper.io.from_modes import constrained_from_modes, free_from_modes
-from bdamper.io.import_report import ImportReport, frequencies_of
+from bdamper.io.import_report import ImportReport
 from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
-from bdamper.io.plausible import check_frequencies_against, check_not_swapped, check_one_scale, check_radial, check_sizes
+from bdamper.io.plausible import check_lowest, check_not_swapped, check_one_scale, check_radial, check_sizes
 from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
 from bdamper.io.row_order import check_row_order
+from bdamper.model.checks import require
 from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
 from bdamper.reduction.bodies import needed_nodal_diameters, picture_mesh
@@ -93,6 +94,7 @@ def build_model(
     origin: Sequence[float] = (0.0, 0.0, 0.0),
     expected_frequencies: Mapping[int, Sequence[float]] | None = None,
     check_units: bool = True,
+    strict: bool = False,
     wheel: NodeSet | None = None,
     wheel_shapes: LocalSizes | None = None,
     stress: NodeSet | Mapping[str, NodeSet] | None = None,
@@ -102,36 +104,28 @@ def build_model(
 
     Parameters
     ----------
-    blade : FEBody
-        One sector (or a whole structure, ``n_blades=1``), held at ``fixed`` or by rows missing from its matrices.
-    damper : FEBody, optional
-        A free body at its place beside the blade of this sector.
-    n_blades : int
-    contacts : sequence of ContactFaces
+    blade, damper : FEBody
+        One sector (or a whole structure, ``n_blades=1``); optionally a free body beside the blade of some sector.
+    n_blades, contacts : int, sequence of ContactFaces
     sector_faces, fixed : (set, set), set, optional
         The two faces at which the sector repeats, in either order, needed if ``n_blades > 1``; clamped nodes of the blade.
     locations : mapping of name to node number, position, or (body, node number or position)
         Where forces act and the response is read; positions in the axes and units of the file.
     engine_order, harmonics, nodal_diameters : int, int, sequence of int (0 to N/2), optional
         Nodal diameters of the model, given or as the harmonics of an engine order need them; 0 is always added.
-    n_modes, n_damper_modes : int
-        Modes of the sector at each nodal diameter, and of the damper, its six rigid ones included, if it has so many.
-    damping_ratio : float
-        Of all elastic modes.
-    units : str or Units
-        Of the files: one of :data:`bdamper.io.UNITS` or factors.
-    axis, radial, origin : (3,) float
-        Axis of rotation, direction to the blade and a point on the axis, in the axes and the unit of length of the files.
-    expected_frequencies : mapping of nodal diameter to frequencies (Hz), optional
-        Of the program that made the matrices; they are compared to 1 %.
+    n_modes, n_damper_modes, damping_ratio : int, int, float
+        Modes of the sector at each nodal diameter, and of the damper, its six rigid ones included; of all elastic modes.
+    units, axis, radial, origin : str or Units, (3,) float
+        One of :data:`bdamper.io.UNITS` or factors; axis of rotation, direction to the blade and a point on the axis, in the
+        axes and the unit of length of the files.
+    expected_frequencies, strict : mapping of nodal diameter to frequencies (Hz), bool
+        Of another program, compared to 1 %; such a comparison that fails, also with modes of a file, warns, or is refused.
     check_units : bool
-        Whether sizes, density and frequencies far from anything built are refused.
+        Whether sizes and densities far from anything built are refused.
     wheel, wheel_shapes : set, LocalSizes, optional
-        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades; numbers of
-        its shapes.
+        All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
     stress, elasticity : set or mapping of name to set, (Young's modulus, Poisson's ratio), optional
-        Nodes of the blade at which stress is wanted (needs the extra ``bdamper[fe]``), and constants in the units of the
-        file in place of those that it has.
+        Nodes of the blade for stress (extra ``bdamper[fe]``); constants in units of the file, in place of those in it.
 
     Raises
     ------
@@ -142,15 +136,17 @@ def build_model(
     n_blades = validate.whole("n_blades", n_blades, least=1)
     counts = _counts(n_modes, n_damper_modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    bodies = _prepared(blade, damper, place)
-    contacts, known = _given_contacts(contacts), _known_frequencies(expected_frequencies)
-    _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
+    bodies = _prepared(blade, damper, place, validate.flag("strict", strict))
+    contacts = _given_contacts(contacts)
     diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
+    bodies["blade"].expected = _known_frequencies(expected_frequencies, diameters)
+    _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
     ring = _ring(bodies["blade"], sector_faces, n_blades, diameters, engine_order)
+    contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
     made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
-    return _assembled(bodies, laid, places, made, rows, n_blades, known, check_units)
+    return _assembled(bodies, laid, places, made, rows, n_blades, check_units)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -162,12 +158,12 @@ def _counts(n_modes: int, n_damper_modes: int) -> dict[str, int]:
     return {"blade": blade, "damper": validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)}
 
 
-def _prepared(blade: FEBody, damper: FEBody | None, place: Placement) -> dict[str, PreparedBody]:
+def _prepared(blade: FEBody, damper: FEBody | None, place: Placement, strict: bool) -> dict[str, PreparedBody]:
     """The bodies in SI units and the axes of the model."""
     given = {"blade": blade} if damper is None else {"blade": blade, "damper": damper}
     for name, body in given.items():
         validate.instance(name, body, FEBody, "an FEBody, as read_arrays returns it")
-    return {name: PreparedBody(name, body, place) for name, body in given.items()}
+    return {name: PreparedBody(name, body, place, strict=strict) for name, body in given.items()}
 
 
 def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units: bool) -> None:
@@ -181,12 +177,17 @@ def _check_bodies(bodies: Mapping[str, PreparedBody], n_blades: int, check_units
             check_not_swapped(body)
             check_row_order(body)
         check_corner_order(body)
+        if check_units:
+            check_sizes(body)
 
 
-def _known_frequencies(given: Mapping[int, Sequence[float]] | None) -> Mapping[int, Sequence[float]]:
+def _known_frequencies(
+    given: Mapping[int, Sequence[float]] | None, diameters: tuple[int, ...]
+) -> Mapping[int, Sequence[float]]:
     if given is None:
         return {}
     for d, values in validate.instance("expected_frequencies", given, Mapping, "a mapping").items():
+        require(d in diameters, "expected_frequencies", f"nodal diameters out of {list(diameters)}", d)
         validate.numbers(f"expected_frequencies at nodal diameter {d}", values, above=0.0, unit="Hz")
     return given
 
@@ -292,7 +293,7 @@ def _reduced(
     for name, body in bodies.items():
         nodes = {key: node for key, (owner, node) in places.items() if owner == name}
         wanted = Wanted(laid.ports[name], laid.rows[name], nodes, counts[name], damping_ratio)
-        part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel)
+        part = None if wheel is None or name != "blade" else blade_part(body, wanted, ring, fixed, wheel, laid.interfaces)
         if name == "blade" and body.has_matrices:
             sectors = Sectors(body, wanted, ring, fixed, kept=() if part is None else sampled_waves(ring.n_blades))
             made[name] = constrained_from_matrices(sectors, rows)
@@ -314,17 +315,13 @@ def _assembled(
     made: Mapping[str, Body],
     rows: Sequence[StressRows],
     n_blades: int,
-    known: Mapping[int, Sequence[float]],
     check_units: bool,
 ) -> BuiltModel:
     """The model and its report."""
-    checks = [check for body in bodies.values() for check in body.checks]
-    if known:
-        frequencies = {d: frequencies_of(basis) for d, basis in made["blade"].bases.items()}
-        checks.append(check_frequencies_against(frequencies, known, "blade", "expected_frequencies"))
     if check_units:
         for name, body in bodies.items():
-            checks += check_sizes(body, made[name])
+            check_lowest(body, made[name])
+    checks = [check for body in bodies.values() for check in body.checks]
     model = Model(
         n_blades=n_blades,
         bodies=made,
@@ -342,6 +339,7 @@ def _assembled(
         sources={name: str(body.given) for name, body in bodies.items()},
         faces=laid.faces,
         checks=tuple(checks),
+        failed=tuple(text for body in bodies.values() for text in body.failed),
         missing=tuple(text for body in bodies.values() for text in body.missing),
         model=model,
     )

@@ -307,6 +307,23 @@ def _dof_table(path: Path) -> NDArray:
     return np.array(rows, dtype=np.int64)
 
 
+def _condensed(
+    stiffness: sp.csr_matrix, mass: sp.csr_matrix, internal: NDArray, body: FEBody
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Matrices without the amplitudes of the bubbles of C3D8I, nine to an element, for which CalculiX adds three nodes."""
+    n = sum(9 * len(e) for e, kind in zip(body.elements, body.element_kinds) if kind.name == "C3D8I")
+    found = int(internal.sum())
+    require(found == n, f"{body.source}: elements C3D8I", f"{n} rows of their internal nodes in the matrices", found)
+    outer, inner = np.flatnonzero(~internal), np.flatnonzero(internal)
+    own = stiffness[inner][:, inner].tobsr(blocksize=(9, 9))
+    require(own.data.shape[0] == n // 9, f"{body.source}: elements C3D8I", "one block of nine rows for each", "others")
+    inverse = sp.bsr_matrix((np.linalg.inv(own.data), own.indices, own.indptr)).tocsr()
+    shapes = sp.vstack([sp.identity(len(outer)), -inverse @ stiffness[inner][:, outer]], format="csr")
+    order = np.concatenate([outer, inner])
+    k, m = ((shapes.T @ matrix[order][:, order] @ shapes).tocsr() for matrix in (stiffness, mass))
+    return (0.5 * (k + k.T)).tocsr(), (0.5 * (m + m.T)).tocsr()
+
+
 def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath | tuple[FilePath, ...] = ()) -> FEBody:
     """A body from a run with ``*FREQUENCY, SOLVER=MATRIXSTORAGE``.
 
@@ -333,6 +350,10 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     dofs = _dof_table(base.with_name(base.name + ".dof"))
     stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
     mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
+    internal = ~np.isin(dofs[:, 0], body.numbers)
+    if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
+        stiffness, mass = _condensed(stiffness, mass, internal, body)
+        dofs = dofs[~internal]
     found: list[Modes] = []
     for path in (modes,) if isinstance(modes, str | os.PathLike) else modes:
         found += read_frd(path).modes

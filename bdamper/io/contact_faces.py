@@ -6,8 +6,8 @@ which a damper meets its neighbour follows from the positions of the faces and t
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -45,7 +45,7 @@ class ContactFaces:
     kind : {"friction", "constraint"}
     sector_b : int, optional
         Sector in which body b is met, -1, 0 or 1; found from the positions by default.
-    gap : float (m) or "measured"
+    gap : float (in the units of the files) or "measured"
         Initial normal distance, in metres; "measured" takes that of the two meshes.
     frame : (3, 3) float, optional
         Rows t1, t2, n in the axes of the model; by default n is the mean outward normal of face a, and t2 points
@@ -87,9 +87,9 @@ class ContactFaces:
             raise validate.unfit(f"{item}: points", f"at most {BOUNDS.points} contact points on a face", self.points)
         object.__setattr__(self, "points", counts if pair else counts[0])
         if not isinstance(self.gap, str):
-            object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap, unit="m"))
+            object.__setattr__(self, "gap", validate.number(f"{item}: gap", self.gap))
         elif self.gap != "measured":
-            raise validate.unfit(f"{item}: gap", "a distance in metres or 'measured'", self.gap)
+            raise validate.unfit(f"{item}: gap", "a distance in the units of the files, or 'measured'", self.gap)
         if self.sector_b is not None:
             object.__setattr__(self, "sector_b", validate.whole(f"{item}: sector_b", self.sector_b, -1, 1))
         if self.frame is not None:
@@ -131,6 +131,56 @@ class LaidContacts:
     rows: dict[str, sp.csr_matrix]
 
 
+def from_first_sector(
+    contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int
+) -> tuple[tuple[ContactFaces, ...], dict[str, PreparedBody]]:
+    """Contacts and bodies with the damper in sector 0: between its blade and the next one, wherever it is drawn.
+
+    A damper beside another blade, or at the other flank, is turned about the axis by whole pitches.
+    """
+    contacts, bodies = tuple(_from_damper(contact) for contact in contacts), dict(bodies)
+    touching = [c for c in contacts if (c.body_a, c.body_b) == ("damper", "blade")]
+    if n_blades == 1 or not touching or not {"damper", "blade"} <= set(bodies):
+        return contacts, bodies
+    damper, blade = bodies["damper"], bodies["blade"]
+    sectors = set()
+    for contact in touching:
+        if contact.faces_b is None:
+            return contacts, bodies  # refused where it is laid
+        face_a, face_b = damper.faces(contact.faces_a, contact.item), blade.faces(contact.faces_b, contact.item)
+        sectors.add(_nearest(range(n_blades), damper, face_a, blade, face_b, n_blades)[2])
+    first = next((s for s in sectors if (s - 1) % n_blades not in sectors), 0)
+    if not first:
+        return contacts, bodies
+    sector = first if 2 * first <= n_blades else first - n_blades
+    back = turn(-2.0 * np.pi / n_blades * sector)
+    place = replace(damper.place, radial=(back @ damper.place.rotation)[1])
+    bodies["damper"] = replace(damper, place=place)
+    damper.checks.append(f"damper: drawn {sector:+d} sectors on, moved between the blades of sectors 0 and 1")
+    return tuple(_turned(contact, back, sector) for contact in contacts), bodies
+
+
+def _from_damper(contact: ContactFaces) -> ContactFaces:
+    """The same contact with the damper as body a."""
+    if (contact.body_a, contact.body_b) != ("blade", "damper") or contact.frame is not None or contact.patches is not None:
+        return contact
+    assert contact.faces_b is not None
+    sector = None if contact.sector_b is None else -contact.sector_b
+    return replace(
+        contact, body_a="damper", body_b="blade", faces_a=contact.faces_b, faces_b=contact.faces_a, sector_b=sector
+    )
+
+
+def _turned(contact: ContactFaces, back: NDArray, sector: int) -> ContactFaces:
+    """A contact of a damper that is turned by ``back`` (3, 3), so many sectors."""
+    if contact.body_a != "damper":
+        return contact
+    frame = None if contact.frame is None else np.asarray(contact.frame) @ back.T
+    patches = None if contact.patches is None else contact.patches.turned(back)
+    sector_b = None if contact.sector_b is None or contact.body_b == "ground" else contact.sector_b - sector
+    return replace(contact, frame=frame, patches=patches, sector_b=sector_b)
+
+
 def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, PreparedBody], n_blades: int) -> LaidContacts:
     """Lay contact points over all pairs of faces.
 
@@ -142,7 +192,9 @@ def lay_contacts(contacts: Sequence[ContactFaces], bodies: Mapping[str, Prepared
     interfaces, stiffness, faces = {}, {}, []
     ports: dict[str, list[Port]] = {name: [] for name in (*bodies, "ground")}
     rows: dict[str, list[sp.csr_matrix]] = {name: [] for name in bodies}
-    for contact in contacts:
+    unit = bodies["blade"].place.units.length
+    for given in contacts:
+        contact = given if isinstance(given.gap, str) else replace(given, gap=unit * given.gap)
         interface, means, summary = _laid(contact, bodies, n_blades)
         interfaces[contact.name] = interface
         faces.append(summary)
@@ -234,7 +286,7 @@ def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, are
         raise mismatch(pair, "faces that lie on each other", found)
     if not isinstance(contact.gap, str) and abs(contact.gap) > BOUNDS.distance * width:
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
-        raise mismatch(f"{contact.item}: gap", "metres, much less than the width of the face", found)
+        raise mismatch(f"{contact.item}: gap", "much less than the width of the face, in the units of the files", found)
     _warn_of_misfit(contact, pair, means, area_a, area_b)
 
 
@@ -276,13 +328,7 @@ def _sector_of(
         candidates = tuple(s for s in candidates if s != 0)
         if not candidates:
             raise SettingError(f"{contact.item}: a body touches itself in a neighbouring sector only")
-    centre_a, normal_a = _centre_and_normal(face_a, a.nodes)
-    scores = []
-    for sector in candidates:
-        rotation = turn(2.0 * np.pi / n_blades * sector)
-        centre_b, normal_b = _centre_and_normal(face_b, b.nodes @ rotation.T)
-        scores.append((float(np.linalg.norm(centre_b - centre_a)), float(normal_a @ normal_b), sector))
-    distance, product, sector = min(scores)
+    distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
     if product > -0.5:
         raise mismatch(
             f"{contact.item} between {contact.body_a} and {contact.body_b}",
@@ -290,3 +336,16 @@ def _sector_of(
             f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart",
         )
     return sector
+
+
+def _nearest(
+    sectors: Iterable[int], a: PreparedBody, face_a: Facets, b: PreparedBody, face_b: Facets, n_blades: int
+) -> tuple[float, float, int]:
+    """Distance of the centres of two faces (m), cosine of their normals, and the sector of face b in which it is least."""
+    (centre_a, normal_a), (centre_b, normal_b) = _centre_and_normal(face_a, a.nodes), _centre_and_normal(face_b, b.nodes)
+    scores = []
+    for sector in sectors:
+        rotation = turn(2.0 * np.pi / n_blades * sector)
+        distance = float(np.linalg.norm(rotation @ centre_b - centre_a))
+        scores.append((distance, float(normal_a @ rotation @ normal_b), sector))
+    return min(scores)

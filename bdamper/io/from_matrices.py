@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.io.from_modes import compare_modes
+from bdamper.io.from_modes import compare_known
 from bdamper.io.over_speed import rotation_of
 from bdamper.io.plausible import check_rigid_motion
 from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
@@ -84,9 +84,15 @@ def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = (
     rotation = rotation_of(body)
     if rotation is not None:
         sectors.kept = {0, *sectors.kept}  # for the displacement by rotation
+    compared: set[int] = set()
+    known = {*body.expected, *(modes.nodal_diameter for modes in body.given.modes)}
+    known_first = sorted(ring.diameters, key=lambda d: d not in known)
 
     def sector(d: int) -> CyclicSector:
         made = sectors(d)
+        if d not in compared:
+            compared.add(d)
+            compare_known(body, d, made.modes(n_modes)[0], ring)
         if d in ring.pictured:
             body.keep_pictures(d, made.modes(n_modes)[1])
         for rows in stress:
@@ -95,18 +101,18 @@ def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = (
 
     with body.refusing("matrices", POSITIVE):
         built = constrained_body(
-            body.name, wanted.ports, sector, wanted.contact, wanted.locations, ring.diameters, n_modes,
+            body.name, wanted.ports, sector, wanted.contact, wanted.locations, known_first, n_modes,
             wanted.damping_ratio, ring.diameters, rotation,
         )  # fmt: skip
     for d in sectors.kept:
         if d in ring.diameters:
             sectors(d).forget_factors()
+    built = replace(built, bases=dict(sorted(built.bases.items())))
     for d, basis in built.bases.items():
         _check_positive(body, d, basis.omega2)
     body.checks.append("stiffness symmetric and positive definite at every nodal diameter, mass symmetric")
     if n_modes < wanted.n_modes:
         body.checks.append(f"{n_modes} modes instead of {wanted.n_modes}: the matrices have too few rows for more")
-    body.checks += compare_modes(body, built, ring)
     return built
 
 

@@ -22,7 +22,7 @@ from bdamper.model.model import Body, BodyLoad, ModalBasis
 from bdamper.reduction.bodies import location_rows
 from bdamper.reduction.cyclic import fix_phase
 from bdamper.reduction.free_body import rigid_motions
-from bdamper.reduction.waves import Waves, travelling_waves
+from bdamper.reduction.waves import Waves, farthest_pair, travelling_waves
 
 NO_RECEPTANCE = (
     "static receptances of the {name} (no matrices): contact stiffness cannot be derived; give it as numbers "
@@ -42,8 +42,13 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
         both = known[ring.left] & known[ring.right]
         body.require(both.any(), item, "values at matching nodes of the two sector faces", "none")
         left, right, frequency = ring.left[both], ring.right[both], np.asarray(modes.frequency, float)
-        with body.refusing(item, "travelling waves"):
-            waves = travelling_waves(frequency, np.nan_to_num(shapes), left, right, ring.n_blades, d)
+        plain = np.nan_to_num(shapes)
+        try:
+            waves = travelling_waves(frequency, plain, left, right, ring.n_blades, d)
+        except ValueError as error:
+            k = farthest_pair(plain, left, right, ring.n_blades, d)
+            place = f"most at nodes {body.given.numbers[left[k]]} and {body.given.numbers[right[k]]}"
+            raise body.error(item, "travelling waves", f"{error}; {place}") from error
         out = np.array(waves.shapes)
         out[np.repeat(~known, 3)] = np.nan
         waves = replace(waves, shapes=out)
@@ -57,20 +62,22 @@ def _waves(body: PreparedBody, modes: Modes, ring: Ring) -> Waves:
     return waves
 
 
-def compare_modes(body: PreparedBody, built: Body, ring: Ring) -> list[str]:
-    """Compare modes of a file with those of the matrices: frequencies, and whether they are waves."""
-    texts = []
-    for modes in body.given.modes:
-        d = modes.nodal_diameter
-        if d not in built.bases:
-            continue
-        waves = _waves(body, modes, ring)
-        found = np.sqrt(built.bases[d].omega2) / (2.0 * np.pi)
-        given = np.asarray(modes.frequency, float)[waves.index]
-        item = f"{body.where}: matrices, nodal diameter {d}"
-        error = compare_frequencies(found, given, item, modes.source or "the modes")
-        texts.append(f"{body.name}, nodal diameter {d}: frequencies agree with {modes.source} to {100 * error:.2g} %")
-    return texts
+def compare_known(body: PreparedBody, d: int, omega2: NDArray, ring: Ring) -> None:
+    """Compare modes at a nodal diameter with what is known of them.
+
+    With frequencies that the user expects; with modes of a file beside the matrices, and whether these are waves.
+    """
+    found, item = np.sqrt(np.maximum(omega2, 0.0)) / (2.0 * np.pi), f"{body.name}, nodal diameter {d}"
+    known = [(np.asarray(body.expected[d], float), "expected_frequencies")] if d in body.expected else []
+    for modes in body.given.modes if body.has_matrices else ():
+        if modes.nodal_diameter == d:
+            with body.compared():
+                index = _waves(body, modes, ring).index
+                known.append((np.asarray(modes.frequency, float)[index], modes.source or "the modes"))
+    for expected, source in known:
+        with body.compared():
+            error = compare_frequencies(found, expected, item, source)
+            body.checks.append(f"{item}: frequencies agree with {source} to {100 * error:.2g} %")
 
 
 def _modal_mass(body: PreparedBody, modes: Modes, waves: Waves) -> tuple[NDArray, str]:
@@ -172,6 +179,7 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
     bases, source = {}, ""
     for d in ring.diameters:
         omega2, shapes, source = _normalised(body, given, d, ring, wanted.n_modes)
+        compare_known(body, d, omega2, ring)
         contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
         if d in ring.pictured:
             body.keep_pictures(d, shapes)

@@ -55,6 +55,8 @@ class ImportReport(Plottable):
     missing : tuple of str
         Quantities that the model does not have, and what to do about it.
     model : Model
+    failed : tuple of str
+        Comparisons with another program that failed.
     """
 
     sources: dict[str, str]
@@ -62,6 +64,7 @@ class ImportReport(Plottable):
     checks: tuple[str, ...]
     missing: tuple[str, ...]
     model: Model = field(repr=False)
+    failed: tuple[str, ...] = ()
 
     @property
     def frequencies(self) -> dict[int, NDArray]:
@@ -69,7 +72,10 @@ class ImportReport(Plottable):
         return {d: frequencies_of(basis) for d, basis in self.model.bodies["blade"].bases.items()}
 
     def __str__(self) -> str:
-        lines = ["Import report", "", "Read"]
+        lines = ["Import report", ""]
+        if self.failed:
+            lines += ["Comparisons that FAILED", *(f"  {text}" for text in self.failed), ""]
+        lines.append("Read")
         lines += [f"  {name}: {text}" for name, text in self.sources.items()]
         lines += ["", "Frequencies of the sector, Hz, for each nodal diameter"]
         for d, values in self.frequencies.items():

@@ -14,7 +14,14 @@ from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_mo
 from bdamper.util.errors import SettingError
 
 
-def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | None, blade: NodeSet) -> BladePart:
+def blade_part(
+    body: PreparedBody,
+    wanted: Wanted,
+    ring: Ring,
+    fixed: NodeSet | None,
+    blade: NodeSet,
+    interfaces: Mapping[str, Interface],
+) -> BladePart:
     """The blade within a sector.
 
     Parameters
@@ -23,6 +30,7 @@ def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | 
         As in :func:`bdamper.io.from_matrices.constrained_from_matrices`.
     blade : NodeSet
         Its nodes, those included at which it meets the disk.
+    interfaces : mapping of name to Interface
 
     Raises
     ------
@@ -32,6 +40,9 @@ def blade_part(body: PreparedBody, wanted: Wanted, ring: Ring, fixed: NodeSet | 
     if not body.has_matrices or ring.n_blades == 1:
         found = "an acyclic structure" if body.has_matrices else "modes alone"
         raise SettingError(f"wheel: expected a sector of a cyclic structure with its matrices, found {found}")
+    touching = [name for name, face in interfaces.items() if face.body_a == face.body_b == body.name]
+    if touching:
+        raise SettingError(f"wheel: expected blades that touch dampers, found '{touching[0]}', where they touch each other")
     nodes, faces = body.node_set(blade, "wheel"), np.concatenate([ring.left, ring.right])
     with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
         held = None if fixed is None else body.node_set(fixed, "fixed")

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,18 +54,6 @@ def compare_frequencies(found: NDArray, expected: NDArray, item: str, source: st
     words = ratio_in_words(middle) if np.abs(ratio / middle - 1.0).max() < 0.02 else None
     suspicion = f"; the ratio {middle:.6g} is {words}" if words else f"; ratios {ratio.min():.4g} to {ratio.max():.4g}"
     raise mismatch(item, f"the frequencies of {source}, {wanted}, ... Hz", f"{shown}, ... Hz{suspicion}")
-
-
-def check_frequencies_against(
-    frequencies: Mapping[int, NDArray], expected: Mapping[int, Sequence[float]], name: str, source: str
-) -> str:
-    """Compare with frequencies (Hz) from another source, and return the text of the check."""
-    worst = 0.0
-    for d, values in expected.items():
-        require(d in frequencies, source, f"nodal diameters out of {sorted(frequencies)}", d)
-        item = f"{name}, nodal diameter {d}"
-        worst = max(worst, compare_frequencies(frequencies[d], np.asarray(values, float), item, source))
-    return f"frequencies agree with {source} to {100 * worst:.2g} %"
 
 
 def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
@@ -183,8 +169,8 @@ def _check_within(
         raise body.error(item, f"{what} {limits[0]:g} to {limits[1]:g} {unit}", found)
 
 
-def check_sizes(body: PreparedBody, made: Body) -> list[str]:
-    """Refuse sizes, densities, wave speeds and frequencies far from anything built; the texts of the checks otherwise."""
+def check_sizes(body: PreparedBody) -> None:
+    """Refuse sizes, densities and wave speeds far from anything built."""
     hint = f"{'millimetres' if body.size > BOUNDS.size[1] else 'another unit of length'} suspected"
     _check_within(body, "positions", "an extent of", BOUNDS.size, body.size, "m", hint)
     texts = [f"{body.name}: extent {body.size:.4g} m"]
@@ -205,10 +191,15 @@ def check_sizes(body: PreparedBody, made: Body) -> list[str]:
         hint += "units of the stiffness or the mass matrix suspected"
         _check_within(body, "stiffness and mass matrix", what, limits, speed, "m/s", hint, digits=3)
         texts.append(f"{body.name}: longitudinal waves travel at {speed:.4g} m/s in its material")
+    body.checks += texts
+
+
+def check_lowest(body: PreparedBody, made: Body) -> None:
+    """Compare lowest frequencies with what is built."""
     for d, basis in made.bases.items():
         elastic = basis.omega2[basis.omega2 > 0.0]
         if len(elastic):
             lowest = float(np.sqrt(elastic.min()) / (2.0 * np.pi))
             hint = "units of mass or stiffness off by powers of 10 suspected"
-            _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)
-    return texts
+            with body.compared():
+                _check_within(body, f"nodal diameter {d}", "a lowest frequency of", BOUNDS.frequency, lowest, "Hz", hint)

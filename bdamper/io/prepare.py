@@ -7,7 +7,7 @@ blade, X = Y x Z) in the axes of the file and s the unit of length; matrices bec
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -26,6 +26,7 @@ from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, f
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, ModelError, SettingError, mismatch
+from bdamper.util.warn import say
 
 FaceSet = str | NDArray | tuple[NDArray, ...]
 NodeSet = str | NDArray | list[int]
@@ -133,6 +134,12 @@ class PreparedBody:
         Quantities that the body does not provide, and what to do about it; grows likewise.
     pictures : dict of nodal diameter to (n_nodes, 3, n_modes)
         The first shapes of a model's modes, for pictures; where the body has elements and the shapes all nodes.
+    expected : mapping of nodal diameter to frequencies (Hz)
+        Of another program.
+    strict : bool
+        Whether a comparison that fails ends the build; otherwise it warns.
+    failed : list of str
+        Comparisons that failed; grows likewise.
     """
 
     name: str
@@ -141,6 +148,9 @@ class PreparedBody:
     checks: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     pictures: dict[int, NDArray] = field(default_factory=dict)
+    expected: Mapping[int, Sequence[float]] = field(default_factory=dict)
+    strict: bool = False
+    failed: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         g = self.given
@@ -183,6 +193,17 @@ class PreparedBody:
             raise
         except (ValueError, RuntimeError, ArithmeticError, np.linalg.LinAlgError, MemoryError) as error:
             raise self.error(item, expected, error) from error
+
+    @contextmanager
+    def compared(self) -> Iterator[None]:
+        """A comparison with what others found, which need not end the build where it fails."""
+        try:
+            yield
+        except ModelError as error:
+            if self.strict:
+                raise
+            self.failed.append(str(error))
+            say(f"{error} (strict=True refuses)")
 
     # ---- numbers, sets and faces ----
 

@@ -148,18 +148,53 @@ def in_reference_order(elements: NDArray, nodes: NDArray) -> NDArray:
     return np.hstack([own, np.take_along_axis(between, distance.argmin(axis=2), axis=1)])
 
 
-def _gradients(kind: str, x: NDArray) -> NDArray:
-    """Gradients (n_elements, n, n, 3) of all shape functions at all nodes of elements ``x`` (n_elements, n, 3)."""
-    n = x.shape[1]
-    points, spread = _samples(kind, n)
+def _gradients(group: Solids, x: NDArray) -> tuple[NDArray, NDArray | None]:
+    """Gradients of all shape functions at the nodes of elements ``x`` (n_elements, n, 3).
+
+    Returns
+    -------
+    gradient : (n_elements, n, n, 3); (n_elements, 8, 11, 3) of C3D8I, the bubbles last
+    bubbles : (n_elements, 9, 24), of C3D8I
+        Their amplitudes by the displacements of the nodes.
+    """
+    n, bubbles = x.shape[1], None
+    points, spread = _samples(group.kind, n)
     local = _wedge(points) if n == 15 else _values({**_FIRST, **_SECOND}[n], points)[1]
     jacobian = np.einsum("eai,ajp->epij", x, local, optimize=True)
     gradient = np.einsum("ajp,epji->epai", local, np.linalg.inv(jacobian), optimize=True)
-    if kind == "C3D8R":  # one point, with the mean gradient over the volume
-        volume = np.abs(np.linalg.det(jacobian))
+    volume = np.abs(np.linalg.det(jacobian))
+    if group.kind == "C3D8R":  # one point, with the mean gradient over the volume
         mean = np.einsum("ep,epai->eai", volume / volume.sum(axis=1, keepdims=True), gradient)
-        return np.repeat(mean[:, None], n, axis=1)
-    return np.einsum("Lp,epai->eLai", spread, gradient, optimize=True)
+        gradient = np.repeat(mean[:, None], len(points.T), axis=1)
+    elif group.kind == "C3D8I":
+        gradient, bubbles = _with_bubbles(group, x, points, gradient, volume)
+    return np.einsum("Lp,epai->eLai", spread, gradient, optimize=True), bubbles
+
+
+def _with_bubbles(
+    group: Solids, x: NDArray, points: NDArray, gradient: NDArray, volume: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Incompatible modes of C3D8I (Wilson), without force of their own.
+
+    As in CalculiX 2.20 their gradients are those of the map at the centre; other programs scale them by its volume, which
+    moves the stress of a distorted block by 5 %.
+    """
+    centre = np.einsum("eai,ajp->eij", x, _values(_FIRST[8], np.full((3, 1), 0.5))[1])
+    local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
+    own = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
+    gradient = np.concatenate([gradient, own], axis=2)
+    lame, shear = _constants(group)
+    h = np.einsum("ep,epki,epbj->ekibj", volume, own, gradient, optimize=True)
+    stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
+    stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
+    stiffness = stiffness.reshape(len(x), 9, 33)
+    return gradient, -np.linalg.solve(stiffness[:, :, 24:], stiffness[:, :, :24])
+
+
+def _constants(group: Solids) -> tuple[float, float]:
+    """Lame's constants, Pa."""
+    young, nu = group.youngs_modulus, group.poisson_ratio
+    return young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
 
 
 def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> tuple[sp.csr_matrix, NDArray]:
@@ -192,20 +227,25 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
             continue
         own = in_reference_order(touched, nodes)
         try:
-            gradient = _gradients(group.kind, nodes[own])
+            gradient, bubbles = _gradients(group, nodes[own])
         except np.linalg.LinAlgError:
             raise ValueError(f"elements {group.kind} without volume at one of their points") from None
         e, L = np.nonzero(place[own] >= 0)
-        parts.append(_stress_rows(group, own[e], gradient[e, L], len(nodes)))
+        blocks = _stress(group, gradient[e, L])
+        if bubbles is not None:
+            blocks = blocks[..., :24] + blocks[..., 24:] @ bubbles[e]
+        dof = (3 * own[e][:, :, None] + np.arange(3)).reshape(len(e), 1, -1)
+        columns = np.broadcast_to(dof, blocks.shape)
+        lines = np.repeat(np.arange(6 * len(e)), dof.shape[2])
+        shape = (6 * len(e), 3 * len(nodes))
+        parts.append(sp.csr_matrix((blocks.ravel(), (lines, columns.ravel())), shape=shape))
         owners.append(place[own[e, L]])
     return sp.vstack(parts, format="csr"), np.concatenate(owners)
 
 
-def _stress_rows(group: Solids, own: NDArray, g: NDArray, n_nodes: int) -> sp.csr_matrix:
-    """(6 m, 3 n_nodes) stress of gradients ``g`` (m, n, 3) of the shape functions of nodes ``own`` (m, n)."""
-    m, n = own.shape
-    young, nu = group.youngs_modulus, group.poisson_ratio
-    lame, shear = young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
+def _stress(group: Solids, g: NDArray) -> NDArray:
+    """(m, 6, 3 n) stress by the amplitudes of shape functions with the gradients ``g`` (m, n, 3)."""
+    (m, n, _), (lame, shear) = g.shape, _constants(group)
     blocks = np.zeros((m, 6, n, 3))
     for i in range(3):
         blocks[:, :3, :, i] += lame * g[:, None, :, i]
@@ -213,10 +253,7 @@ def _stress_rows(group: Solids, own: NDArray, g: NDArray, n_nodes: int) -> sp.cs
     for row, (i, j) in enumerate(SHEARS, 3):
         blocks[:, row, :, i] += shear * g[..., j]
         blocks[:, row, :, j] += shear * g[..., i]
-    dof = (3 * own[:, :, None] + np.arange(3)).reshape(m, 1, 3 * n)
-    columns = np.broadcast_to(dof, (m, 6, 3 * n)).ravel()
-    lines = np.repeat(np.arange(6 * m), 3 * n)
-    return sp.csr_matrix((blocks.reshape(-1), (lines, columns)), shape=(6 * m, 3 * n_nodes))
+    return blocks.reshape(m, 6, 3 * n)
 
 
 def von_mises_size(stress: NDArray) -> NDArray:

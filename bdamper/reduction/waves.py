@@ -149,5 +149,12 @@ def _refuse(error: NDArray, frequency: NDArray, d: int, tolerance: float, what: 
         k = int(np.argmax(error))
         raise ValueError(
             f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz does not repeat from one sector face to the other with the "
-            f"phase of a wave of this nodal diameter, in either direction (off by {error[k]:.3g})"
+            f"phase of a wave of this nodal diameter, in either direction (off by {100.0 * error[k]:.3g} %)"
         )
+
+
+def farthest_pair(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, nodal_diameter: int) -> int:
+    """Which matching nodes violate the phase condition most, in the better direction of the waves."""
+    off = [_difference(wave, left, right, n_sectors, nodal_diameter) for wave in (shapes, shapes.conj())]
+    worst = min(off, key=np.linalg.norm)
+    return int(np.linalg.norm(worst.reshape(len(left), -1), axis=1).argmax())

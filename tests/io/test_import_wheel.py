@@ -8,7 +8,7 @@ from threadpoolctl import threadpool_info, threadpool_limits
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.io import build_model
+from bdamper.io import ContactFaces, build_model
 from bdamper.model import check_model
 from bdamper.reduction import LocalSizes, cyclic
 from bdamper.util.errors import BdamperError
@@ -95,3 +95,11 @@ def test_a_set_that_is_no_blade_is_refused(fe, bodies, wheel, words):
     with pytest.raises(BdamperError) as error:
         build_model(blade, damper, **SETTINGS, wheel=wheel)
     assert words in str(error.value)
+
+
+def test_blades_that_touch_each_other_are_refused_before_the_work(bodies, monkeypatch):
+    """A wheel does not serve them, and a build for it says so at once."""
+    monkeypatch.setattr(cyclic, "factorise", lambda matrix: pytest.fail("work was done"))
+    shroud = ContactFaces("shroud", "HIGH", "LOW", "blade", "blade", points=2)
+    with pytest.raises(BdamperError, match="wheel: expected blades that touch dampers, found 'shroud', where they touch"):
+        build_model(*bodies, **{**SETTINGS, "contacts": [*SETTINGS["contacts"], shroud]}, wheel="BLADE")

@@ -27,7 +27,7 @@ from bdamper.io.prepare import PreparedBody, placement
 from bdamper.io.row_order import check_row_order
 from bdamper.reduction.facets import boundary_facets, facets_on_nodes
 from bdamper.util.errors import BdamperError, ModelError, SettingError
-from bdamper.util.warn import PlausibilityWarning
+from bdamper.util.warn import BdamperWarning, PlausibilityWarning
 from examples.calculix.decks import damper_sets
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
 
@@ -482,7 +482,7 @@ BAD_SETTINGS = [
     ({"contacts": [ContactFaces("left", "LEFT", "BORE")]}, "normals that point at each other|no area"),
     ({"contacts": [ContactFaces("left", "LEFT", None)]}, "contact 'left': expected faces_b"),
     ({"contacts": [ContactFaces("left", np.array([101, 102]), "BORE")]}, "at least one whole face"),
-    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=0.2)]}, "gap: expected metres, much less than"),
+    ({"contacts": [ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", gap=0.2)]}, "gap: expected much less than the width"),
     ({"contacts": ["left"]}, "contacts: expected a ContactFaces, found 'left'"),
     ({"contacts": None}, "contacts: expected a sequence of one or more ContactFaces, found None"),
     ({"units": None}, r"units \(or Units\(...\)\): expected one of .*, found None"),
@@ -518,8 +518,8 @@ def test_bad_settings(bodies, tip, change, message):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ({"gap": np.nan}, "contact 'left': gap: expected a finite number in m, found nan"),
-        ({"gap": "wide"}, "contact 'left': gap: expected a distance in metres or 'measured', found 'wide'"),
+        ({"gap": np.nan}, "contact 'left': gap: expected a finite number, found nan"),
+        ({"gap": "wide"}, "contact 'left': gap: expected a distance in the units of the files, or 'measured'"),
         ({"points": 0}, "contact 'left': points: expected a whole number from 1 to 400, found 0"),
         ({"points": 500}, "contact 'left': points: expected a whole number from 1 to 400, found 500"),
         ({"points": (30, 30)}, "contact 'left': points: expected at most 400 contact points"),
@@ -604,8 +604,21 @@ def test_a_number_that_is_none_is_named_with_its_matrix_and_row(bodies, tip):
 )
 def test_frequencies_off_by_a_factor_are_named(bodies, built, tip, factor, words):
     expected = {ND: built.report.frequencies[ND][:4] / factor}
+    given = {"contacts": contacts(), "locations": {"tip": tip}, "expected_frequencies": expected, **SETTINGS}
     with pytest.raises(ModelError, match=f"blade, nodal diameter {ND}: expected the frequencies of expected_f.*{words}"):
-        build_model(*bodies, contacts=contacts(), locations={"tip": tip}, expected_frequencies=expected, **SETTINGS)
+        build_model(*bodies, **given, strict=True)
+
+
+def test_a_comparison_that_fails_warns_and_keeps_the_model(bodies, built, tip):
+    """Before most of the work is done where it may end it: with the first of the nodal diameters that are compared."""
+    expected = {ND: built.report.frequencies[ND][:4] / 1.31}
+    given = {"contacts": contacts(), "locations": {"tip": tip}, "expected_frequencies": expected, **SETTINGS}
+    with pytest.warns(BdamperWarning, match=r"blade, nodal diameter 5: .* ratios 1.31 to 1.31 \(strict=True refuses\)"):
+        other = build_model(*bodies, **given)
+    assert other.model.hash == built.model.hash
+    assert len(other.report.failed) == 1 and other.report.failed[0] in str(other).split("Read")[0]
+    with pytest.raises(ModelError, match=r"expected_frequencies: expected nodal diameters out of .* found 7"):
+        build_model(*bodies, **{**given, "expected_frequencies": {7: [1.0]}})
 
 
 def test_expected_frequencies_that_agree(bodies, built, tip):

@@ -14,6 +14,7 @@ from bdamper.io import MassProperties, Modes, Receptance, build_model
 from bdamper.model.model import turn
 from bdamper.reduction.waves import travelling_waves
 from bdamper.util.errors import ModelError
+from bdamper.util.warn import BdamperWarning
 from tests.fe_bodies import SPARSE, contacts, sector_and_damper
 
 N, ND, COUNT = 65, 5, 6
@@ -93,7 +94,14 @@ def test_modes_beside_matrices_are_compared(fe, bodies, built):
     assert f"nodal diameter {ND}: frequencies agree with pairs.modes to" in str(other)
     radians = tuple(replace(m, frequency=2 * np.pi * m.frequency) for m in given.modes)
     with pytest.raises(ModelError, match=r"expected the frequencies of pairs.modes.*1/\(2 pi\): radians per second"):
-        build_model(replace(given, modes=radians), damper, contacts=contacts(), fixed="BORE", **SETTINGS)
+        build_model(replace(given, modes=radians), damper, contacts=contacts(), fixed="BORE", strict=True, **SETTINGS)
+    bent = given.modes[1].shapes.copy()
+    low = np.flatnonzero(np.isin(given.modes[1].numbers, blade.node_sets["LOW"]))[3]
+    bent[low] += 0.1 * np.abs(bent).max()
+    wrong = replace(given, modes=(replace(given.modes[1], shapes=bent),))
+    with pytest.warns(BdamperWarning, match=rf"off by .* %\); most at nodes {given.modes[1].numbers[low]} and"):
+        found = build_model(wrong, damper, contacts=contacts(), locations={"tip": 300}, fixed="BORE", **SETTINGS)
+    assert found.model.hash == built.model.hash
 
 
 def test_wrong_nodal_diameter_is_noticed(fe, bodies):

@@ -4,15 +4,17 @@ import shutil
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import spsolve
 
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
-from bdamper.io.calculix import read_frd, read_frd_stress
+from bdamper.io.calculix import read_calculix, read_frd, read_frd_stress
 from bdamper.reduction.element_stress import Solids, _places, element_rows, in_reference_order, node_average, von_mises_size
+from bdamper.util.errors import ModelError
 from examples.calculix.decks import run_job
 from tests.own_sector import deck, of_kind
 
-KINDS = ("C3D4", "C3D6", "C3D8", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R")
+KINDS = ("C3D4", "C3D6", "C3D8", "C3D8I", "C3D8R", "C3D10", "C3D15", "C3D20", "C3D20R")
 SIZE = np.array([10.0, 8.0, 30.0])
 
 
@@ -29,7 +31,7 @@ def block(kind):
     return of_kind(kind, x.reshape(-1, 3), np.stack(corners, axis=1))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "C3D8I"])  # CalculiX' own fails the patch test
 def test_uniform_strain_is_exact(kind):
     nodes, elements = block(kind)
     gradient = np.array([[1.0, 0.2, 0.3], [-0.1, 2.0, 0.4], [0.5, 0.6, -1.0]]) * 1e-3
@@ -102,3 +104,23 @@ def test_stress_of_wedges_of_first_order_is_that_of_calculix_at_its_points(tmp_p
     rows, _ = element_rows([Solids("C3D6", elements, 2.1e5, 0.3)], nodes, np.arange(len(nodes)))
     ours = (rows @ moved.ravel()).reshape(len(elements), 6, 6).mean(axis=1)  # over the nodes of each element
     assert von_mises_size(ours - theirs).max() < 5e-4 * von_mises_size(theirs).max()
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
+def test_internal_nodes_of_incompatible_elements_are_condensed(tmp_path):
+    """The displacement of a static run is that of the matrices that CalculiX writes with nine more rows an element."""
+    nodes, elements, moved, _ = solved("C3D8I", tmp_path)
+    ends = {name: np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) for name, z in (("ROOT", 0.0), ("TIP", SIZE[2]))}
+    steps = ["*BOUNDARY", "ROOT, 1, 3", "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "6,", "*END STEP", ""]
+    run_job("\n".join([deck("C3D8I", nodes, elements, 2.1e5, 0.3, 7.8e-9, ends), *steps]), tmp_path, "matrices")
+    body = read_calculix(tmp_path / "matrices")
+    assert body.stiffness.shape == (3 * (len(nodes) - len(ends["ROOT"])),) * 2
+    force = np.zeros((len(nodes), 3))
+    force[ends["TIP"]] = 10.0, 0.0, 25.0
+    rows = 3 * (body.dofs[:, 0] - 1) + body.dofs[:, 1] - 1
+    found = spsolve(body.stiffness.tocsc(), force.ravel()[rows])
+    np.testing.assert_allclose(found, moved.ravel()[rows], rtol=1e-4, atol=1e-5 * np.abs(moved).max())
+    fewer = (tmp_path / "matrices.dof").read_text().splitlines()[:-1]
+    (tmp_path / "matrices.dof").write_text("\n".join(fewer))
+    with pytest.raises(ModelError, match="rows and columns 1 to"):
+        read_calculix(tmp_path / "matrices")
