@@ -9,15 +9,20 @@ the flexibility singular: the mesh "faces" is fine at the contact faces and coar
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import bdamper as bd
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.bonded import reference_frequencies
 
 # 8 x 14 elements under a contact face, 8 x 12 on the damper, as few as possible elsewhere
 FACES = MeshDensity(
@@ -64,7 +69,7 @@ def convergence(points: tuple[int, ...], mesh: str = "coarse", preload: float = 
             stiffness=float(np.sum(unit.stiffness["left"].stiffness[:, 2])),
             normal=contact.normal_force["left"] / preload,
             area=contact.contact_area["left"] / float(face.area.sum()),
-            bonded=float(fe.bonded_frequencies(5, n, 1)[0]),
+            bonded=float(reference_frequencies(fe, 5, n, 1)[0]),
             reduced=float(study.system(0.0).linear_modes(springs)[0][0]) / (2.0 * np.pi),
             peak=curve.peak.amplitude,
             peak_frequency=curve.peak.frequency,

@@ -334,7 +334,7 @@ ONE_OF_EACH = {
     r"linalg\.(solve\w*|lstsq|inv|pinv|lu_\w+|cho_\w+|get_lapack_funcs|spsolve\w*|splu|spilu|factorized)$": {
         "contact.preload", "contact.preload_forces", "contact.residual_modes", "contact.stiffness",
         "effects.indicator", "harmonic_balance.family", "harmonic_balance.system", "io.over_speed", "model.coupling",
-        "model.local", "model.validation", "reduction.bonded", "reduction.cyclic", "reduction.element_stress",
+        "model.local", "model.validation", "reduction.cyclic", "reduction.element_stress",
         "reduction.free_body", "reduction.local_coordinates", "reduction.patches", "stability.time_integration",
         "wheel.condensation", "wheel.krylov",
     },

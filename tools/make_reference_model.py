@@ -31,13 +31,16 @@ from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.large import paper_disk, reference_disk
 from bdamper.fe.mesh import MeshDensity
 from bdamper.fe.reference import bladed_disk
-from bdamper.fe.rig import rig
 from bdamper.fe.sector import SectorFE
 from bdamper.io.model_file import load_model, save_model
 from bdamper.model.model import Model
 from bdamper.reduction import LocalSizes
 from bdamper.reduction.bodies import needed_nodal_diameters
 from bdamper.shipped import CONTACT_POINTS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from tools.bonded import reference_frequencies
+from tools.rig import rig
 
 LARGEST = 9
 """Contact points of the model that serves wheels of unequal blades, rotor speed and stress too."""
@@ -78,7 +81,7 @@ def build(fe: SectorFE, points: int, stored: Model | None = None) -> Model:
         model = reference_disk(points, progress=True)
     if stored is not None:
         return dataclasses.replace(model, provenance=stored.provenance)
-    bonded = fe.bonded_frequencies(BONDED_DIAMETER, points)
+    bonded = reference_frequencies(fe, BONDED_DIAMETER, points)
     note = {
         f"bonded frequencies, nodal diameter {BONDED_DIAMETER}": " ".join(f"{f:.6f}" for f in bonded) + " Hz"
     }

@@ -167,14 +167,6 @@ def sector_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     return join_blocks(sector_blocks(g, n))
 
 
-def rig_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
-    """Blade 0 between two neighbours without airfoil, on a disk segment of three pitches."""
-    blocks = sector_blocks(g, n)
-    for side in (-1, 1):
-        blocks += [block @ turn(side * g.pitch).T for block in blocks[:3]]
-    return join_blocks(blocks)
-
-
 def damper_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
     """The damper of sector 0 at its place between blade 0 and blade 1, in the axes of blade 0."""
     left = g.face_points(np.linspace(g.face_length, 0.0, n.damper_face + 1))

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from bdamper.fe.assemble import Discretisation, discretise
-from bdamper.fe.contact_points import averaging_matrix, wedge_patches
+from bdamper.fe.contact_points import averaging_matrix
 from bdamper.fe.geometry import Geometry, Material, turn
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks, sector_mesh
 from bdamper.fe.spin import stiffness_per_squared_speed
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface
-from bdamper.reduction.bonded import bonded_frequencies
-from bdamper.reduction.cyclic import CyclicSector, match_faces, sector_phase
+from bdamper.reduction.cyclic import CyclicSector, match_faces
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.reduction.patches import Patches
@@ -133,12 +132,3 @@ class SectorFE:
     def damper_contact(self, *patches: Patches) -> sp.csr_matrix:
         """Averaging matrix of the damper over patches of its faces, one below the other."""
         return sp.vstack([averaging_matrix(self.damper.body, p) for p in patches], format="csr")
-
-    def bonded_frequencies(self, nodal_diameter: int, points: int | tuple[int, int] = 48, n_modes: int = 5) -> NDArray:
-        """Frequencies (n_modes,), Hz, with the damper bonded at patches; see :mod:`bdamper.reduction.bonded`."""
-        left, right = (wedge_patches(self.geometry, side, points) for side in ("left", "right"))
-        phase = sector_phase(self.geometry.n_blades, nodal_diameter)
-        phases = np.concatenate([np.ones(3 * len(left.size)), np.full(3 * len(right.size), phase)])
-        blade_rows = sp.diags(phases) @ self.blade_contact(left, right)
-        damper_rows = self.damper_contact(left, right)
-        return bonded_frequencies(self.cyclic(nodal_diameter), self.damper, blade_rows, damper_rows, n_modes)

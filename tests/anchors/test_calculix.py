@@ -16,10 +16,10 @@ if shutil.which("ccx") is None:
 from bdamper.fe.blade_to_ground import blade_structure
 from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity
-from bdamper.fe.rig import rig_structure
 from bdamper.fe.sector import SectorFE
 from examples.calculix.decks import sector_input
 from tests.calculix_runs import clamped_input, free_input, run
+from tools.rig import rig_structure
 
 SHIPPED = Path(__file__).resolve().parents[2] / "models" / "bladed_disk_24.h5"
 

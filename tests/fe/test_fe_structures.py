@@ -8,10 +8,11 @@ from tests.plain import plain_study
 pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[fe])")
 
 import bdamper as bd
-from bdamper.fe import blade_to_ground, rig
+from bdamper.fe import blade_to_ground
 from bdamper.fe.geometry import Geometry, turn
-from bdamper.fe.mesh import MeshDensity, rig_mesh, sector_mesh
+from bdamper.fe.mesh import MeshDensity, sector_mesh
 from bdamper.model.validation import check_model
+from tools.rig import rig, rig_mesh
 
 
 @pytest.fixture(scope="module")

@@ -25,11 +25,12 @@ from dataclasses import replace
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from skfem import MeshHex
 
 from bdamper.fe.assemble import Discretisation, discretise
 from bdamper.fe.contact_points import averaging_matrix, end_patches, wedge_patches
 from bdamper.fe.geometry import Geometry, Material
-from bdamper.fe.mesh import MeshDensity, damper_mesh, rig_mesh
+from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
 from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
 from bdamper.model.model import Body, Model, turn
 from bdamper.reduction.bodies import constrained_body, free_body
@@ -42,6 +43,14 @@ FACES = {
     "right": ("right_inner", "right_outer", "right_front", "right_back"),
 }
 """Interfaces at the left, right, front and back face of each damper."""
+
+
+def rig_mesh(g: Geometry, n: MeshDensity) -> MeshHex:
+    """Blade 0 between two neighbours without airfoil, on a disk segment of three pitches."""
+    blocks = sector_blocks(g, n)
+    for side in (-1, 1):
+        blocks += [block @ turn(side * g.pitch).T for block in blocks[:3]]
+    return join_blocks(blocks)
 
 
 def rig_structure(g: Geometry, density: MeshDensity, material: Material) -> tuple[Discretisation, CyclicSector]:
@@ -116,7 +125,7 @@ def rig(
         interfaces=interfaces,
         locations=locations("blades", blades, nodes),
         meshes=meshes,
-        provenance=provenance("bdamper.fe.rig.rig", blades, damper.body),
+        provenance=provenance("tools.rig", blades, damper.body),
     )
 
 

@@ -23,7 +23,9 @@ import scipy.linalg
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.reduction.cyclic import CyclicSector, lowest_modes
+from bdamper.fe.contact_points import wedge_patches
+from bdamper.fe.sector import SectorFE
+from bdamper.reduction.cyclic import CyclicSector, lowest_modes, sector_phase
 from bdamper.reduction.free_body import FreeBody
 
 
@@ -77,3 +79,14 @@ def bonded_frequencies(
     mass = sp.block_diag([sector.mass, damper.body.mass], format="csr").astype(dtype)
     omega2, _ = lowest_modes(stiffness, mass, solve, n_modes)
     return np.sqrt(omega2) / (2.0 * np.pi)
+
+
+def reference_frequencies(
+    fe: SectorFE, nodal_diameter: int, points: int | tuple[int, int] = 48, n_modes: int = 5
+) -> NDArray:
+    """Frequencies (n_modes,), Hz, of the reference disk with the damper bonded at patches."""
+    left, right = (wedge_patches(fe.geometry, side, points) for side in ("left", "right"))
+    phase = sector_phase(fe.geometry.n_blades, nodal_diameter)
+    phases = np.concatenate([np.ones(3 * len(left.size)), np.full(3 * len(right.size), phase)])
+    blade_rows = sp.diags(phases) @ fe.blade_contact(left, right)
+    return bonded_frequencies(fe.cyclic(nodal_diameter), fe.damper, blade_rows, fe.damper_contact(left, right), n_modes)
