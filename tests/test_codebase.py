@@ -333,8 +333,8 @@ ONE_OF_EACH = {
     # linear equations outside the core: statics, fits, reductions, and what still has a Newton method of its own
     r"linalg\.(solve\w*|lstsq|inv|pinv|lu_\w+|cho_\w+|get_lapack_funcs|spsolve\w*|splu|spilu|factorized)$": {
         "contact.preload", "contact.preload_forces", "contact.residual_modes", "contact.stiffness",
-        "effects.indicator", "harmonic_balance.family", "harmonic_balance.system", "io.over_speed", "model.coupling",
-        "model.local", "model.validation", "reduction.cyclic", "reduction.element_stress",
+        "effects.indicator", "harmonic_balance.family", "harmonic_balance.system", "io.calculix", "io.over_speed",
+        "model.coupling", "model.local", "model.validation", "reduction.cyclic", "reduction.element_stress",
         "reduction.free_body", "reduction.local_coordinates", "reduction.patches", "stability.time_integration",
         "wheel.condensation", "wheel.krylov",
     },
