@@ -35,7 +35,7 @@ C_LEVELS = [
 ]
 # a room may import from itself and from those behind it in this list, never from those before it
 ROOMS = [
-    "__init__", "masses", "study", "plot", "wheel", "speed", "design", "accuracy", "effects", "peaks", "fatigue",
+    "cli", "__init__", "masses", "study", "plot", "wheel", "speed", "design", "accuracy", "effects", "peaks", "fatigue",
     "stability", "continuation", "problem", "harmonic_balance", "contact", "shipped", "fe", "io", "reduction", "model",
     "util",
 ]  # fmt: skip

@@ -1,5 +1,6 @@
 """One tracking curve by the installed package, away from its sources; fails where something is missing."""
 
+import subprocess
 from importlib import metadata
 from pathlib import Path
 
@@ -38,4 +39,6 @@ curve = study.track(preload=2000.0, frequency=(270.0, 370.0))
 print(curve)
 assert curve.complete
 np.testing.assert_allclose((curve.peak.amplitude, curve.peak.frequency), PEAK, rtol=1e-4)
+subprocess.run(["bdamper", "optimum", "--demo", "--no-check", "--png", "optimum.png"], check=True)
+assert Path("optimum.png").read_bytes()[1:4] == b"PNG"
 print(f"bdamper {bd.__version__}: wheel complete, peak as expected")

@@ -1,0 +1,137 @@
+"""Arguments of the command ``bdamper``, and what is asked with them."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+import bdamper as bd
+from bdamper.fatigue.material import Material
+
+RPM = np.pi / 30.0
+
+
+def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The tracking curve, and whether it spans the band."""
+    curve = study.track(given.preload, given.band, progress=not given.quiet)
+    return curve, curve.complete
+
+
+def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """The optimal curve, and whether it has an optimum."""
+    settings = {"mode": given.mode, "check": not given.no_check, "progress": not given.quiet}
+    curve = study.optimal_curve(given.preloads, given.n, **settings)
+    return curve, bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
+
+
+def crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """Crossings with engine orders, and whether there is one."""
+    low, high = np.multiply(given.speeds, RPM)
+    found = study.crossings((low, high), given.orders, mode=given.mode, progress=not given.quiet)
+    return found, bool(np.isfinite(found.speed).any())
+
+
+def margin(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
+    """Margins against fatigue at the highest peak of a preload, and whether there is one."""
+    peak = study.peak(given.preload, given.band, mode=given.mode)
+    print(peak)
+    if not np.isfinite(peak.amplitude):
+        return peak, False
+    strength = [1e6 * getattr(given, name) for name in ("endurance", "ultimate", "yield")]
+    return study.margin(peak, Material(*strength)), True
+
+
+QUESTIONS = {
+    "track": (track, "the response over a frequency band at one preload"),
+    "optimum": (optimum, "the preload of least resonance"),
+    "crossings": (crossings, "resonances with engine orders over rotor speed, for a model that knows it"),
+    "margin": (margin, "margins against fatigue at one preload, for a model with stress"),
+}
+
+
+def parser() -> argparse.ArgumentParser:
+    """Arguments, with units and defaults in the help."""
+    model = argparse.ArgumentParser(add_help=False)
+    which = model.add_mutually_exclusive_group(required=True)
+    which.add_argument("model", nargs="?", help="model file (HDF5)")
+    which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
+    model.add_argument("--png", metavar="FILE", help="write the picture; the demo's is named after the command")
+    out = argparse.ArgumentParser(add_help=False)
+    add = out.add_argument
+    add("--csv", metavar="FILE", help="write the table")
+    add("--h5", metavar="FILE", help="write the whole result, for bdamper.load")
+    add("--quiet", action="store_true", help="no progress")
+    add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
+    add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
+    add("--friction", type=float, default=0.3, metavar="MU", help="friction coefficient, default %(default)s")
+    add("--force", type=float, default=1.0, metavar="N", help="amplitude of the excitation in N, default %(default)s")
+    add("--at", default="tip", help="location that is driven and watched, default %(default)s")
+    add("--direction", default="tangential", help="of the excitation: tangential, radial or axial; default %(default)s")
+    add("--mode", type=int, default=1, help="default %(default)s, the lowest")
+
+    main = argparse.ArgumentParser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
+    main.add_argument("--version", action="version", version=bd.__version__)
+    commands = main.add_subparsers(dest="command", required=True)
+    commands.add_parser("info", parents=[model], help="what a model file holds")
+    own = {name: commands.add_parser(name, parents=[model, out], help=text) for name, (_, text) in QUESTIONS.items()}
+    for name, default in (("track", (600.0, 720.0)), ("margin", None)):
+        own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
+        searched = f"default {default[0]:g} {default[1]:g}, the demo's" if default else "searched if not given"
+        band: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH"), "default": default}
+        own[name].add_argument("--band", help=f"frequencies in Hz, {searched}", **band)
+    two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
+    own["optimum"].add_argument("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
+    own["optimum"].add_argument("-n", type=int, default=20, help="number of preloads, default %(default)s")
+    own["optimum"].add_argument("--no-check", action="store_true", help="do not compare with more harmonics")
+    own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
+    some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
+    own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
+    for name, text, value in (
+        ("endurance", "endurance limit", 300.0),
+        ("ultimate", "ultimate strength", 1200.0),
+        ("yield", "yield strength", 900.0),
+    ):
+        own["margin"].add_argument(f"--{name}", type=float, default=value, help=f"{text} in MPa, default %(default)g")
+    return main
+
+
+def answer(given: argparse.Namespace) -> int:
+    """Ask, print and write; 1 where there is no answer."""
+    model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
+    if given.command == "info":
+        result, answered = model, True
+    else:
+        driven = bd.Excitation(given.at, given.direction, given.force)
+        settings = {"friction_coefficient": given.friction, "harmonics": given.harmonics}
+        study = bd.Study(model, driven, given.engine_order if model.n_blades > 1 else 0, **settings)
+        result, answered = QUESTIONS[given.command][0](study, given)
+        if given.csv:
+            result.to_csv(given.csv)
+        if given.h5:
+            result.save(given.h5)
+    print(result)
+    if picture := given.png or (given.demo and f"{given.command}.png"):
+        from bdamper.plot import save_figure
+
+        save_figure(result.plot(), picture)
+        print(f"wrote {picture}", file=sys.stderr)
+    return int(not answered)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command; the exit code."""
+    given = parser().parse_args(arguments)
+    try:
+        return answer(given)
+    except bd.SettingError as error:
+        print(f"bdamper: {error}", file=sys.stderr)
+        return 2
+    except (bd.BdamperError, OSError) as error:
+        print(f"bdamper: {error}", file=sys.stderr)
+        return 1
+    except KeyboardInterrupt:
+        return 1

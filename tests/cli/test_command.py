@@ -1,0 +1,79 @@
+"""The command: prints, files and exit codes; every question on the typical blade."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.cli.command import main, parser
+
+QUICK = {
+    "track": ["--preload", "104", "--band", "630", "690"],
+    "optimum": ["--preloads", "80", "160", "-n", "4", "--no-check"],
+    "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
+    "margin": ["--preload", "104"],
+}
+
+
+@pytest.mark.parametrize("command", QUICK)
+def test_answers_are_printed_and_written(command, tmp_path, capsys):
+    files = [f"--{kind}={tmp_path / f'out.{kind}'}" for kind in ("csv", "h5", "png")]
+    assert main([command, "--demo", "--harmonics", "1", *QUICK[command], *files]) == 0
+    out = capsys.readouterr().out
+    result = bd.load(tmp_path / "out.h5")
+    assert str(result).splitlines()[0] in out
+    assert (tmp_path / "out.csv").read_text().count("\n") > 2
+    assert (tmp_path / "out.png").read_bytes()[1:4] == b"PNG"
+
+
+def test_what_is_asked_is_what_the_study_answers(capsys, tmp_path):
+    path, picture = tmp_path / "curve.h5", tmp_path / "curve.png"
+    asked = ["--direction=axial", "--friction=0.5", "--force=2", "--harmonics=1", "--preload=104", "--band", "630", "690"]
+    assert main(["track", "--demo", *asked, "--quiet", "--h5", str(path), "--png", str(picture)]) == 0
+    assert capsys.readouterr().err == f"wrote {picture}\n"
+    study = bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip", "axial", 2.0), 5, 0.5, harmonics=1)
+    np.testing.assert_array_equal(bd.load(path).amplitude, study.track(104.0, (630.0, 690.0)).amplitude)
+
+
+def test_info_of_a_file(capsys, tmp_path):
+    bd.save_model(bd.reference_model("blade_to_ground"), tmp_path / "model.h5")
+    assert main(["info", str(tmp_path / "model.h5"), "--png", str(tmp_path / "model.png")]) == 0
+    assert "platform: friction, blade on ground" in capsys.readouterr().out
+    assert (tmp_path / "model.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["info", "nowhere.h5"], 1, "nowhere.h5"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "0 of 1"),
+        (["track", "--demo", "--preload", "-1"], 2, "preload"),
+        (["track", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
+    ],
+)
+def test_no_answer_is_told_in_a_line(arguments, code, text, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == code
+    out, err = capsys.readouterr()
+    assert text in out + err and "Traceback" not in err
+
+
+@pytest.mark.parametrize("arguments", [[], ["track"], ["track", "--demo", "m.h5"], ["optimum", "--demo", "-n", "many"]])
+def test_wrong_use(arguments, capsys):
+    with pytest.raises(SystemExit, match="2"):
+        main(arguments)
+    assert "usage: bdamper" in capsys.readouterr().err
+
+
+def test_help_names_units_and_defaults(capsys):
+    for command, word in {"optimum": "in N, default 20 2000", "margin": "MPa, default 300", "crossings": "rpm"}.items():
+        with pytest.raises(SystemExit, match="0"):
+            parser().parse_args([command, "--help"])
+        assert word in capsys.readouterr().out
+
+
+def test_runs_as_a_module():
+    run = subprocess.run([sys.executable, "-m", "bdamper.cli", "--version"], capture_output=True, text=True)
+    assert run.stdout.strip() == bd.__version__
