@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,27 +12,26 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.fatigue.material import Material
-
-RPM = np.pi / 30.0
+from bdamper.peaks.interval import peak_interval
 
 
 def track(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """The tracking curve, and whether it spans the band."""
-    curve = study.track(given.preload, given.band, progress=not given.quiet)
+    band = peak_interval(study, given.band and tuple(given.band), given.mode)
+    curve = study.track(given.preload, band, progress=not given.quiet)
     return curve, curve.complete
 
 
 def optimum(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """The optimal curve, and whether it has an optimum."""
-    settings = {"mode": given.mode, "check": not given.no_check, "progress": not given.quiet}
+    settings = {"mode": given.mode, "check": given.check, "progress": not given.quiet}
     curve = study.optimal_curve(given.preloads, given.n, **settings)
     return curve, bool(np.isfinite(curve.optimum.amplitude)) and not curve.interrupted
 
 
 def crossings(study: bd.Study, given: argparse.Namespace) -> tuple[Any, bool]:
     """Crossings with engine orders, and whether there is one."""
-    low, high = np.multiply(given.speeds, RPM)
-    found = study.crossings((low, high), given.orders, mode=given.mode, progress=not given.quiet)
+    found = study.crossings(rpm=given.speeds, engine_orders=given.orders, mode=given.mode, progress=not given.quiet)
     return found, bool(np.isfinite(found.speed).any())
 
 
@@ -64,6 +64,7 @@ def parser() -> argparse.ArgumentParser:
     add = out.add_argument
     add("--csv", metavar="FILE", help="write the table")
     add("--h5", metavar="FILE", help="write the whole result, for bdamper.load")
+    add("--details", action="store_true", help="print everything that the result has to say")
     add("--quiet", action="store_true", help="no progress")
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
     add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
@@ -78,15 +79,17 @@ def parser() -> argparse.ArgumentParser:
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model], help="what a model file holds")
     own = {name: commands.add_parser(name, parents=[model, out], help=text) for name, (_, text) in QUESTIONS.items()}
-    for name, default in (("track", (600.0, 720.0)), ("margin", None)):
-        own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
-        searched = f"default {default[0]:g} {default[1]:g}, the demo's" if default else "searched if not given"
-        band: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH"), "default": default}
-        own[name].add_argument("--band", help=f"frequencies in Hz, {searched}", **band)
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
+    for name in ("track", "margin"):
+        own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
+        own[name].add_argument(
+            "--band", help="frequencies in Hz, by default those around the resonances of the mode", **two
+        )
     own["optimum"].add_argument("--preloads", default=(20.0, 2000.0), help="in N, default 20 2000", **two)
     own["optimum"].add_argument("-n", type=int, default=20, help="number of preloads, default %(default)s")
-    own["optimum"].add_argument("--no-check", action="store_true", help="do not compare with more harmonics")
+    own["optimum"].add_argument(
+        "--check", action="store_true", help="compare with more harmonics, some four times the work"
+    )
     own["crossings"].add_argument("--speeds", default=(5000.0, 10000.0), help="in rpm, default 5000 10000", **two)
     some: dict[str, Any] = {"nargs": "+", "type": int, "metavar": "N"}
     own["crossings"].add_argument("--orders", default=(5,), help="engine orders, default 5", **some)
@@ -113,7 +116,8 @@ def answer(given: argparse.Namespace) -> int:
             result.to_csv(given.csv)
         if given.h5:
             result.save(given.h5)
-    print(result)
+    more = given.command != "info" and given.details
+    print(result.details() if more else str(result).replace("details() has", "--details has"))
     if picture := given.png or (given.demo and f"{given.command}.png"):
         from bdamper.plot import save_figure
 
@@ -126,12 +130,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit code."""
     given = parser().parse_args(arguments)
     try:
-        return answer(given)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *_, **__: print(f"bdamper: {message}", file=sys.stderr)
+            return answer(given)
     except bd.SettingError as error:
         print(f"bdamper: {error}", file=sys.stderr)
         return 2
-    except (bd.BdamperError, OSError) as error:
-        print(f"bdamper: {error}", file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
+    except (bd.BdamperError, OSError, KeyboardInterrupt) as error:
+        print(f"bdamper: {str(error) or 'interrupted'}", file=sys.stderr)
         return 1

@@ -11,7 +11,7 @@ from bdamper.cli.command import main, parser
 
 QUICK = {
     "track": ["--preload", "104", "--band", "630", "690"],
-    "optimum": ["--preloads", "80", "160", "-n", "4", "--no-check"],
+    "optimum": ["--preloads", "80", "160", "-n", "4"],
     "crossings": ["--speeds", "9000", "9500", "--orders", "5"],
     "margin": ["--preload", "104"],
 }
@@ -48,7 +48,7 @@ def test_info_of_a_file(capsys, tmp_path):
     ("arguments", "code", "text"),
     [
         (["info", "nowhere.h5"], 1, "nowhere.h5"),
-        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "0 of 1"),
+        (["crossings", "--demo", "--speeds", "1000", "2000"], 1, "No crossing of mode 1 from 1000 to 2000 rpm"),
         (["track", "--demo", "--preload", "-1"], 2, "preload"),
         (["track", "--demo", "--engine-order", "4"], 2, "nodal diameter"),
     ],
@@ -72,6 +72,16 @@ def test_help_names_units_and_defaults(capsys):
         with pytest.raises(SystemExit, match="0"):
             parser().parse_args([command, "--help"])
         assert word in capsys.readouterr().out
+
+
+def test_doubts_and_details(capsys, tmp_path):
+    asked = ["--band", "3900", "4400", "--harmonics=1", "--quiet", f"--png={tmp_path / 'curve.png'}"]
+    assert main(["track", "--demo", *asked]) == 0
+    out, err = capsys.readouterr()
+    assert "--details has the rest" in out and "details()" not in out
+    assert err.startswith("bdamper: frequency: plausible an interval in Hz") and "radians per second suspected\n" in err
+    assert main(["track", "--demo", *asked, "--details"]) == 0
+    assert "largest residual" in capsys.readouterr().out
 
 
 def test_runs_as_a_module():
