@@ -23,7 +23,7 @@ from bdamper.problem.effects import Effects
 from bdamper.problem.prescribed import prescribe_preload
 from bdamper.problem.settings import PAPER
 from bdamper.shipped import reference_model
-from bdamper.study import Study
+from bdamper.study import Study, load_study
 from bdamper.util.errors import BdamperError, ModelError, SettingError, StaticError
 from bdamper.util.hdf5 import load
 from bdamper.util.versions import HERE
@@ -72,6 +72,7 @@ __all__ = [  # noqa: RUF022
     "microslip",
     # results from their files
     "load",
+    "load_study",
     # what a user can mend
     "BdamperError",
     "ModelError",

@@ -5,6 +5,7 @@ The analyses are functions of their rooms that take a problem first; here they b
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, replace
@@ -27,6 +28,10 @@ from bdamper.effects import hysteresis as cycles
 from bdamper.fatigue import cycle as stresses
 from bdamper.fatigue import margin as margins
 from bdamper.fatigue.material import Material
+from bdamper.io.model_file import read_model, write_model
+from bdamper.io.model_groups import new_group
+from bdamper.model.model import Model
+from bdamper.model.validation import check_model, check_model_once
 from bdamper.peaks import best_margin, highest, marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -34,13 +39,17 @@ from bdamper.problem import at_speed
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.plausible import check_question, check_settings
 from bdamper.problem.problem import Problem
+from bdamper.problem.settings import settings_of
 from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
+from bdamper.util.errors import BdamperError
+from bdamper.util.hdf5 import FilePath, check_folder, enter_reader, load, opened, written
 from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, short
+from bdamper.util.versions import HERE
 
 
 @validate.spelt
@@ -279,3 +288,63 @@ class Study(Problem, Comparable):
     # accuracy
     estimate_errors = estimate.estimate_errors
     with_errors = estimate.with_errors
+
+    def save(self, path: FilePath, *, include_model: bool = True) -> None:
+        """Write the study to an HDF5 file, which :func:`bdamper.load_study` reads: model, settings and versions.
+
+        Parameters
+        ----------
+        path : path-like
+        include_model : bool
+            Without it the file holds the model's hash alone, and the model must be given when the study is loaded.
+        """
+        check_folder(path)
+        check_model_once(self.model)
+        settings = self.record() | ({"contact_stiffness": None} if self.contact_stiffness is None else {})
+        with written(path, track_order=True) as file:
+            file.attrs.update({"format": FORMAT, "version": 1, "model_hash": self.model.hash, **HERE.attributes()})
+            file["settings"] = json.dumps(settings)
+            if include_model:
+                write_model(new_group(file, "model"), self.model)
+
+
+FORMAT = "bdamper-study"
+
+
+def load_study(path: FilePath, model: Model | None = None) -> Study:
+    """The study in a file, or that of which a file holds a result.
+
+    Parameters
+    ----------
+    path : path-like
+        Of :meth:`Study.save`, or of a result's ``save``, which keeps the settings of its study and the hash of its model.
+    model : Model, optional
+        Where the file holds only the hash; one of another rotor speed is brought to that of the study.
+
+    Raises
+    ------
+    FileNotFoundError
+    BdamperError
+        If the file is neither, or the model is missing or another one.
+    """
+    with opened(path, "a study or a result") as file:
+        digest = str(file.attrs.get("model_hash", ""))
+        settings = json.loads(file["settings"][()]) if digest else {}
+        own = read_model(file["model"]) if digest and "model" in file else None
+    if not digest:
+        result = load(path)
+        settings, digest = getattr(result, "settings", {}), getattr(result, "model_hash", "")
+    if "excitation" not in settings:
+        raise BdamperError(f"{path}: expected a study or a result of one, found neither")
+    if own is not None:
+        check_model(own, where=f"{path}: /model")
+    model = own if model is None else model
+    if model is not None and model.hash != digest and settings.get("speed"):
+        model = model.at_speed(settings["speed"])
+    if model is None or model.hash != digest:
+        found = "none" if model is None else model.hash
+        raise BdamperError(f"{path}: expected model={digest}, of which the file holds the hash, found {found}")
+    return Study(model, **settings_of(settings))
+
+
+enter_reader(FORMAT, load_study)

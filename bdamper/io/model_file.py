@@ -74,7 +74,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     _check_attribute_lengths(model)
     check_folder(path)
     with written(path, track_order=True) as file:
-        _write_model(file, model)
+        write_model(file, model)
 
 
 def _check_attribute_lengths(model: Model) -> None:
@@ -85,7 +85,8 @@ def _check_attribute_lengths(model: Model) -> None:
         require(good, "model: /provenance", f"texts of at most {most} bytes", found)
 
 
-def _write_model(file: h5py.File, model: Model) -> None:
+def write_model(file: h5py.Group, model: Model) -> None:
+    """Write a checked model into a file or a group of one."""
     write_text(file, "format", FORMAT)
     file.attrs["version"] = VERSION
     file.attrs["n_blades"] = int(model.n_blades)
@@ -142,7 +143,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         raise mismatch(str(source), "a model file", "a folder")
     try:
         with h5py.File(source, "r") as file:
-            model = _read_model(file)
+            model = read_model(file)
     except ModelError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
@@ -154,7 +155,8 @@ def load_model(path: str | os.PathLike[str]) -> Model:
 enter_reader(FORMAT, load_model)
 
 
-def _read_model(file: h5py.File) -> Model:
+def read_model(file: h5py.Group) -> Model:
+    """A model, not checked yet, from a file or a group of one."""
     _check_root(file)
     n_blades = read_integer(file, "n_blades")
     parts: dict[str, Any] = {
@@ -170,7 +172,7 @@ def _read_model(file: h5py.File) -> Model:
     )
 
 
-def _check_root(file: h5py.File) -> None:
+def _check_root(file: h5py.Group) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
     found = read_text(file, "format")
     if found != FORMAT:
@@ -186,7 +188,7 @@ def _check_root(file: h5py.File) -> None:
     check_members(file, ["bodies", "interfaces"], ["locations", "contact", "static", "mesh", "stress", "provenance"])
 
 
-def _read_provenance(file: h5py.File) -> dict[str, str]:
+def _read_provenance(file: h5py.Group) -> dict[str, str]:
     if "provenance" not in file:
         return {}
     group = subgroup(file, "provenance")

@@ -231,7 +231,7 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     return member
 
 
-def subgroups(file: h5py.File, name: str) -> dict[str, h5py.Group]:
+def subgroups(file: h5py.Group, name: str) -> dict[str, h5py.Group]:
     """All groups inside a group; empty if that group is absent (only the optional ones can be)."""
     if name not in file:
         return {}

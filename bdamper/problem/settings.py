@@ -391,6 +391,33 @@ class Settings:
         return settings
 
 
+def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings by name from what :meth:`Settings.record` made of them; what a result keeps besides is left out."""
+
+    def place(of: Mapping[str, Any]) -> dict[str, Any]:
+        at = of["direction"]
+        return {**of, "direction": at if isinstance(at, str) else tuple(at)}
+
+    given = {f.name: record[f.name] for f in fields(Settings) if f.name in record}
+    given |= {name: tuple(given[name]) for name in ("harmonics", "rigid_modes", "load_history") if name in given}
+    given |= {"excitation": Excitation(**place(given["excitation"])), "response": Response(**place(given["response"]))}
+    stiffness, evaluation = given.get("contact_stiffness"), given.get("evaluation")
+    if isinstance(evaluation, Mapping):
+        given["evaluation"] = Sampled(**evaluation)
+    if isinstance(stiffness, Mapping):
+        ((kind, value),) = stiffness.items()
+        if kind == "residual_modes":
+            given["contact_stiffness"] = ResidualModes(**value)
+        else:
+            value = tuple(value) if isinstance(value, list) else _arrays(value)
+            given["contact_stiffness"] = PerArea(value) if kind == "per_area" else value
+    return given | {"gap": _arrays(given.get("gap"))}
+
+
+def _arrays(value: Any) -> Any:
+    return {name: np.array(item) for name, item in value.items()} if isinstance(value, Mapping) else value
+
+
 class SomeResult(Protocol):
     """What a result keeps of the study that it is of."""
 

@@ -55,7 +55,7 @@ def load(path: FilePath) -> Any:
     BdamperError
         If the file is damaged, not one of bdamper, or of a version that cannot be read.
     """
-    with _opened(path, "a file written by bdamper") as file:
+    with opened(path, "a file written by bdamper") as file:
         kind = _text(file.attrs.get("format", "none"))
     if kind not in _READERS:
         raise BdamperError(f"{path}: expected a file written by bdamper, found the format '{kind}'")
@@ -124,7 +124,8 @@ def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def _opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
+def opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
+    """A file to be read, with one error where it is none or damaged."""
     if Path(path).is_dir():
         raise BdamperError(f"{path}: expected {expected}, found a folder")
     if not Path(path).is_file():
@@ -139,7 +140,7 @@ def _opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
 
 
 def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Storable:
-    with _opened(path, f"a file written by {cls.__name__}.save") as file:
+    with opened(path, f"a file written by {cls.__name__}.save") as file:
         made_with = Versions.stored(file.attrs)
         version = int(file.attrs.get("version", 0))
         if not oldest <= version <= newest:

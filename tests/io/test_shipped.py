@@ -71,7 +71,7 @@ def test_interruption_leaves_nothing_half_written(installed, monkeypatch):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as broken:
-        broken.setattr("bdamper.io.model_file._write_model", cut)
+        broken.setattr("bdamper.io.model_file.write_model", cut)
         large = pytest.importorskip("bdamper.fe.large", reason="scikit-fem is not installed (extra bdamper[fe])")
         broken.setitem(large.MAKERS, "paper_disk", lambda points, progress: bd.load_model(SMALL))
         with pytest.raises(KeyboardInterrupt):
