@@ -1,4 +1,4 @@
-"""What accuracy costs on the reference bladed disk: ladders into docs/measured.md with figures and README.md.
+"""What accuracy costs on the reference bladed disk: ladders into docs/measured.md with figures.
 
 ``python -m benchmarks.bench_accuracy`` runs all ladders (minutes); names of ladders as arguments run only these and print.
 Only ratios of times mean something.
@@ -357,7 +357,6 @@ LADDERS: dict[str, Callable[[], AccuracyCost]] = {
     "bases": bases,
     "combined": combined,
 }
-IN_README = "harmonics"
 TABLES: dict[str, Callable[[], str]] = {
     "ways": ways, "jacobians": jacobians, "time_integration": time_integration, "work": work,
     "tolerance": tolerance_scenes.table, "estimates": estimate_scenes.table,
@@ -411,9 +410,6 @@ def main() -> None:
         if given.write or not given.names:
             page = DOCS / "measured.md"
             page.write_text(fill(page.read_text(), name, table))
-            if name == IN_README:
-                readme = ROOT / "README.md"
-                readme.write_text(fill(readme.read_text(), name, table))
             if f"accuracy_{name}.png" in page.read_text():
                 save_figure(plot_accuracy(result), DOCS / "images" / f"accuracy_{name}.png")
 

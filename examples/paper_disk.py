@@ -138,25 +138,20 @@ def plot_beside(paper: Sequence[Curve], converged: Sequence[Curve], title: str) 
 
 
 def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str) -> Figure:
-    """Optimal curves with the paper's settings on the left, converged on the right, on the same axes."""
+    """Amplitude above frequency shift, the settings of the paper on the left, converged on the right, on the same axes."""
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, 2, figsize=(8.2, 4.2), sharex=True, sharey=True)
-        shifts, common = [], {}
-        for ax, curve, name in zip(axes, (paper, converged), ("settings of the paper", "converged")):
-            shifts.append(plot_optimal(curve, ax, title=f"{title}, {name}", coexisting=False)[1])
-            handles = dict(zip(*ax.get_legend_handles_labels()[::-1]))
-            best = [n for n in handles if n.startswith(("optimum", "least"))]
-            ax.legend([handles.pop(n) for n in best], best, fontsize=7.5, loc="lower right")
-            common |= handles
-        axes[0].set_xlim(0.9 * paper.preload[0], 1.1 * paper.preload[-1])
-        low, high = axes[0].get_ylim()
-        axes[0].set_ylim(low * (low / high) ** 0.07, high)  # room for the legends below the curves
-        lowest, highest = (f([f(s.get_ylim()) for s in shifts]) for f in (min, max))
-        for shift in shifts:
-            shift.set_ylim(lowest, highest)
-        axes[1].set_ylabel("")
-        shifts[0].set_ylabel("")
-        shifts[0].set_yticklabels([])
+        figure, axes = plt.subplots(2, 2, figsize=(8.2, 5.4), sharex=True, sharey="row", height_ratios=(2.0, 1.0))
+        common = {}
+        for column, curve, name in zip(axes.T, (paper, converged), ("settings of the paper", "converged")):
+            plot_optimal(curve, column[0], title=f"{title}, {name}")
+            plot_optimal(curve, column[1], quantity="shift")
+            common |= dict(zip(*column[0].get_legend_handles_labels()[::-1]))
+            column[0].get_legend().remove()
+            column[0].set_xlabel("")
+        axes[0, 0].set_xlim(0.9 * paper.preload[0], 1.1 * paper.preload[-1])
+        for ax in axes[:, 1]:
+            ax.set_ylabel("")
+        common = {name: handle for name, handle in common.items() if not name.startswith(("optimum", "least"))}
         common["another peak is the highest next"] = Line2D([], [], color="0.1", linestyle=":", linewidth=0.8)
         figure.legend(common.values(), common.keys(), ncols=4, fontsize=8.0, loc="outside lower center")
     return figure

@@ -526,7 +526,7 @@ def test_readme_code_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
     runpy.run_path(str(script))
-    assert "peak" in capsys.readouterr().out
+    assert "Least resonance at a preload of 104 N: 75.3 µm" in capsys.readouterr().out
 
 
 def test_no_machine_paths_in_texts():

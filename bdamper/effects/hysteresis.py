@@ -234,17 +234,6 @@ class Hysteresis(Plottable, Comparable, Tabular, Storable, kind="bdamper-hystere
             f"{percent(self.damping_ratio)} at {amount(self.amplitude, 'm')} and {amount(self.frequency, 'Hz')}."
         )
 
-    def details(self) -> str:
-        lines = [
-            f"hysteresis at {self.frequency:.6g} Hz, preload {self.preload:g} N, response {self.amplitude:.6g} m",
-            f"  a cycle of one sector: work of the excitation {self.excitation:.4g} J, modal damping {self.damping:.4g} J, "
-            f"contacts {self.lost:.4g} J (imbalance {abs(self.imbalance):.0e})",
-            f"  contacts: equivalent stiffness {self.stiffness:.4g} N/m, damping ratio {100 * self.damping_ratio:.3g} %",
-        ]
-        parts = {name: share for name, share in self.by_interface.items() if share > NOTHING * self.excitation}
-        lines += [f"  {name}: {100 * share / self.lost:.3g} % of it" for name, share in parts.items()]
-        return "\n".join(lines)
-
 
 @brief
 @dataclass(frozen=True)
@@ -326,18 +315,6 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
         at = f"{amount(self.amplitude[k], 'm')} and {amount(self.frequency[k], 'Hz')}"
         load = amount(self.preload[k], "N")
         return f"Largest damping ratio of the contacts {percent(float(self.damping_ratio[k]))}, at {at}, preload {load}."
-
-    def details(self) -> str:
-        if not len(self):
-            return "dissipation: no points"
-        k = int(np.argmax(self.damping_ratio))
-        return (
-            f"dissipation at {len(self)} points, amplitudes {self.amplitude.min():.4g} to {self.amplitude.max():.4g} m\n"
-            f"  largest damping ratio of the contacts {100 * self.damping_ratio[k]:.3g} % at {self.amplitude[k]:.4g} m, "
-            f"{self.frequency[k]:.6g} Hz, {self.preload[k]:.6g} N\n"
-            f"  equivalent stiffness {np.nanmin(self.stiffness):.4g} to {np.nanmax(self.stiffness):.4g} N/m; work of the "
-            f"excitation balanced to a relative {np.abs(self.imbalance).max():.0e}"
-        )
 
 
 @dataclass(frozen=True)

@@ -180,17 +180,6 @@ class Margins(Plottable, Comparable, Tabular, Storable, kind="bdamper-margins", 
         yields = " It yields in the first cycle." if self.yields else ""
         return f"Margin against fatigue {self.least:.3g}: {judged}. Least at {self.names[i]}, {stress}.{yields}"
 
-    def details(self) -> str:
-        i = self.critical
-        place = f"{self.frequency:.6g} Hz, {self.preload:g} N, {self.speed:.4g} rad/s"
-        lines = [
-            f"margin {self.least:.4g} at {self.names[i]}: {1e-6 * self.amplitude[i]:.4g} MPa about "
-            f"{1e-6 * self.mean[i]:.4g} MPa",
-            f"  {place}; {self.rule}; {self.material.name or 'material given by the user'}",
-            f"  factor to yield in the first cycle {self.yield_factor[self.counted].min():.4g}",
-        ]
-        return "\n".join([*lines, *(f"  {warning}" for warning in self.warnings)])
-
 
 @brief
 @dataclass(frozen=True)
@@ -332,11 +321,6 @@ class MarginCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-margin
         worst = f"{self.margin[i]:.3g} at {amount(self.values[i], self.unit)} ({self.names[self.critical[i]]})"
         head = f"Margin against fatigue over {self.over}: largest {best:.3g} at {amount(value, self.unit)}"
         return f"{head}, least {worst}." + (" Below 1 the limit is exceeded." if self.margin[i] < 1.0 else "")
-
-    def details(self) -> str:
-        head, *rest = self.facts()
-        lines = [f"{head.name} {head.value}"] + [f"  {fact.name}: {fact.text}" for fact in rest]
-        return "\n".join([*lines, *(f"  {note}" for note in self.notes)])
 
 
 def margin(

@@ -177,17 +177,6 @@ class Peak(Comparable):
         open_ = "" if self.scan in ("", "complete") else f" There may be a higher one, the curve ended as: {self.scan}."
         return f"Resonance of {height(self.amplitude, self.frequency)}{load}.{open_}"
 
-    def details(self) -> str:
-        if not self.converged:
-            return f"peak {self.status}"
-        return (
-            f"peak {self.amplitude:.8g} m at {self.frequency:.8g} Hz{' (corner)' if self.corner else ''}, residual "
-            f"{self.residual:.1e}, {self.trials} correctors, {self.iterations} iterations"
-            + ("" if self.scan in ("", "complete") else f"\n  there may be a higher one, the curve ended as: {self.scan}")
-            + ("" if self.ladder is None else f"\n  {self.ladder.note}")
-            + ("" if self.cost is None else f"\n  {self.cost}")
-        )
-
 
 def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     """Units of the mean, of the vibration and of the frequency (``width``, rad/s) at a point."""

@@ -1,7 +1,9 @@
 """Axes, colours and files: what all pictures share.
 
-Curves are told apart by lightness (dark to light with rising preload) and by sparse markers, so that they stay legible in
-grey.
+The style stands in ``style.mplstyle``.  A line is solid where the response is stable, dashed where it is unstable, dotted
+where it jumps; the limits without contact and with all contacts stuck are thin grey lines that bear their names.  Colours
+go from dark to light with rising preload, so that they stay apart in grey and for the colour-blind.  What is drawn is in
+metres and newtons; the numbers on the axes are in the unit that fits (:func:`fit_units`).
 """
 
 from __future__ import annotations
@@ -10,34 +12,26 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
+import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from bdamper.model.model import Model
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.tables import label
+from bdamper.util.text import FITTING, PREFIXES, fitting
 
 MARKERS = "osD^v<>pP*hX"
-PAPER: dict[Any, Any] = {
-    "font.size": 9.0,
-    "axes.grid": True,
-    "grid.color": "0.9",
-    "axes.axisbelow": True,
-    "lines.linewidth": 1.2,
-    "legend.frameon": True,  # on white, so that what lies below is not taken for a part of it
-    "legend.edgecolor": "none",
-    "legend.framealpha": 0.85,
-    "legend.fontsize": 8.0,
-    "figure.constrained_layout.use": True,
-    "savefig.dpi": 200,
-}
-"""Settings of a figure that fits one column of a paper."""
+SHEET = Path(__file__).with_name("style.mplstyle")
+PAPER: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
+"""The style of this room, for ``plt.rc_context``."""
 FIXED: dict[Any, Any] = {**PAPER, "figure.constrained_layout.use": False}
 """The same for a figure whose axes have their places given."""
 STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
@@ -46,7 +40,7 @@ DASHED = (0, (3, 1.5))
 """Line of what is unstable, and of means."""
 
 
-def new_axes(width: float = 5.2, height: float = 3.6) -> Axes:
+def new_axes(width: float = 5.6, height: float = 3.6) -> Axes:
     """Empty axes in the style of this room (size in inches)."""
     with plt.rc_context(PAPER):
         return plt.subplots(figsize=(width, height))[1]
@@ -54,9 +48,9 @@ def new_axes(width: float = 5.2, height: float = 3.6) -> Axes:
 
 @contextmanager
 def drawing(
-    ax: Axes | None = None, *, size: tuple[float, float] = (5.2, 3.6), title: str = "", legend: float | None = None
+    ax: Axes | None = None, *, size: tuple[float, float] = (5.6, 3.6), title: str = "", legend: float | None = None
 ) -> Iterator[Axes]:
-    """Axes to draw into in the style of this room, which get their title and legend in the end.
+    """Axes to draw into in the style of this room, which get their title, units and legend in the end.
 
     Parameters
     ----------
@@ -70,18 +64,50 @@ def drawing(
         axes = new_axes(*size) if ax is None else ax
         yield axes
         if title:
-            axes.set_title(title, fontsize=9.0)
+            axes.set_title(title)
         if legend is not None:
-            axes.legend(fontsize=legend)
+            legend_beside(axes, legend)
+        for each in axes.figure.axes:
+            fit_units(each)
 
 
-def save_figure(target: Axes | Figure | tuple[Axes, ...], path: Any, **options: Any) -> None:
+def legend_beside(ax: Axes, size: float = 7.0, handles: Any = None, labels: Any = None) -> None:
+    """A legend where no curve is: to the right of the axes, below those with a second axis at the right."""
+    twins = [other for other in ax.figure.axes if other is not ax and other.bbox.bounds == ax.bbox.bounds]
+    given = ax.get_legend_handles_labels() if handles is None else (handles, labels or [h.get_label() for h in handles])
+    if not given[0]:
+        return
+    below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
+    ax.legend(*given, fontsize=size, **below if twins else {"loc": "upper left", "bbox_to_anchor": (1.0, 1.0)})
+
+
+def fit_units(ax: Axes) -> None:
+    """Numbers and labels of axes in the unit that fits, as µm for metres; logarithmic ones get few and plain numbers."""
+    for axis in (ax.xaxis, ax.yaxis):
+        log = axis.get_scale() == "log"
+        low, high = sorted(np.abs(axis.get_view_interval()))
+        name, _, unit = axis.get_label_text().rpartition(" (")
+        base, scale = axis.label.get_gid() or unit.removesuffix(")"), 1.0
+        if name and base in FITTING:
+            prefix = fitting(float(np.sqrt(low * high)) if log else 0.5 * float(high), base)
+            scale = PREFIXES[prefix]
+            axis.label.set_gid(base)  # the unit of what is drawn, for the next time
+            axis.set_label_text(f"{name} ({prefix.strip()}{base})")
+        if log:
+            subs = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
+            axis.set_major_locator(LogLocator(subs=subs) if high > 4.0 * low else MaxNLocator(5))
+            axis.set_minor_formatter(NullFormatter())
+        if log or scale != 1.0:
+            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: f"{value / scale:.6g}"))
+
+
+def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **options: Any) -> None:
     """Write a figure, or that of some axes, to a file, and close it; ``options`` as matplotlib's ``savefig`` takes them."""
-    first = target[0] if isinstance(target, tuple) else target
+    first = np.ravel(np.asarray(target, object))[0]
     figure = first if isinstance(first, Figure) else first.figure
     with plt.rc_context(PAPER):
-        figure.savefig(path, **options)  # type: ignore[union-attr]
-    plt.close(figure)  # type: ignore[arg-type]
+        figure.savefig(path, **options)
+    plt.close(figure)
 
 
 @draws(Plottable, "image")
@@ -104,20 +130,9 @@ def runs(values: NDArray) -> list[tuple[int, int]]:
     return [(int(a), int(b) - 1) for a, b in pairwise(cuts) if b > a]
 
 
-def few_ticks(ax: Axes, which: str = "x") -> None:
-    """Plain numbers at 1, 2 and 5 on a logarithmic axis of less than two decades, decades alone beyond."""
-    axis = {"x": ax.xaxis, "y": ax.yaxis}[which]
-    low, high = axis.get_view_interval()
-    if high < 100.0 * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
-
-
 def over_preload(ax: Axes, result: type) -> None:
     """Labels and logarithmic scales of a resonance amplitude over the preload, which are columns of a type of result."""
     ax.set(xscale="log", yscale="log", xlabel=label(result, "preload"), ylabel=label(result, "amplitude"))
-    few_ticks(ax)
 
 
 def band(ax: Axes, x: NDArray, low: NDArray, high: NDArray, colour: str | NDArray) -> None:

@@ -139,7 +139,7 @@ def plot_status_map(
 
 def plot_faces(
     places: list[tuple[str, NDArray, NDArray]], values: list[NDArray], titles: list[str], label: str, unit: float
-) -> Figure:
+) -> NDArray:
     """Values over several faces as coloured patches, one row for each kind, one column for each face."""
     n_rows, n_faces = len(values) // len(places), len(places)
     with plt.rc_context(PAPER):
@@ -161,11 +161,11 @@ def plot_faces(
                     ax.set_ylabel("")
                 ax.set_title(f"{name}, {titles[row]}" if titles[row] else name, fontsize=8.0)
             figure.colorbar(plt.cm.ScalarMappable(norm, "viridis"), ax=axes[row].tolist(), label=label, shrink=0.9)
-    return figure
+    return axes.ravel()
 
 
 @draws(ContactMap)
-def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
+def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> NDArray:
     """Pressure, gap or use of the friction limit over the friction faces; open points stay white.
 
     Parameters
@@ -192,7 +192,7 @@ def plot_contact_map(contact: ContactMap, quantity: str = "pressure") -> Figure:
 
 
 @draws(StiffnessComparison)
-def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> Figure:
+def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> NDArray:
     """Contact stiffness per area over the faces, for t1, t2 and n; points of the fallback rule stay white."""
     if method not in comparison.stiffness:
         raise SettingError(f"method: expected one of {tuple(comparison.stiffness)}, found '{method}'")

@@ -1,7 +1,4 @@
-"""Curves over frequency, preload and time.
-
-Unstable parts are dashed.  The limits without contact and with all contacts stuck are thin grey lines.
-"""
+"""Curves over frequency, preload and time, in the style that :mod:`bdamper.plot.axes` describes."""
 
 from __future__ import annotations
 
@@ -11,7 +8,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.colors import ListedColormap, LogNorm
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
@@ -20,8 +17,8 @@ from bdamper.effects.compare_laws import LawComparison
 from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
-from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, runs
+from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
+from bdamper.plot.axes import DASHED, PAPER, colours, drawing, legend_beside, runs
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
@@ -29,28 +26,30 @@ from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
-from bdamper.util.text import newtons
+from bdamper.util.text import amount, percent
 
-LIMIT: dict[str, Any] = {"color": "0.35", "linewidth": 0.9}
-LIMIT_STYLES = {"free": "-.", "stuck": ":"}
+LIMITS: dict[str, dict[str, Any]] = {
+    "free": {"color": "0.7", "linewidth": 1.0},
+    "stuck": {"color": "0.45", "linewidth": 1.0},
+}
 """Lines of the limits without contact and with all contacts stuck."""
+MOST_NAMED = 5
+"""Curves that a legend names; more have a colour bar."""
 SWEEPS: dict[str, dict[str, Any]] = {
     "up": {"color": "tab:red", "linewidth": 3.0, "alpha": 0.35},
     "down": {"color": "tab:blue", "linewidth": 3.0, "alpha": 0.35},
 }
 """Lines of slow sweeps, laid over their curve."""
+SHOWN = ("amplitude", "shift")
+"""Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
 
 
 def amplitude_label(*results: Curve | OptimalCurve) -> str:
-    """Label of an axis that says whose amplitude it is, ``|X1| tip, tangential (m)``, where all results have the same."""
-    seen = [r.settings["response"] for r in results if "response" in r.settings]
-    if not seen or len(seen) < len(results) or any(place != seen[0] for place in seen):
-        return AMPLITUDE
-    place, direction = seen[0]["location"].replace("_", " "), seen[0]["direction"]
-    if not isinstance(direction, str):
-        direction = "along (" + ", ".join(f"{x:.2g}" for x in direction) + ")"
-    return f"|X1| {place}, {direction} (m)"
+    """Label of an axis that says where the amplitude is, "Tip amplitude (m)", where all results have the same place."""
+    seen = [r.settings["response"]["location"] for r in results if "response" in r.settings]
+    known = len(seen) == len(results) > 0 and all(place == seen[0] for place in seen)
+    return f"{seen[0].replace('_', ' ').capitalize()} amplitude (m)" if known else AMPLITUDE
 
 
 def unstable_points(curve: Curve) -> NDArray:
@@ -58,7 +57,7 @@ def unstable_points(curve: Curve) -> NDArray:
     return curve.backward if curve.stable is None else ~np.asarray(curve.stable, bool)
 
 
-def _draw_tracking(ax: Axes, curve: Curve, colour: Any, marker: str, label: str) -> None:
+def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> None:
     f, a = curve.frequency, curve.amplitude
     unstable = unstable_points(curve)
     for b in np.unique(curve.branch):
@@ -66,14 +65,17 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, marker: str, label: str)
         for first, last in runs(unstable[where]):
             part = where[first : last + 2]  # joined to the next stretch
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
-    if len(curve):
-        peak = curve.peak
-        every = max(1, len(curve) // 12)
-        ax.plot(f[::every], a[::every], linestyle="none", marker=marker, markersize=2.6, color=colour)
-        # filled: a peak, open: only the highest point
-        ax.plot(peak.frequency, peak.amplitude, marker=marker, markersize=5.0, color=colour, markeredgecolor="k",
-                markeredgewidth=0.6, linestyle="none", markerfacecolor="w" if curve.peak_at_end else colour)
-    ax.plot([], [], color=colour, marker=marker, markersize=3.5, label=label)
+    if len(curve):  # filled: a peak, open: only the highest point
+        face = "w" if curve.peak_at_end else colour
+        ax.plot(curve.peak.frequency, curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
+    ax.plot([], [], color=colour, label=label)
+
+
+def _draw_limit(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
+    """A limit as a thin line that bears its name."""
+    ax.plot(x, y, **LIMITS[name])
+    ax.annotate(name, (at, float(np.max(y))), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
+                color=LIMITS[name]["color"])  # fmt: skip
 
 
 def plot_curves(
@@ -112,11 +114,12 @@ def plot_curves(
         raise validate.unfit("labels", f"{len(tracking)} texts, one for each tracking curve", labels)
     with drawing(ax, title=title) as ax:
         for curve in curves:
-            if curve.kind != "tracking":
-                ax.plot(curve.frequency, curve.amplitude, **LIMIT, linestyle=LIMIT_STYLES[curve.kind], label=curve.kind)
+            if curve.kind != "tracking" and len(curve):
+                _draw_limit(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
+        many = labels is None and len(tracking) > MOST_NAMED
         for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
-            label = labels[i] if labels is not None else newtons(curve.preload)
-            _draw_tracking(ax, curve, colour, MARKERS[i % len(MARKERS)], label)
+            named = labels[i] if labels is not None else amount(curve.preload, "N")
+            _draw_tracking(ax, curve, colour, None if many else named)
             for sweep in (curve.sweep(direction) for direction in SWEEPS if sweeps):
                 ax.plot(sweep.frequency, sweep.amplitude, **SWEEPS[sweep.direction])
             for part in curve.left_out:
@@ -133,8 +136,11 @@ def plot_curves(
         if logarithmic:
             ax.set_yscale("log")
         ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves))
-        if ax.get_legend_handles_labels()[0]:
-            ax.legend(ncols=2, fontsize=7.0)
+        if many:
+            preloads = [curve.preload for curve in tracking]
+            bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
+            ax.figure.colorbar(bar, ax=ax, label=PRELOAD)
+        legend_beside(ax)
     return ax
 
 
@@ -175,83 +181,113 @@ def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: fl
         axes.plot(measurement.frequency, factor * measurement.amplitude, **{**look, "label": measurement.name, **style})
         if ax is None:
             axes.set(xlabel=FREQUENCY, ylabel=AMPLITUDE)
-        axes.legend(ncols=2, fontsize=7.0)
+        legend_beside(axes)
     return axes
 
 
 @draws(OptimalCurve)
 def plot_optimal(
-    result: OptimalCurve, ax: Axes | None = None, *, title: str = "", coexisting: bool = True
-) -> tuple[Axes, Axes]:
+    result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = "", coexisting: bool = False
+) -> Axes | NDArray:
     """Resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
 
     Parameters
     ----------
     result : OptimalCurve
     ax : matplotlib axes, optional
-        Of the amplitude; the shift gets a second axis on its right.
+        Of one quantity; both have axes of their own, one below the other, where there are none given.
+    quantity : {"amplitude", "shift"}
     title : str
     coexisting : bool
         Mark the peaks that are not the highest, too.
 
     Returns
     -------
-    two matplotlib axes
-        Of the amplitude and of the frequency shift.
+    matplotlib axes, or an array of two
 
     Notes
     -----
     Lines are dotted from one peak to another that is the highest at the next preload.  A filled star marks an optimum that
-    nothing known contradicts, an open one the least value otherwise.  Where there is no value the picture is
-    hatched; an open triangle there is a lower bound.  Bars are the ranges of amplitude that the ladder of harmonics has
-    found; squares with bars mean and range of marches in time; triangles what slow sweeps of frequency up and down meet.
+    nothing known contradicts, an open one the least value otherwise; shaded are the preloads at which the amplitude is at
+    most a fifth above it.  Where there is no value the picture is hatched; an open triangle there is a lower bound.  Bars
+    are the ranges of amplitude that the ladder of harmonics has found; squares with bars mean and range of marches in
+    time; triangles what slow sweeps of frequency up and down meet.
     """
-    dark, light = "0.1", plt.get_cmap("viridis")(0.45)
+    if ax is None:
+        with plt.rc_context(PAPER):
+            both = plt.subplots(2, 1, sharex=True, figsize=(6.0, 5.0), height_ratios=(2.0, 1.0))[1]
+        for one, name in zip(both, ("amplitude", "shift")):
+            plot_optimal(result, one, quantity=name, title=title if one is both[0] else "", coexisting=coexisting)
+        both[0].set_xlabel("")
+        return both
+    preload, values, goes_on = _with_optimum(result, validate.choice("quantity", quantity, SHOWN))
     with drawing(ax, title=title, legend=7.0) as ax:
-        right = ax.twinx()
-        right.grid(False)
-        for name, style in LIMIT_STYLES.items():
-            ax.axhline(getattr(result, name).amplitude, **LIMIT, linestyle=style, label=name)
-        tops = {c.preload: c.peak.amplitude for c in result.curves if len(c)}
-        others = np.array([p for p in result.maxima if p[1] < 0.999 * tops.get(p[0], np.inf)]).reshape(-1, 2)
-        if coexisting and len(others):
-            ax.plot(*others.T, ".", color="0.65", markersize=2.5, label="other peaks")
-        for first, last in runs(np.cumsum(~result.goes_on)):
+        ax.set(xscale="log", xlabel=PRELOAD)
+        for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
-            alone = "." if first == last else None
-            ax.plot(result.preload[part], result.amplitude[part], "-", color=dark, marker=alone)
-            right.plot(result.preload[part], result.shift_percent[part], "--", color=light, marker=alone)
-        a = result.amplitude
-        for k in np.flatnonzero(~result.goes_on[1:]):  # where another peak becomes the highest, or one was lost
-            ax.plot(result.preload[k : k + 2], a[k : k + 2], ":", color=dark, linewidth=0.8)
-            right.plot(result.preload[k : k + 2], result.shift_percent[k : k + 2], ":", color=light, linewidth=0.8)
-        ax.plot([], [], "-", color=dark, label="amplitude")
-        ax.plot([], [], "--", color=light, label="frequency shift")
+            ax.plot(preload[part], values[part], "-", color="0.1", marker="." if first == last else None)
+        for k in np.flatnonzero(~goes_on[1:]):  # where another peak becomes the highest, or one was lost
+            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
+        if quantity == "shift":
+            ax.set_ylabel("Frequency shift (%)")
+            return ax
+        for name in LIMITS:
+            level = getattr(result, name).amplitude
+            _draw_limit(ax, name, result.preload[[0, -1]], [level, level], result.preload[-2 if name == "free" else 1])
+        if coexisting:
+            tops = {c.preload: c.peak.amplitude for c in result.curves if len(c)}
+            others = np.array([p for p in result.maxima if p[1] < 0.999 * tops.get(p[0], np.inf)]).reshape(-1, 2)
+            ax.plot(*others.T, ".", color="0.65", markersize=2.5, label="other peaks")
         _mark_gaps(ax, result)
-        if result.marched:
-            preload, _, mean, low, high = np.array([m[:5] for m in result.marched]).T
-            ax.errorbar(preload, mean, [mean - low, high - mean], fmt="s", color="k", markersize=3.0, markerfacecolor="w",
-                        capsize=2.0, linewidth=0.8, label="time integration, mean and range")
-        if result.swept:
-            preload, up, _, down, _ = np.array([s[:5] for s in result.swept]).T
-            ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
-            ax.plot(preload, up, "k^", markersize=3.5, markerfacecolor="w", label="highest of a sweep up")
-            ax.plot(preload, down, "kv", markersize=3.5, markerfacecolor="0.6", label="highest of a sweep down")
-        if result.ladder is not None and result.ladder.ranges:
-            preload, low, high = np.array(result.ladder.ranges).T
-            ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,
-                        label="range with more harmonics")
-        o = result.optimum
-        if np.isfinite(o.preload):
-            what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
-            what = what if o.verified else ("least value" if o.kind != "end" else what) + ", not verified"
-            ax.plot(o.preload, o.amplitude, "*", color=dark, markersize=8.0, markerfacecolor=dark if o.verified else "w",
-                    label=f"{what}, {newtons(float(f'{o.preload:.3g}'))}")
-        elif o.kind == "flat":
-            ax.plot([], [], linestyle="none", label="flat: no optimum")
-        ax.set(xscale="log", yscale="log", xlabel=PRELOAD, ylabel=amplitude_label(result))
-        right.set_ylabel("Frequency shift (%)")
-    return ax, right
+        _mark_checks(ax, result)
+        _mark_optimum(ax, result)
+        ax.set(yscale="log", ylabel=amplitude_label(result))
+    return ax
+
+
+def _with_optimum(result: OptimalCurve, quantity: str) -> tuple[NDArray, NDArray, NDArray]:
+    """Preloads, values and whether they go on from the one before, the optimum among them."""
+    o, values, best = result.optimum, result.amplitude, result.optimum.amplitude
+    if quantity == "shift":
+        values, best = result.shift_percent, 100.0 * (o.frequency / result.free.frequency - 1.0)
+    k = int(np.searchsorted(result.preload, o.preload))
+    if not 0 < k < len(result):
+        return result.preload, values, result.goes_on
+    return np.insert(result.preload, k, o.preload), np.insert(values, k, best), np.insert(result.goes_on, k, True)
+
+
+def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
+    """What marches in time, slow sweeps and more harmonics have found at some preloads."""
+    if result.marched:
+        preload, _, mean, low, high = np.array([m[:5] for m in result.marched]).T
+        ax.errorbar(preload, mean, [mean - low, high - mean], fmt="s", color="k", markersize=3.0, markerfacecolor="w",
+                    capsize=2.0, linewidth=0.8, label="time integration, mean and range")  # fmt: skip
+    if result.swept:
+        preload, up, _, down, _ = np.array([s[:5] for s in result.swept]).T
+        ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
+        ax.plot(preload, up, "k^", markersize=3.5, markerfacecolor="w", label="highest of a sweep up")
+        ax.plot(preload, down, "kv", markersize=3.5, markerfacecolor="0.6", label="highest of a sweep down")
+    if result.ladder is not None and result.ladder.ranges:
+        preload, low, high = np.array(result.ladder.ranges).T
+        ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,
+                    label="range with more harmonics")  # fmt: skip
+
+
+def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
+    """Star and label at the optimum, and the range of preloads that are nearly as good."""
+    o = result.optimum
+    if not np.isfinite(o.preload):
+        ax.plot([], [], linestyle="none", label="flat: no optimum" if o.kind == "flat" else "no optimum")
+        return
+    what = {"end": "least at the end of the range", "jump": "optimum at a jump"}.get(o.kind, "optimum")
+    what = what if o.verified else ("least value" if o.kind != "end" else what) + ", not verified"
+    ax.plot(o.preload, o.amplitude, "*", color="tab:red", markersize=10.0, markerfacecolor="tab:red" if o.verified else "w",
+            label=f"{what}, {amount(o.preload, 'N')}")  # fmt: skip
+    ax.annotate(f"{amount(o.preload, 'N')}: {amount(o.amplitude, 'm')}", (o.preload, o.amplitude), xytext=(0, -9),
+                textcoords="offset points", ha="center", va="top", fontsize=8.0, color="tab:red")  # fmt: skip
+    low, high = result.preloads_within(NEAR_BEST * o.amplitude)
+    ax.axvspan(low, high, color="tab:red", alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
+    ax.margins(y=0.15)  # for the label
 
 
 def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
@@ -263,7 +299,7 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
     kind = np.where(missing, np.where(np.isnan(result.lower_bound), 1, 2), 0)
     kind[missing & (result.preload <= result.no_steady_below)] = 3
     looks = {1: ("////", "no value: no peak found"), 2: ("....", "no value: curve not followed to its ends"),
-             3: ("xxxx", f"{NO_STEADY} below {newtons(float(f'{result.no_steady_below:.3g}'))}")}  # fmt: skip
+             3: ("xxxx", f"{NO_STEADY} below {amount(result.no_steady_below, 'N')}")}  # fmt: skip
     for first, last in runs(kind):
         if not missing[first]:
             continue
@@ -344,12 +380,12 @@ def _lay_measured(ax: Axes, curve: OptimalCurve, measured: Measured, quantity: s
 
 
 @draws(Microslip)
-def plot_microslip(microslip: Microslip) -> Figure:
+def plot_microslip(microslip: Microslip, ax: Axes | None = None) -> Axes:
     """Force over displacement of first loading."""
-    with drawing() as ax:
-        ax.plot(1e6 * microslip.displacement, microslip.force, "o-")
-        ax.set(xlabel="Displacement (µm)", ylabel="Force (N)")
-    return ax.figure  # type: ignore[return-value]
+    with drawing(ax) as ax:
+        ax.plot(microslip.displacement, microslip.force, "o-", color="0.1")
+        ax.set(xlabel="Displacement (m)", ylabel="Force (N)")
+    return ax
 
 
 @draws(Verification)
@@ -360,16 +396,16 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     within = f"{verification.verdict} within {100.0 * verification.tolerance:g} %"
     with drawing(ax, title=f"{verification.frequency:.6g} Hz: {within}", legend=7.0) as ax:
         label = f"time integration, {verification.periods} periods"
-        ax.plot(periods, 1e6 * verification.response, color=light, linewidth=2.4, label=label)
-        ax.plot(periods, 1e6 * verification.expected_response, "--", color=dark, label="harmonic balance")
-        ax.set(xlabel="Time (periods)", ylabel="Response (µm)")
+        ax.plot(periods, verification.response, color=light, linewidth=2.4, label=label)
+        ax.plot(periods, verification.expected_response, "--", color=dark, label="harmonic balance")
+        ax.set(xlabel="Time (periods)", ylabel="Response (m)")
     return ax
 
 
 @draws(SettledResponse)
 def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
     """Amplitude of each period of a marched response, with mean and range of the half that counts."""
-    with drawing(ax, title=f"{settled.frequency:.6g} Hz, preload {newtons(settled.preload)}", legend=7.0) as ax:
+    with drawing(ax, title=f"{settled.frequency:.6g} Hz, preload {amount(settled.preload, 'N')}", legend=7.0) as ax:
         n = len(settled.amplitude)
         half = [n // 2, n - 1]
         ax.fill_between(half, *settled.range, color="0.85", label="range")
@@ -396,7 +432,7 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
 def plot_time_sweep(sweep: TimeSweep, ax: Axes | None = None, *, label: str | None = None, **style: Any) -> Axes:
     """Amplitude over frequency of a sweep in time; ``ax`` may be those of tracking curves, ``style`` is for the line."""
     over, way = ax is not None, "up" if sweep.up else "down"
-    title = "" if over else f"{abs(sweep.rate):.3g} Hz/s, preload {newtons(sweep.preload)}"
+    title = "" if over else f"{abs(sweep.rate):.3g} Hz/s, preload {amount(sweep.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0) as ax:
         line = {"color": "k" if sweep.up else "0.5", "linewidth": 0.9} | style
         ax.plot(sweep.frequency, sweep.amplitude, label=label or f"sweep {way}, marched in time", **line)

@@ -14,11 +14,11 @@ from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import UNITS, SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import MARKERS, colours, drawing, few_ticks, lost
+from bdamper.plot.axes import MARKERS, colours, drawing, legend_beside, lost
 from bdamper.util.errors import SettingError
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
-from bdamper.util.text import percent, spaced
+from bdamper.util.text import amount, percent, spaced
 
 MAIN = ("amplitude", "optimum_amplitude")
 """Answers of a sweep that are drawn unless others are asked for."""
@@ -111,7 +111,6 @@ def plot_uncertain(
         ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")
         scale = "log" if quantity == "amplitude" else "linear"
         ax.set(xscale="log", yscale=scale, xlabel=_with_unit("preload"), ylabel=_with_unit(quantity))
-        few_ticks(ax)
     return ax
 
 
@@ -136,7 +135,7 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
     place = np.arange(len(effects))
     tolerance = 100.0 * advice.tolerance
     dark, light = colours(2)
-    with drawing(ax, title=title or f"{advice.preload:g} N, {advice.frequency:.4g} Hz") as ax:
+    with drawing(ax, title=title or f"{amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}") as ax:
         ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
         handles: list[Any] = []
         for values, offset, colour, label in (
@@ -161,7 +160,7 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
             handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="called for"))
         handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
         ax.set_xlabel("Change of the peak without the effect (%)")
-        ax.legend(handles=handles, fontsize=7.0)
+        legend_beside(ax, handles=handles)
     return ax
 
 
@@ -184,8 +183,9 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
     known = [r for r in ladder.rungs if r.known]
     low, high = ladder.range
     state = "converged" if ladder.converged else "not converged"
-    with drawing(ax, title=title or f"{ladder.preload:.4g} N, {state} to {percent(ladder.tolerance)}", legend=7.0) as ax:
-        ax.axhspan(low, high, color="0.88", zorder=0, label=f"range, {low:.3g} to {high:.3g} m")
+    title = title or f"{amount(ladder.preload, 'N')}, {state} to {percent(ladder.tolerance)}"
+    with drawing(ax, title=title, legend=7.0) as ax:
+        ax.axhspan(low, high, color="0.88", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
         if known:
             edges = [known[-1].amplitude * (1.0 + sign * ladder.tolerance) for sign in (-1.0, 1.0)]
             ax.axhline(edges[0], color="0.4", linewidth=0.8, linestyle=":", label="tolerance around the last")
@@ -206,7 +206,6 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
         ax.set_xticks([r.harmonics for r in ladder.rungs])
         ax.set(xlabel="Harmonics (beside the points: processor time)", ylabel="Resonance amplitude (m)")
         ax.margins(x=0.2, y=0.25)  # for the times
-        ax.ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
     return ax
 
 
@@ -229,7 +228,7 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
     """
     best, names = result.recommended, result.varied
     handles: dict[str, Any] = {}
-    with drawing(ax, size=(5.2, 4.2), title=title or f"{result.preload:.4g} N, difference from the richest") as ax:
+    with drawing(ax, size=(5.2, 4.2), title=title or f"{amount(result.preload, 'N')}, difference from the richest") as ax:
         shades = colours(len(names))
         for r in result.runs[1:]:
             k = names.index(r.part) if r.part in names else -1
@@ -259,6 +258,5 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
         handles[f"tolerance, {percent(result.tolerance)}"] = ax.axhline(result.tolerance, linestyle="--", **line)
         ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel="Error of the peak, relative")
         ax.margins(x=0.12, y=0.12)  # for the names
-        few_ticks(ax)
         ax.legend(handles.values(), handles.keys(), fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     return ax

@@ -14,13 +14,12 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import DASHED, MARKERS, PAPER, STYLES, colours, drawing, save_figure
+from bdamper.plot.axes import DASHED, MARKERS, PAPER, STYLES, colours, drawing, legend_beside, save_figure
 from bdamper.plot.model3d import plot_surfaces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
-from bdamper.util.text import length
 
 MEGA = 1e-6
 
@@ -123,14 +122,13 @@ def plot_margin(
         if k == 0 and len(known) and known.max() > 20.0 * known.min():
             axes.set_yscale("log")
         if with_response:
-            factor, unit = length(curve.response)
             other = axes.twinx()
-            other.plot(curve.values, factor * curve.response, color="0.55", linestyle=DASHED, label="response")
-            other.set_ylabel(f"Amplitude of the response ({unit}), dashed")
+            other.plot(curve.values, curve.response, color="0.55", linestyle=DASHED, label="response")
+            other.set_ylabel("Amplitude of the response, dashed (m)")
             other.set_ylim(bottom=0.0)
             other.grid(False)
         if label or np.isfinite(curve.best_value):
-            axes.legend(fontsize=7.5)
+            legend_beside(axes)
     return axes
 
 

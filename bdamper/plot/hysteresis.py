@@ -8,16 +8,16 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import PAPER, STYLES, colours, drawing, few_ticks, runs
+from bdamper.plot.axes import PAPER, STYLES, colours, drawing, fit_units, legend_beside, runs
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
-from bdamper.util.text import length, newtons
+from bdamper.util.text import amount
 
 SMALLEST = 1e-4
 """Energy that is shown, relative to the largest."""
@@ -63,20 +63,19 @@ def plot_hysteresis(
         raise validate.unfit("where", f'contact points and faces, or "{WHOLE}" alone', where)
     loops = [result.loop(place, direction) for place in places]
     whole = places == [WHOLE]
-    title = title or f"{result.frequency:.5g} Hz, preload {newtons(result.preload)}"
-    factor, unit = length(*(x for x, _ in loops))
+    title = title or f"{result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
-            ax.plot(factor * x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
+            ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
         of = "" if len(places) > 1 else f" of {_name(result, places[0])}"
         axis = "" if whole else f" {NAMES[direction]}"
-        ax.set(xlabel=f"Response ({unit})" if whole else f"Displacement{axis}{of} ({unit})")
+        ax.set(xlabel="Response (m)" if whole else f"Displacement{axis}{of} (m)")
         ax.set(ylabel="Contact force at the response (N)" if whole else f"Contact force{axis}{of} (N)")
     return ax
 
 
 @draws(Hysteresis, "history")
-def plot_history(result: Hysteresis, where: int, *, title: str = "") -> Figure:
+def plot_history(result: Hysteresis, where: int, *, title: str = "") -> NDArray:
     """Forces, vibration and gap of one contact point over a cycle.
 
     Parameters
@@ -88,31 +87,31 @@ def plot_history(result: Hysteresis, where: int, *, title: str = "") -> Figure:
 
     Returns
     -------
-    matplotlib figure
+    array of two matplotlib axes
     """
     i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
-    factor, unit = length(result.loop(i, "t1")[0], result.loop(i, "t2")[0], np.nan_to_num(result.gap[i]))
     with plt.rc_context(PAPER):
-        figure, (top, bottom) = plt.subplots(2, 1, figsize=(5.2, 4.4), sharex=True)
+        top, bottom = plt.subplots(2, 1, figsize=(5.6, 4.4), sharex=True)[1]
         shades = colours(3)
         for k, (name, style) in enumerate(zip(AXES, STYLES)):
             top.plot(time, result.force[i, k], linestyle=style, color=shades[k], label=NAMES[name])
             if name != "n":
-                bottom.plot(time, factor * result.loop(i, name)[0], linestyle=style, color=shades[k], label=NAMES[name])
+                bottom.plot(time, result.loop(i, name)[0], linestyle=style, color=shades[k], label=NAMES[name])
         if result.gap[i].max() > 0.0:
-            bottom.plot(time, factor * result.gap[i], linestyle=STYLES[2], color=shades[2], label="gap")
+            bottom.plot(time, result.gap[i], linestyle=STYLES[2], color=shades[2], label="gap")
         top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-        bottom.set(ylabel=f"Vibration, gap ({unit})", xlabel="Time (periods)")
+        bottom.set(ylabel="Vibration, gap (m)", xlabel="Time (periods)")
         for ax in (top, bottom):
-            ax.legend(fontsize=7.0, ncols=3)
-        title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {newtons(result.preload)}"
+            legend_beside(ax)
+            fit_units(ax)
+        title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
         top.set_title(title, fontsize=9.0)
-    return figure
+    return np.array([top, bottom])
 
 
 @draws(Hysteresis, "energy")
-def plot_energy(result: Hysteresis) -> Figure:
+def plot_energy(result: Hysteresis) -> NDArray:
     """Energy that is lost in a cycle for each area, over the faces that lose any."""
     density = np.maximum(result.energy, 0.0) / result.area
     least = 1e-9 * float(density.max(initial=0.0))
@@ -127,7 +126,7 @@ def plot_energy(result: Hysteresis) -> Figure:
 @draws(Dissipation)
 def plot_dissipation(
     result: Dissipation, quantity: str = "equivalent", ax: Axes | None = None, *, over: str = "amplitude", title: str = ""
-) -> Axes | tuple[Axes, Axes]:
+) -> Axes | NDArray:
     """What the contacts do to the vibration, over its amplitude.
 
     Parameters
@@ -142,7 +141,7 @@ def plot_dissipation(
 
     Returns
     -------
-    matplotlib axes, two of them for "equivalent"
+    matplotlib axes, an array of two for "equivalent"
     """
     validate.choice("quantity", quantity, ("equivalent", "energy"))
     x = getattr(result, validate.choice("over", over, ("amplitude", "frequency", "preload")))
@@ -163,7 +162,7 @@ def plot_dissipation(
                 line(ax, e, style, colour, name)
             line(ax, result.damping, ":", "0.35", "damping of the modes")
             ax.set(ylabel="Energy in a cycle (J)", yscale="log", ylim=(SMALLEST * result.excitation.max(), None))
-            ax.legend(fontsize=7.0)
+            legend_beside(ax)
             return ax
         dark, light = "0.1", plt.get_cmap("viridis")(0.45)
         right = ax.twinx()
@@ -171,10 +170,7 @@ def plot_dissipation(
         line(ax, result.stiffness, "-", dark, "stiffness")
         line(right, 100.0 * result.damping_ratio, "--", light, "damping ratio")
         ax.plot([], [], "--", color=light, label="damping ratio (right)")
-        ax.legend(fontsize=7.0)
+        legend_beside(ax)
         ax.set_ylabel(label(Dissipation, "stiffness"))
-        ax.ticklabel_format(axis="y", style="sci", scilimits=(-3, 4))
         right.set_ylabel(label(Dissipation, "damping_ratio", "%"))
-        if wide:
-            few_ticks(ax)
-    return ax, right
+    return np.array([ax, right])

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.plot.axes import drawing
+from bdamper.plot.axes import drawing, legend_beside
 from bdamper.plot.curves import FREQUENCY, PRELOAD
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -43,18 +45,19 @@ def plot_response_map(result: OptimalCurve, ax: Axes | None = None) -> Axes:
     read = [_read(curve, frequency) for curve in curves]
     preload = np.array([curve.preload for curve in curves])
     with drawing(ax) as ax:
-        height = np.log10(np.array([amplitude for amplitude, _ in read]))
-        shown = ax.pcolormesh(frequency, preload, height, shading="nearest", cmap="viridis", rasterized=True)
-        ax.figure.colorbar(shown, ax=ax, label="log10 of the amplitude (m)")
+        height = np.array([amplitude for amplitude, _ in read])
+        shown = ax.pcolormesh(frequency, preload, height, shading="nearest", norm="log", rasterized=True)
+        ax.figure.colorbar(shown, ax=ax, label="Amplitude (m)")
         several = np.array([count for _, count in read]) > 1
         if several.any():
             ax.contourf(frequency, preload, several.astype(float), levels=[0.5, 1.5], colors="none", hatches=["////"])
             ax.fill([], [], facecolor="none", edgecolor="0.3", hatch="////", label="several solutions")
-        ax.plot(result.frequency, result.preload, color="w", label="highest")
+        ax.plot(result.frequency, result.preload, color="tab:red", label="highest")
         if np.isfinite(result.optimum.preload):
-            ax.plot(result.optimum.frequency, result.optimum.preload, "*", color="w", markersize=9.0, label="optimum")
+            look: dict[str, Any] = {"color": "tab:red", "markeredgecolor": "w", "markersize": 11.0, "linestyle": "none"}
+            ax.plot(result.optimum.frequency, result.optimum.preload, marker="*", label="optimum", **look)
         ax.set(yscale="log", xlabel=FREQUENCY, ylabel=PRELOAD)
-        ax.legend(fontsize=7.0, facecolor="0.6")
+        legend_beside(ax)
     return ax
 
 

@@ -12,14 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing, few_ticks
+from bdamper.plot.axes import DASHED, MARKERS, colours, drawing
 from bdamper.problem.at_speed import RPM
 from bdamper.speed.campbell import Campbell
 from bdamper.speed.crossings import Crossings, SpeedLine
 from bdamper.speed.run_up import RunUp
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
-from bdamper.util.text import length
 
 SPEED = "Rotor speed (rpm)"
 
@@ -168,7 +167,6 @@ def plot_crossings(
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
     keep = np.isin(found.engine_order, found.engine_order if engine_orders is None else list(engine_orders))
-    unit, name = length(found.amplitude[keep]) if quantity == "amplitude" else (1.0, "")
     masses = np.unique(found.mass_factor)
     with drawing(ax, title=title, legend=7.0) as ax:
         for j, (factor, colour) in enumerate(zip(masses, colours(len(masses)))):
@@ -178,18 +176,17 @@ def plot_crossings(
                 line: SpeedLine = found.lines[i]
                 height = getattr(line, quantity)
                 some = np.isfinite(height)
-                ax.plot(line.speed[some] * RPM, unit * height[some], color=colour, linewidth=0.5, alpha=0.6)
-            ax.plot(found.rpm[rows], unit * value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
+                ax.plot(line.speed[some] * RPM, height[some], color=colour, linewidth=0.5, alpha=0.6)
+            ax.plot(found.rpm[rows], value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
                     linestyle=DASHED, linewidth=0.8, label=f"{1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
             if j == len(masses) - 1:
                 for i in rows[found.found[rows]]:
-                    ax.annotate(f"EO {found.engine_order[i]}", (found.rpm[i], unit * value[i]), fontsize=6.5, color="0.3",
+                    ax.annotate(f"EO {found.engine_order[i]}", (found.rpm[i], value[i]), fontsize=6.5, color="0.3",
                                 textcoords="offset points", xytext=(4, 4))  # fmt: skip
         if quantity == "margin":
             ax.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
-        label = f"Resonance amplitude ({name})" if quantity == "amplitude" else "Margin against fatigue"
+        label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
         ax.set(xlabel=SPEED, ylabel=label, yscale="log")
-        few_ticks(ax, "y")
     return ax
 
 
@@ -208,11 +205,10 @@ def plot_run_up(result: RunUp, ax: Axes | None = None, *, title: str = "") -> Ax
     matplotlib axes
         The highest point is a filled circle, the peak at fixed speed beside it an open square.
     """
-    unit, name = length(result.amplitude)
     with drawing(ax, title=title or f"engine order {result.engine_order}", legend=7.0) as ax:
-        ax.plot(result.rpm, unit * result.amplitude, color="k", linewidth=1.0, label="run-up")
-        ax.plot(result.peak_speed * RPM, unit * result.peak_amplitude, "o", color="k", markersize=5.0, label="highest")
-        ax.plot(result.fixed_speed * RPM, unit * result.fixed_speed_amplitude, "s", color="0.4", markerfacecolor="none",
+        ax.plot(result.rpm, result.amplitude, color="k", linewidth=1.0, label="run-up")
+        ax.plot(result.peak_speed * RPM, result.peak_amplitude, "o", color="k", markersize=5.0, label="highest")
+        ax.plot(result.fixed_speed * RPM, result.fixed_speed_amplitude, "s", color="0.4", markerfacecolor="none",
                 markersize=7.0, label="peak at fixed speed", linestyle="none")  # fmt: skip
-        ax.set(xlabel=SPEED, ylabel=f"Amplitude ({name})")
+        ax.set(xlabel=SPEED, ylabel="Amplitude (m)")
     return ax

@@ -16,7 +16,6 @@ from bdamper.plot.axes import MARKERS, STYLES, colours, drawing
 from bdamper.plot.curves import PRELOAD, plot_curves, plot_measurement
 from bdamper.util import validate
 from bdamper.util.plotting import draws
-from bdamper.util.text import length
 
 QUANTITIES = {
     "amplitude": "Resonance amplitude (m)",
@@ -75,14 +74,12 @@ def plot_together(
         for one in measured:
             plot_measurement(one, ax)
         return ax
-    loops = [result.loop()[0] for result in results.values() if isinstance(result, Hysteresis)]
-    factor, unit = length(*loops) if loops else (1.0, "m")
     with drawing(ax, title=title, legend=7.0) as ax:
         for i, ((name, result), colour) in enumerate(zip(results.items(), colours(len(results)))):
             x, y = _values(result, quantity)
             known = np.flatnonzero(np.isfinite(y))
             if kind is Hysteresis:
-                ax.plot(factor * x, y, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
+                ax.plot(x, y, linestyle=STYLES[i % len(STYLES)], color=colour, label=name)
                 continue
             ax.plot(x, y, linestyle=STYLES[i % len(STYLES)], color=colour, marker=MARKERS[i % len(MARKERS)], markersize=3.0,
                     markevery=known[:: max(1, len(known) // 8)].tolist(), label=name)  # fmt: skip
@@ -91,7 +88,7 @@ def plot_together(
                 ax.plot(o.preload, o.amplitude, "*", color=colour, markersize=8.0,
                         markerfacecolor=colour if o.verified else "w")  # fmt: skip
         if kind is Hysteresis:
-            ax.set(xlabel=f"Response ({unit})", ylabel="Contact force at the response (N)")
+            ax.set(xlabel="Response (m)", ylabel="Contact force at the response (N)")
             return ax
         ax.set(xlabel=PRELOAD if kind is OptimalCurve else "Response amplitude (m)", ylabel=QUANTITIES[quantity])
         ax.set(xscale="log", yscale="log" if quantity == "amplitude" else "linear")

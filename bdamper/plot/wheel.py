@@ -18,7 +18,7 @@ from bdamper.util import validate
 from bdamper.util.errors import BdamperError
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
-from bdamper.util.text import length, newtons
+from bdamper.util.text import amount
 from bdamper.wheel.mistuning import Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
@@ -71,18 +71,17 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
     matplotlib axes
     """
     _, blade = curve.highest
-    factor, unit = length(curve.envelope)
-    with drawing(ax, title=title or f"{newtons(curve.preload)}, {curve.response.shape[1]} blades", legend=7.0) as ax:
-        lines = ax.plot(curve.frequency, factor * curve.amplitude, color="0.75", linewidth=0.5)
+    with drawing(ax, title=title or f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades", legend=7.0) as ax:
+        lines = ax.plot(curve.frequency, curve.amplitude, color="0.75", linewidth=0.5)
         lines[0].set_label("single blades")
-        ax.plot(curve.frequency, factor * curve.amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
-        ax.plot(curve.frequency, factor * curve.envelope, color="k", label="highest blade")
+        ax.plot(curve.frequency, curve.amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
+        ax.plot(curve.frequency, curve.envelope, color="k", label="highest blade")
         if len(curve.folds):
             at = curve.folds
-            ax.plot(curve.frequency[at], factor * curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
+            ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")
         if tuned is not None:
-            ax.plot(tuned.frequency, factor * tuned.amplitude, color="k", linestyle=DASHED, label="tuned")
-        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=f"Amplitude ({unit})")
+            ax.plot(tuned.frequency, tuned.amplitude, color="k", linestyle=DASHED, label="tuned")
+        ax.set(xlabel=label(WheelCurve, "frequency"), ylabel="Amplitude (m)")
     return ax
 
 
@@ -116,17 +115,16 @@ def plot_wheel_map(curve: WheelCurve, ax: Axes | None = None, *, title: str = ""
     """
     i, blade = curve.highest
     frequency, amplitude = _on_a_grid(curve, 400)
-    factor, unit = length(curve.envelope)
-    with drawing(ax, title=title or newtons(curve.preload)) as ax:
+    with drawing(ax, title=title or amount(curve.preload, "N")) as ax:
         ax.grid(False)
         edges = np.arange(amplitude.shape[1] + 1) - 0.5
         step = 0.5 * (frequency[1] - frequency[0])
         across = np.append(frequency - step, frequency[-1] + step)
-        image = ax.pcolormesh(across, edges, factor * amplitude.T, cmap="viridis", vmin=0.0, rasterized=True)
+        image = ax.pcolormesh(across, edges, amplitude.T, cmap="viridis", vmin=0.0, rasterized=True)
         circle: dict[str, Any] = {"markersize": 8.0, "markerfacecolor": "none", "color": "w", "markeredgewidth": 1.5}
         ax.plot(curve.frequency[i], blade, "o", **circle, clip_on=False)
         figure: Any = ax.figure
-        figure.colorbar(image, ax=ax, label=f"Amplitude ({unit})")
+        figure.colorbar(image, ax=ax, label="Amplitude (m)")
         ax.set(xlabel=label(WheelCurve, "frequency"), ylabel=label(WheelCurve, "blade"))
     return ax
 
@@ -147,14 +145,13 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
     """
     if not peak.found:
         raise BdamperError(f"picture of a peak: expected a converged one, found {peak.status} ({peak.reason})")
-    factor, unit = length(peak.amplitudes)
-    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
+    title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, amplification factor {peak.amplification:.3f}"
     title += "" if peak.converged else ", dampers held"
     with drawing(ax, title=title, legend=7.0) as ax:
         shade = np.where(np.arange(len(peak.amplitudes)) == peak.blade, "0.15", "0.65")
-        ax.bar(np.arange(len(peak.amplitudes)), factor * peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
-        ax.axhline(factor * peak.tuned_amplitude, color="k", linestyle=DASHED, label="tuned peak")
-        ax.set(xlabel="Blade", ylabel=f"Amplitude ({unit})")
+        ax.bar(np.arange(len(peak.amplitudes)), peak.amplitudes, color=shade, edgecolor="k", linewidth=0.3)
+        ax.axhline(peak.tuned_amplitude, color="k", linestyle=DASHED, label="tuned peak")
+        ax.set(xlabel="Blade", ylabel="Amplitude (m)")
     return ax
 
 
@@ -192,9 +189,8 @@ def plot_wheel(
     shape = shape / shape.max()
     points = np.concatenate([mesh.points @ turn(a).T for a in angles])
     quads = np.concatenate([mesh.quads + k * len(mesh.points) for k in range(model.n_blades)])
-    factor, unit = length(peak.amplitudes)
-    top = f"blade {peak.blade} highest, {factor * peak.amplitude:.3g} {unit}"
-    title = title or f"{newtons(peak.preload)}, {peak.frequency:.5g} Hz, {top}"
+    top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
+    title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}"
     surface = points, quads, np.concatenate([height * shape for height in peak.amplitudes])
     return plot_surfaces([surface], None, path, backend=backend, title=title)
 
@@ -226,7 +222,7 @@ def plot_sample(
                 last = k == len(bands) - 1
                 marker = MARKERS[j % len(MARKERS)] if last else ""
                 line = {"color": colour, "linestyle": styles[k - len(bands)], "marker": marker, "markersize": 4.0}
-                ax.plot(x, value[:, j], **line, label=newtons(float(preload)) if last else None)
+                ax.plot(x, value[:, j], **line, label=amount(float(preload), "N") if last else None)
                 if last:
                     band(ax, x, low[:, j], high[:, j], colour)
         for k, q in enumerate(bands):
@@ -266,7 +262,7 @@ def plot_sample_tail(
     i, j = sample.cell(standard_deviation, preload)
     x, probability = empirical(sample.amplification[:, i, j])
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
-    title = title or f"{100.0 * sample.standard_deviation[i]:g} %, {newtons(float(sample.preload[j]))}, {len(x)} wheels"
+    title = title or f"{100.0 * sample.standard_deviation[i]:g} %, {amount(float(sample.preload[j]), 'N')}, {len(x)} wheels"
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.plot(x, 1.0 - probability, "o", color="0.45", markersize=3.0, markerfacecolor="none", label="wheels")
         least = 0.1 / len(x)

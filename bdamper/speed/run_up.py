@@ -31,6 +31,8 @@ from bdamper.util.text import amount, percent
 WITHIN = (50.0, 2000.0)
 """Speeds (rad/s) between which a crossing is looked for if none are given."""
 
+BESIDE = ", no peak at fixed speed beside it lies on the line"
+
 
 @brief
 @dataclass(frozen=True)
@@ -108,25 +110,9 @@ class RunUp(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamper-r
 
     def bottom_line(self) -> str:
         top = f"{amount(self.peak_amplitude, 'm')} at {self.peak_speed * RPM:.0f} rpm"
-        beside = f", {percent(self.difference)} above the peak at fixed speed" if np.isfinite(self.fixed_speed) else ""
+        beside = f", {percent(self.difference)} above the peak at fixed speed" if np.isfinite(self.fixed_speed) else BESIDE
         cut = " It is higher still at an end of the range: give a wider one." if self.cut else ""
         return f"Highest response of the run-up along engine order {self.engine_order}: {top}{beside}.{cut}"
-
-    def details(self) -> str:
-        lines = [
-            f"run-up along engine order {self.engine_order}: {self.status}, {len(self)} points",
-            f"  highest {self.peak_amplitude:.6g} m at {self.peak_speed:.6g} rad/s ({self.peak_speed * RPM:.0f} rpm)",
-        ]
-        if np.isfinite(self.fixed_speed):
-            lines.append(
-                f"  {100.0 * self.difference:.3g} % above the peak at fixed speed, {self.fixed_speed_amplitude:.6g} m at "
-                f"{self.fixed_speed:.6g} rad/s"
-            )
-        else:
-            lines.append("  no peak at fixed speed beside it lies on the line")
-        if self.cut:
-            lines.append("  the response is higher still at an end of the range: give a wider one")
-        return "\n".join([*lines, f"  residual of the interpolation over speed {self.interpolation:.1e}; {self.cost}"])
 
 
 @one_thread

@@ -122,16 +122,6 @@ class SettledResponse(Plottable, Tabular, row="period"):
             f"In time the response comes to {amount(self.mean, 'm')} on average ({reach}, {kind}) at {at}; {self.status}."
         )
 
-    def details(self) -> str:
-        low, high = self.range
-        n = len(self.harmonics)
-        kind = {None: "irregular", 1: "periodic"}.get(self.repeats_after, f"{self.repeats_after}-periodic") + " response"
-        return (
-            f"time integration at {self.frequency:.6g} Hz, preload {self.preload:g} N: {kind}\n"
-            f"  |X1| {self.mean:.4g} m on average, {low:.4g} to {high:.4g} m over the last {n - n // 2} of {n} periods\n"
-            f"  {self.status}: {self.reason}\n  {self.cost}"
-        )
-
     def mark(self, ax: Any) -> Any:
         """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_settled`)."""
         return draw(self, "mark", ax)

@@ -94,16 +94,6 @@ class Verification(Plottable, Tabular):
         heights = f"{height(abs(self.settled[1]), self.frequency)}, expected {amount(abs(self.expected[1]), 'm')}"
         return f"Time integration: {self.verdict} within {percent(self.tolerance)}, {heights} ({self.reason})."
 
-    def details(self) -> str:
-        ended = ", interrupted by the user" if self.interrupted else ""
-        return (
-            f"time integration at {self.frequency:.6g} Hz{ended}: {self.verdict} within {100.0 * self.tolerance:g} % "
-            f"({self.reason})\n"
-            f"  |X1| {abs(self.settled[1]):.6g} m, expected {abs(self.expected[1]):.6g} m, distance {self.distance:.2e}; "
-            f"{self.periods} periods of {self.steps_per_period} steps, {self.sectors} sectors, drift {self.drift:.1e} a "
-            f"period\n  {self.cost}"
-        )
-
 
 def verified(
     march: March, expected: NDArray, tolerance: float = BOUNDS.tolerance, periods: int = BOUNDS.most, progress: bool = False

@@ -14,12 +14,13 @@ import importlib
 import re
 import textwrap
 from collections.abc import Callable, Sequence
+from dataclasses import fields
 from functools import wraps
 from typing import Any, NamedTuple, TypeVar, cast
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
-from bdamper.util.text import aligned, amount
+from bdamper.util.text import aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
@@ -104,8 +105,15 @@ class Summarised:
         return ()
 
     def details(self) -> str:
-        """Everything that there is to say, in lines."""
-        return str(self)
+        """Everything that there is to say, in lines: facts, single values, notes, warnings and cost."""
+        if not self.bottom_line():
+            return str(self)
+        facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
+        told = {*(name for name, _ in facts)}
+        single = [(spaced(f.name), getattr(self, f.name)) for f in fields(cast(Any, self))]
+        facts += [(n, str(v)) for n, v in single if isinstance(v, int | float | str) and str(v) and n not in told]
+        texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
+        return "\n".join([self.bottom_line(), *aligned(facts, "  "), *texts, str(getattr(self, "cost", "")).strip()])
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 
 def percent(value: float, sign: bool = False) -> str:
@@ -32,27 +31,21 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     """
     base, per, rest = unit.partition(" per ")
     size, base = (1e3 * abs(value), "g") if base == "kg" else (abs(value), base)
-    fitting = [p for p in FITTING.get(base, " ") if size >= (1.0 - 0.5 * 10.0**-digits) * PREFIXES[p]]
-    prefix = fitting[-1] if fitting and np.isfinite(size) else " "
+    prefix = fitting(size * (1.0 + 0.5 * 10.0**-digits), base)
     number = np.copysign(size / PREFIXES[prefix], value)
     whole = int(np.log10(np.clip(abs(number), 1.0, 1e9))) + 1 if np.isfinite(number) else 1
     return f"{number:.{max(digits, whole if whole < 7 else 0)}g} {prefix.strip()}{base}{per}{rest}".rstrip()
 
 
+def fitting(size: float, unit: str) -> str:
+    """The prefix that makes a number of this size, in this unit, at least one; " " for none."""
+    reached = [prefix for prefix in FITTING.get(unit, " ") if size >= PREFIXES[prefix]]
+    return reached[-1] if reached and np.isfinite(size) else " "
+
+
 def height(amplitude: float, frequency: float) -> str:
     """How high a response is (m), and where (Hz)."""
     return f"{amount(amplitude, 'm')} at {amount(frequency, 'Hz')}"
-
-
-def newtons(value: float) -> str:
-    """A force in a legend."""
-    return f"{value / 1000.0:g} kN" if 1000.0 <= value < 1e6 else f"{value:g} N"
-
-
-def length(*values: NDArray) -> tuple[float, str]:
-    """Factor from metres to the unit that suits the largest of some lengths, and that unit."""
-    largest = max(float(np.nanmax(np.abs(v), initial=0.0)) for v in values)
-    return (1e6, "µm") if largest < 1e-3 else (1e3, "mm") if largest < 1.0 else (1.0, "m")
 
 
 def spaced(name: str) -> str:

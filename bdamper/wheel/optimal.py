@@ -108,9 +108,6 @@ class WheelOptimalCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-whe
         tuned = f"{self.amplification[i]:.3g} times the tuned wheel"
         return f"The highest blade is lowest at {amount(self.preload[i], 'N')} of {len(self)} preloads: {top}, {tuned}."
 
-    def details(self) -> str:
-        return "\n".join(f"{fact.name}: {fact.text}" for fact in self.facts()) + f"\n  {self.cost}"
-
 
 def optimal_curve(
     wheel: WheelProblem, preloads: Sequence[float], *, options: WheelPeakOptions | None = None

@@ -140,14 +140,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
         open_ = "" if self.complete else f" The curve is {self.status}: {self.reason}."
         return f"Highest blade at a preload of {amount(self.preload, 'N')}: number {blade}, {top}.{open_}"
 
-    def details(self) -> str:
-        head = f"curve of a wheel, preload {self.preload:g} N: {len(self)} points, {self.status} ({self.reason})"
-        if not len(self):
-            return head
-        i, blade = self.highest
-        top = f"highest {self.amplitude[i, blade]:.6g} m at {self.frequency[i]:.6g} Hz, blade {blade}"
-        return f"{head}\n  {top}, {len(self.folds)} folds, largest residual {self.residual.max():.1e}\n  {self.cost}"
-
 
 @brief
 @dataclass(frozen=True)
@@ -264,12 +256,3 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"
-
-    def details(self) -> str:
-        if not self.found:
-            return f"peak of a wheel, preload {self.preload:g} N: {self.status} ({self.reason})"
-        return (
-            f"peak of a wheel, preload {self.preload:g} N: {self.amplitude:.6g} m at {self.frequency:.6g} Hz, blade "
-            f"{self.blade}\n  amplification factor {self.amplification:.4g} (tuned {self.tuned_amplitude:.6g} m at "
-            f"{self.tuned_frequency:.6g} Hz), residual {self.residual:.1e}\n  {self.status}: {self.reason}\n  {self.cost}"
-        )

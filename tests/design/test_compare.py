@@ -47,7 +47,7 @@ def test_on_the_same_axes(study, found):
     ax = found.plot(measured=[measured])
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert {"as it is", "smooth", "heavier", "rig"} <= set(names)
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "|X1| tip, tangential (m)")
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Frequency (Hz)", "Tip amplitude (µm)")
     losses = plot_together({name: study.dissipation(curve) for name, curve in list(found.results.items())[:1]})
     assert losses.get_ylabel() == "Equivalent damping ratio (%)"
     loops = plot_together({"a": study.hysteresis(found.curves[0]), "b": study.hysteresis(found.curves[0], 0)})
@@ -66,7 +66,7 @@ def test_optimal_curves(study, monkeypatch):
     assert found.names == ("rough", "smooth") and not found.curves and len(found.optimal) == 2
     ax = found.plot("shift")
     assert (ax.get_xlabel(), ax.get_ylabel()) == ("Preload (N)", "Frequency shift (%)")
-    assert found.plot().get_ylabel() == "Resonance amplitude (m)"
+    assert found.plot().get_ylabel() == "Resonance amplitude (µm)"
     plt.close("all")
 
 

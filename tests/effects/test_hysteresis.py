@@ -157,11 +157,11 @@ def test_files(study, curve, cycle, tmp_path):
 def test_pictures(study, curve, cycle):
     found = study.dissipation(curve)
     axes = [
-        cycle.plot(), cycle.plot(["left", "right"], direction="n"), cycle.plot(12), *cycle.plot_history(12).axes,
-        *cycle.plot_energy().axes[:1], *found.plot(), found.plot("energy", over="frequency"),
+        cycle.plot(), cycle.plot(["left", "right"], direction="n"), cycle.plot(12), *cycle.plot_history(12),
+        *cycle.plot_energy()[:1], *found.plot(), found.plot("energy", over="frequency"),
     ]  # fmt: skip
     for ax in axes:
-        units = "(N)", "(µm)", "(m)", "(mm)", "(N/m)", "(%)", "(J)", "(Hz)", "(periods)"
+        units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(N/m)", "(%)", "(J)", "(Hz)", "(periods)"
         assert ax.get_ylabel().endswith(units), ax.get_ylabel()
         assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
     assert [t.get_text() for t in axes[1].get_legend().get_texts()] == ["left", "right"]

@@ -19,9 +19,19 @@ from bdamper.accuracy.ladders import AccuracyCost, Run
 from bdamper.effects.advice import Advice, EffectAdvice
 from bdamper.io import Measurement
 from bdamper.io.import_report import ImportReport
-from bdamper.plot import damper_picture, model3d, plot_accuracy, plot_import_report, plot_over_measurement, plot_surfaces
+from bdamper.plot import (
+    damper_picture,
+    model3d,
+    plot_accuracy,
+    plot_curves,
+    plot_import_report,
+    plot_over_measurement,
+    plot_surfaces,
+)
+from bdamper.plot.axes import drawing
 from bdamper.plot.motion import contact_status
 from bdamper.problem.effects import Effects
+from bdamper.util.text import amount
 
 INTERVAL = (270.0, 380.0)
 
@@ -120,7 +130,7 @@ class TestCurves:
     def test_measured_points_are_in_the_legend_and_in_metres(self, study, unit, factor):
         ax = study.free(INTERVAL).plot()
         Measurement("shaker", np.array([280.0, 290.0]), np.array([1.0, 2.0j]), unit=unit).plot(ax)
-        assert legend_texts(ax) == ["free", "shaker"]
+        assert legend_texts(ax) == ["shaker"] and [text.get_text() for text in ax.texts] == ["free"]
         assert np.allclose(ax.lines[-1].get_ydata(), [factor, 2.0 * factor], rtol=1e-15)
 
     def test_measured_points_in_other_units_are_refused(self):
@@ -167,7 +177,7 @@ def test_sweeps_have_units(study):
     result = bd.sweep(study, points, frequency=INTERVAL)
     ax = result.plot()
     assert ax.get_xlabel() == "Friction coefficient"
-    assert ax.get_ylabel() == "Resonance amplitude (m)"
+    assert ax.get_ylabel() == "Resonance amplitude (µm)"
     assert legend_texts(ax) == ["preload 2000 N", "preload 4000 N"]
     assert result.plot("frequency").get_ylabel() == "Resonance frequency (Hz)"
     assert_nothing_overlaps(ax)
@@ -260,3 +270,63 @@ class TestDamperPicture:
         assert animate_damper(study, solution, 500.0, tmp_path / "damper.gif", frames=2) > 1.0
         with Image.open(tmp_path / "damper.gif") as picture:
             assert picture.n_frames == 2
+
+
+class TestStyle:
+    """One style for all pictures: units that fit, legends beside, one meaning for each line style."""
+
+    def test_is_a_sheet_of_matplotlib(self):
+        with plt.style.context("bdamper.plot.style"):
+            assert plt.rcParams["axes.formatter.useoffset"] is False and plt.rcParams["legend.frameon"] is False
+
+    @pytest.mark.parametrize(
+        ("top", "label", "last"), [(2.5e-4, "Height (µm)", "250"), (3e-3, "Height (mm)", "3"), (40.0, "Height (m)", "40")]
+    )
+    def test_numbers_are_in_the_unit_that_fits(self, top, label, last):
+        with drawing() as ax:
+            ax.plot([0.0, 1.0], [0.0, top])
+            ax.set(ylabel="Height (m)", ylim=(0.0, top), yticks=[0.0, top])
+        assert ax.get_ylabel() == label and ax.lines[0].get_ydata()[1] == top, "what is drawn stays in metres"
+        ax.figure.draw_without_rendering()
+        assert [t.get_text() for t in ax.get_yticklabels()][-1] == last
+        with drawing(ax):  # once more, beside something larger
+            ax.set_ylim(0.0, 1e3 * top)
+        assert ax.get_ylabel() == f"Height ({amount(500.0 * top, 'm').split()[1]})"
+
+    def test_logarithmic_axes_have_plain_numbers(self):
+        with drawing() as ax:
+            ax.plot([90.0, 900.0], [2e-5, 9e-4])
+            ax.set(xscale="log", yscale="log", xlabel="Preload (N)", ylabel="Amplitude (m)")
+        ax.figure.draw_without_rendering()
+        shown = [t.get_text() for t in ax.get_yticklabels()]
+        assert {"20", "50", "100", "200", "500"} <= set(shown) and ax.get_ylabel() == "Amplitude (µm)"
+        assert {"100", "200", "500"} <= {t.get_text() for t in ax.get_xticklabels()}
+
+    def test_legends_lie_beside_what_is_drawn(self, study):
+        curves = [study.track(load, (330.0, 365.0)) for load in (500.0, 2000.0)]
+        ax = plot_curves([study.free(INTERVAL), *curves])
+        ax.figure.draw_without_rendering()
+        assert not ax.get_legend().get_window_extent().overlaps(ax.bbox)
+        assert legend_texts(ax)[:2] == ["500 N", "2 kN"]
+        left, right = study.dissipation(curves[0]).plot()
+        left.figure.draw_without_rendering()
+        assert not left.get_legend().get_window_extent().overlaps(right.bbox)
+
+    def test_many_preloads_have_a_colour_bar(self, study):
+        ax = plot_curves([study.track(load, (345.0, 360.0)) for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)])
+        assert len(ax.figure.axes) == 2 and ax.figure.axes[1].get_ylabel() == "Preload (kN)"
+        assert not any("N" in text for text in ([] if ax.get_legend() is None else legend_texts(ax)))
+
+    def test_optimum_and_its_range_are_marked(self, study):
+        curve = study.optimal_curve((200.0, 5e3), 6, frequency=INTERVAL, check=False)
+        amplitude, shift = curve.plot()
+        (star,) = (line for line in amplitude.lines if line.get_marker() == "*")
+        assert star.get_xydata().tolist() == [[curve.optimum.preload, curve.optimum.amplitude]]
+        assert f"{amount(curve.optimum.preload, 'N')}: {amount(curve.optimum.amplitude, 'm')}" in [
+            text.get_text() for text in amplitude.texts
+        ]
+        assert "at most 20 % more" in legend_texts(amplitude) and shift.get_ylabel() == "Frequency shift (%)"
+        drawn = np.concatenate([line.get_xdata() for line in amplitude.lines if line.get_linestyle() == "-"])
+        assert curve.optimum.preload in drawn, "the line goes through the optimum"
+        only = curve.plot(amplitude.figure.add_subplot())
+        assert only.get_ylabel() == "Tip amplitude (µm)"

@@ -137,7 +137,7 @@ class TestShortTexts:
             study, contact_stiffness={name: np.full((face.n_points, 3), 1e7) for name, face in faces.items()},
             gap={name: np.full(face.n_points, 2e-6) for name, face in faces.items()}, bias=False,
         )  # fmt: skip
-        text = full.details()
+        text = str(full)
         assert "array" not in text
         assert "gap: left up to 2 um" in text
         assert "off: bias" in text

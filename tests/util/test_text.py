@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bdamper.util.text import PREFIXES, aligned, amount, cut, length, newtons, percent, spaced
+from bdamper.util.text import PREFIXES, aligned, amount, cut, percent, spaced
 
 
 @pytest.mark.parametrize(
@@ -19,11 +19,6 @@ def test_percent(value, text):
 def test_percent_with_a_sign():
     assert percent(0.5, True) == "+50 %"
 
-
-def test_forces_and_lengths():
-    assert [newtons(v) for v in (999.0, 1000.0, 2500.0, 1e6)] == ["999 N", "1 kN", "2.5 kN", "1e+06 N"]
-    assert length(np.array([np.nan, -2e-4])) == (1e6, "µm") and length(np.array([0.5]), np.array([0.0])) == (1e3, "mm")
-    assert length(np.array([1.0])) == (1.0, "m") and length(np.zeros(0)) == (1e6, "µm")
 
 
 def test_names_and_tables():
