@@ -71,10 +71,19 @@ def drawing(
             fit_units(each)
 
 
-def legend_beside(ax: Axes, size: float = 7.0, handles: Any = None, labels: Any = None) -> None:
-    """A legend where no curve is: to the right of the axes, below those with a second axis at the right."""
+def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:
+    """A legend where no curve is: to the right of the axes, below those with a second axis at the right.
+
+    Parameters
+    ----------
+    ax : matplotlib axes
+    size : float
+        Of its letters.
+    handles : sequence of matplotlib artists
+        By default all that are labelled.
+    """
     twins = [other for other in ax.figure.axes if other is not ax and other.bbox.bounds == ax.bbox.bounds]
-    given = ax.get_legend_handles_labels() if handles is None else (handles, labels or [h.get_label() for h in handles])
+    given = (handles, [h.get_label() for h in handles]) if handles else ax.get_legend_handles_labels()
     if not given[0]:
         return
     below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.2), "ncols": 3}
