@@ -24,7 +24,7 @@ from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.newton import Peak, peak_scale
 from bdamper.plot import plot_accuracy, save_figure
-from bdamper.stability.time_integration import Motion, Ring
+from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.util.cost import CostMeter
 from bdamper.util.text import percent
 from benchmarks import PLAIN, estimate_scenes, tolerance_scenes
@@ -270,7 +270,7 @@ def time_integration() -> str:
     resting, own = rung.system(PRELOAD_9), y
     system = study.system(PRELOAD_9)
     ring = Ring(system, study.model.n_blades, 5)
-    steps = max(256, ring.steps_for(omega, 1.5))
+    steps = STEPS
     rest = np.zeros(system.n_unknowns)
     rest[: system.n_mean] = study.static(PRELOAD_9).q[: system.n_mean]
     q, v = ring.state(rest, omega, 0.0)

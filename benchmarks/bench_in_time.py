@@ -19,6 +19,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.stability.in_time import SectorMap, disturbed
 from bdamper.stability.march import BOUNDS
+from bdamper.stability.time_integration import STEPS, Ring
 
 SEED, POINTS = 20261121, 50
 BANDS = {200.0: (290.0, 345.0), 500.0: (310.0, 355.0), 2000.0: (340.0, 365.0)}
@@ -63,7 +64,7 @@ def drawn(curves: dict[tuple[float, int], bd.Curve]) -> list[tuple[float, int, i
 def long_march(made: bd.Study, curve: bd.Curve, i: int) -> tuple[bool, float, int]:
     """Whether the motion stays, its mean amplitude over that of the point, and the periods marched."""
     omega, u = 2.0 * np.pi * float(curve.frequency[i]), curve.unknowns[i]
-    sector = SectorMap.of(made.system(curve.preload), omega, made.model.n_blades, int(made.engine_order), u, 0.25)
+    sector = SectorMap(Ring(made.system(curve.preload), made.model.n_blades, int(made.engine_order)), omega, 2 * STEPS)
     motion = disturbed(sector.ring, sector.ring.start(u, omega, sector.steps), SEED + i)
     ratios: list[float] = []
     while len(ratios) < MOST:

@@ -22,7 +22,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.plot import save_figure
 from bdamper.plot.axes import MARKERS, PAPER, colours
-from bdamper.stability.time_integration import ring_and_steps
+from bdamper.stability.time_integration import STEPS, Ring
 
 RESULTS = Path(__file__).parent / "results" / "paper.json"
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "paper.png"
@@ -88,7 +88,7 @@ def sweep(settings: dict[str, Any]) -> dict[str, Any]:
     curve = asked.track(preload, DRIVEN[1][2])
     start = int(np.argmin(np.abs(curve.frequency - first)))
     omega, end = 2.0 * np.pi * curve.frequency[start], 2.0 * np.pi * last
-    ring, steps = ring_and_steps(asked.system(preload), end, asked.model.n_blades, 5, None, curve.unknowns[start])
+    ring, steps = Ring(asked.system(preload), asked.model.n_blades, 5), STEPS
     settled = ring.march(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
     found = ring.march(settled.motion, omega, steps, periods, omega_end=end)
     amplitude = np.abs(found.harmonics[:, 1])

@@ -120,12 +120,16 @@ static int check_path(const bd_time_path *path) {
         PyErr_SetString(PyExc_ValueError, "n_step, first, per_period: expected a path of at least one step per period");
         return 0;
     }
+    if (!(path->radius >= 0.0 && path->radius <= 1.0 && path->tolerance > 0.0 && path->tolerance <= 0.01)) {
+        PyErr_SetString(PyExc_ValueError, "radius, tolerance: expected 0 to 1, and a positive number up to 0.01");
+        return 0;
+    }
     return core_check_number(path->omega, "omega", BD_POSITIVE) &&
            core_check_number(path->omega_end, "omega_end", BD_POSITIVE);
 }
 
 /* Whole periods at a time, some thousand steps, between which an interruption (Ctrl-C) ends the march. */
-static int march_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *w,
+static int march_in_parts(RingObject *self, const bd_time_path *path, double *q, double *v, double *a, double *w,
                           bd_time_effort *effort) {
     enum { STEPS = 4096 };
     const long most = path->per_period > STEPS ? path->per_period : STEPS / path->per_period * path->per_period;
@@ -135,6 +139,7 @@ static int march_in_parts(RingObject *self, const bd_time_path *path, double *q,
         bd_time_path part = *path;
         const long end = path->n_step - done > most ? done + most : path->n_step;
         part.n_step = end - done;
+        part.fresh = path->fresh && !done;
         part.first = (path->first + done) % path->per_period;
         if (done) part.omega = sqrt(square + gain * (double)done / (double)path->n_step);
         if (end < path->n_step) part.omega_end = sqrt(square + gain * (double)end / (double)path->n_step);
@@ -142,7 +147,7 @@ static int march_in_parts(RingObject *self, const bd_time_path *path, double *q,
         if (path->trace) part.trace += 2 * (size_t)self->time.n_total * (size_t)done;
         Py_BEGIN_ALLOW_THREADS;
         PyThread_acquire_lock(self->lock, WAIT_LOCK);
-        bd_time_march(&self->time, &part, q, v, w, effort);
+        bd_time_march(&self->time, &part, q, v, a, w, effort);
         PyThread_release_lock(self->lock);
         Py_END_ALLOW_THREADS;
         if (PyErr_CheckSignals()) return 0;
@@ -158,21 +163,22 @@ static double *state(core_arguments *arguments, PyObject *object, const char *na
 }
 
 static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"q",         "v",        "w",     "n_step", "per_period", "omega",
-                            "omega_end", "harmonic", "trace", "first",  NULL};
-    PyObject *q_object, *v_object, *w_object, *harmonic = Py_None, *trace = Py_None;
+    static char *names[] = {"q",      "v",         "a",     "w",        "n_step", "per_period", "omega", "omega_end",
+                            "radius", "tolerance", "fresh", "harmonic", "trace",  "first",      NULL};
+    PyObject *q_object, *v_object, *a_object, *w_object, *harmonic = Py_None, *trace = Py_None;
     bd_time_path path = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOlidd|OOl:march", names, &q_object, &v_object, &w_object,
-                                     &path.n_step, &path.per_period, &path.omega, &path.omega_end, &harmonic, &trace,
-                                     &path.first))
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOlidddd|pOOl:march", names, &q_object, &v_object, &a_object,
+                                     &w_object, &path.n_step, &path.per_period, &path.omega, &path.omega_end, &path.radius,
+                                     &path.tolerance, &path.fresh, &harmonic, &trace, &path.first))
         return NULL;
     core_arguments arguments = {0};
     const bd_time *t = &self->time;
     const npy_intp m = length(q_object, "q", 1000000), n = 2 * t->n_total, by_q[2] = {m, n};
     const npy_intp by_w[4] = {m, t->n_sector, t->n_point, 2}, n_w = 2 * (npy_intp)t->n_sector * t->n_point;
-    double *q, *v, *w;
+    double *q, *v, *a, *w;
     if (m < 0 || !check_path(&path)) return NULL;
     if (!(q = state(&arguments, q_object, "q", 2, by_q)) || !(v = state(&arguments, v_object, "v", 2, by_q))) return NULL;
+    if (!(a = state(&arguments, a_object, "a", 2, by_q))) return NULL;
     if (!(w = state(&arguments, w_object, "w", 4, by_w))) return NULL;
     const npy_intp periods = path.n_step / path.per_period, by_trace[3] = {m, path.n_step, n};
     npy_intp n_harmonic = 0;
@@ -194,7 +200,7 @@ static PyObject *Ring_march(RingObject *self, PyObject *args, PyObject *kwargs) 
     for (npy_intp i = 0; i < m; ++i) {
         path.harmonic = X ? X + 2 * i * periods * n_harmonic : NULL;
         path.trace = x ? x + i * path.n_step * n : NULL;
-        if (!march_in_parts(self, &path, q + i * n, v + i * n, w + i * n_w, &effort)) return NULL;
+        if (!march_in_parts(self, &path, q + i * n, v + i * n, a + i * n, w + i * n_w, &effort)) return NULL;
     }
     return Py_BuildValue("lll", effort.n_solved, effort.n_iteration, effort.n_unsolved);
 }
@@ -219,13 +225,14 @@ static PyObject *Ring_follow(RingObject *self, PyObject *args) {
 
 static PyMethodDef Ring_methods[] = {
     {"march", (PyCFunction)(void (*)(void))Ring_march, METH_VARARGS | METH_KEYWORDS,
-     "march(q, v, w, n_step, per_period, omega, omega_end, harmonic=None, trace=None, first=0) -> (int, int, int)\n\n"
-     "March m states q, v (m, 2 n), w (m, n_sector, n_point, 2) in place over n_step steps of equal angle from step "
-     "`first` "
-     "of a period on, at a frequency that goes from omega to omega_end linearly in time.  Fill the harmonics of the "
-     "response "
-     "in each whole period (m, n_step // per_period, n_harm + 1) and the coordinates at the start of each step (m, n_step, "
-     "2 n).  Return how often coordinates without mass were solved for, with how many evaluations, and how often in vain."},
+     "march(q, v, a, w, n_step, per_period, omega, omega_end, radius, tolerance, fresh=False, harmonic=None, trace=None, "
+     "first=0) -> (int, int, int)\n\n"
+     "March m states q, v, a (m, 2 n), w (m, n_sector, n_point, 2) in place over n_step steps of equal angle from step "
+     "`first` of a period on, at a frequency that goes from omega to omega_end linearly in time; radius is the spectral "
+     "radius at infinite frequency, tolerance that of the contact forces.  With `fresh` the accelerations and the "
+     "coordinates without mass follow from the rest.  Fill the harmonics of the response in each whole period (m, n_step "
+     "// per_period, n_harm + 1) and the coordinates at the start of each step (m, n_step, 2 n).  Return how often contact "
+     "forces were solved for, with how many evaluations, and how often in vain."},
     {"follow", (PyCFunction)Ring_follow, METH_VARARGS,
      "follow(q, w)\n\nMove the sliders w (n_sector, n_point, 2) along a given motion q (n_step, 2 n)."},
     {NULL, NULL, 0, NULL}};

@@ -23,43 +23,53 @@ typedef struct {
     const double *row;   /* (2, n_total): response = row . (Re eta, Im eta) */
 } bd_time_input;
 
-/* Instants at which the contact condition was solved, evaluations of the law for them, those left above the tolerance. */
+/* Steps, evaluations of the law for them, and steps that ended above the tolerance. */
 typedef struct {
     long n_solved, n_iteration, n_unsolved;
 } bd_time_effort;
 
+/* How far the contacts give way to their own forces within a step: u = u* - C p for the patterns V of the motion, x = V u,
+ * and the forces on them p = V' F. */
+typedef struct {
+    double h, radius; /* length of the step, 0 for an instant; spectral radius at infinite frequency */
+    int rank;         /* patterns, a multiple of 8; those behind the last one are zero */
+    double dropped;   /* largest compliance times stiffness that is left out */
+    double *V, *Vt;   /* (rank, rows) and (rows, rank) */
+    double *C;        /* (n_family, rank/8, rank, 2, 8) real and imaginary parts, times 1/N or 2/N */
+} bd_time_step;
+
 typedef struct bd_time {
     const bd_kernel *kernel;
-    int n_sector, n_point, n_family, n_total, n_force, n_slack; /* n_slack: real coordinates without mass */
-    int *n_mode, *n_heavy, *first,
-        *is_real;       /* (n_family) modes, those with mass, which come first; first padded coordinate */
+    int n_sector, n_point, n_family, n_total, n_force, most; /* most: patterns for which there is room */
+    int *n_mode, *first, *is_real;                           /* (n_family) */
     int *place, *other; /* (n_total) padded coordinates of the real and imaginary part */
-    int *slack;         /* (n_slack) padded coordinate */
     int *order;
     size_t n_coordinate; /* padded: each family has room for a multiple of 8 modes, first real then imaginary parts */
-    size_t stride;       /* points, padded to a multiple of 8 */
+    size_t stride, rows; /* points, padded to a multiple of 8; three times as many */
     int has_coupled, has_cubic;
-    double *out, *back;               /* modes, in the orders in which the two products read them */
-    double *phase;                    /* (n_sector, n_family, 2) cos and sin(2 pi k d/n) */
-    double *omega2, *damping, *share; /* (n_coordinate), over the modal mass; share: 1/(N m) or 2/(N m) */
-    double *force, *row;              /* (n_force, 2, n_coordinate), over the modal mass; (n_coordinate) */
-    double *point;                    /* (BD_TIME_FIELDS, stride) */
-    double *q, *v, *a, *pressed;      /* (n_coordinate) */
-    double *w, *moved;                /* (n_sector, 2, stride) */
-    double *base, *y, *z;             /* (n_family, 2, 3, stride) amplitudes of motion and force; base: with mass alone */
-    /* of the contact condition */
-    double *stiffness, *part;  /* (n_slack); part: 1/N or 2/N */
-    double *push;              /* (n_force, 2, n_slack) excitation */
-    double *rows;              /* (n_sector, n_point, 3, n_slack) motion by the coordinates without mass */
-    double *tangent;           /* (n_sector, n_point, 9) derivative of the forces that is in H */
-    double *state;             /* (n_sector, stride) the state to which it belongs */
-    double *H, *lu, *closed;   /* (n_slack, n_slack), its factors, and those with every contact closed and stuck */
-    double *residual, *before; /* (n_slack) */
-    int *pivot, *pivot_closed; /* (n_slack) */
-    int has_changed;           /* H differs from its factors */
-    double largest;            /* force so far, to which the residual is compared */
+    double *out, *back;                        /* modes, in the orders in which the two products read them */
+    double *phase;                             /* (n_sector, n_family, 2) cos and sin(2 pi k d/n) */
+    double *stiffness, *mass, *damping, *part; /* (n_coordinate) of each; part: 1/N or 2/N */
+    double *force, *row;                       /* (n_force, 2, n_coordinate); (n_coordinate) */
+    double *point;                             /* (BD_TIME_FIELDS, stride) */
+    double *q, *v, *a, *pressed;               /* (n_coordinate) */
+    double *excited, *coming;                  /* (n_coordinate) excitation at the start and at the end of a step */
+    double *q_next, *a_next;                   /* (n_coordinate) at the end of the step, without its contact forces */
+    double *beta, *ease;                       /* (n_coordinate) displacement and acceleration by a unit of force */
+    double *w, *moved;                         /* (n_sector, 2, stride) */
+    double *x, *base, *reach;                  /* (n_sector, rows) motion: last, without new forces, of a correction */
+    double *F, *tried;                         /* (n_sector, rows) */
+    double *tangent;                           /* (n_sector, 9, stride) derivative of the forces that is in M */
+    double *state;                             /* (n_sector, stride) the state to which it belongs */
+    double *y, *z;                             /* (n_family, 2, rows) amplitudes of motion and force */
+    double *M;                                 /* (n_sector, rank/8, rank, 8) inverse of I + V' D V */
+    double *p, *residual, *change, *given;     /* (n_sector, most) */
+    double *basis;                             /* (BD_TIME_VECTORS + 1, n_sector, most) of GMRES */
+    int *stale;                                /* (n_sector) M is to be made anew */
+    bd_time_step steps[2];                     /* of an instant, and of a step */
+    double largest;                            /* force on the patterns so far */
     bd_time_effort effort;
-    double *work; /* (3 n_total), while it is made */
+    double *work; /* (3 n_total) while it is made, (rows (rows + most + 4)) while a step is */
     double *memory;
     int *numbers;
 } bd_time;
@@ -81,9 +91,21 @@ enum {
     BD_TIME_FIELDS
 };
 
-/* Largest residual of the contact condition relative to its forces; iterations by Newton's method, and after these. */
-#define BD_TIME_TOLERANCE 1e-12
-enum { BD_TIME_NEWTON = 30, BD_TIME_CHORD = 2000 };
+/* Newton's corrections in a step, vectors of GMRES for each and its tolerance, steps until M is made anew, and denominator of
+ * an update of rank one below which it is. */
+enum { BD_TIME_NEWTON = 40, BD_TIME_VECTORS = 8, BD_TIME_ANEW = 64 };
+#define BD_TIME_LINEAR 0.1
+#define BD_TIME_SINGULAR 1e-3
+
+/* Residual relative to the forces above which a step counts as unsolved. */
+#define BD_TIME_ENOUGH 1e-2
+
+/* Patterns: compliance times stiffness below which one is left out, and how many there are at most. */
+#define BD_TIME_BOUND 1e-3
+enum { BD_TIME_MOST = 96, BD_TIME_FEWEST = 16 };
+
+/* Relative change of the step above which its patterns are made anew in a sweep. */
+#define BD_TIME_APART 1e-3
 
 /* Where a march goes.  The instants are those of equal steps of the angle, theta_k = 2 pi k/per_period; the frequency goes
  * from omega to omega_end linearly in time, so that its square is linear in the angle. */
@@ -91,6 +113,9 @@ typedef struct bd_time_path {
     long n_step, first; /* the first step starts at theta_first */
     int per_period, n_harm;
     double omega, omega_end;
+    double radius;    /* spectral radius at infinite frequency, 0 to 1 */
+    double tolerance; /* of the contact forces, relative */
+    int fresh;        /* the accelerations follow from the rest of the state, and so do coordinates without mass */
     double *harmonic; /* complex (n_step/per_period, n_harm + 1) of the response in each whole period, or NULL */
     double *trace;    /* (n_step, 2, n_total) coordinates at the start of each step, or NULL */
 } bd_time_path;
@@ -101,16 +126,23 @@ void bd_time_destroy(bd_time *time);
 /* Coordinates out of the layout of the loop: x (2, n_total). */
 void bd_time_unpad(const bd_time *time, const double *padded, double *x);
 
-/* Factors of a matrix (n, n) in place, with row exchanges, and a solution with them.  They suit a handful of unknowns. */
-void bd_time_factor(int n, double *A, int *pivot);
-void bd_time_solve(int n, const double *A, const int *pivot, double *x);
+/* Makes the patterns of a step of that length, of an instant for 0, if they are not there. */
+void bd_time_prepare(bd_time *time, bd_time_step *step, double h, double radius);
 
-/* Adds to a matrix (n_slack, n_slack) what forces with the derivative D (3, 3) at a point of a sector contribute. */
-void bd_time_add(const bd_time *time, size_t k, size_t p, const double *D, double *H);
+/* Numbers of the generalised alpha method with a spectral radius at infinite frequency (Chung and Hulbert). */
+typedef struct {
+    double am, af, b, gamma;
+} bd_time_alpha;
 
-/* March from the state q, v (2, n_total), w (n_sector, n_point, 2) to another, in place, and count up the effort.  Nothing of
- * what was marched before counts; one march in parts agrees with one at once to the tolerance of the contact condition. */
-void bd_time_march(bd_time *time, const bd_time_path *path, double *q, double *v, double *w, bd_time_effort *effort);
+bd_time_alpha bd_time_weights(double radius);
+
+/* What each coordinate gives way to a unit of force within a step (0: at an instant), and its acceleration. */
+void bd_time_ease(const bd_time *time, double h, double radius, double *beta, double *ease);
+
+/* March from the state q, v, a (2, n_total), w (n_sector, n_point, 2) to another, in place, and count up the effort.  Nothing of
+ * what was marched before counts; one march in parts agrees with one at once to the tolerance of the contact forces. */
+void bd_time_march(bd_time *time, const bd_time_path *path, double *q, double *v, double *a, double *w,
+                   bd_time_effort *effort);
 
 /* Sliders after a given motion q (n_step, 2, n_total). */
 void bd_time_follow(bd_time *time, long n_step, const double *q, double *w);

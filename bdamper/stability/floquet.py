@@ -43,6 +43,7 @@ first order in the step, while that along the events is exact for the motion giv
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -60,7 +61,7 @@ from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI, cycles
 from bdamper.stability.in_time import COUNTS, InTimeJudge, SectorMap
 from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
-from bdamper.stability.time_integration import Ring
+from bdamper.stability.time_integration import STEPS, Ring
 from bdamper.stability.wave import Judge, judged_along, rests
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -167,7 +168,7 @@ def shooting_monodromy(
     u : (n_unknowns,) float
     omega : float, rad/s
     n_steps : int
-        Steps per period; by default as many as the stiffest contact needs.
+        Steps per period; by default such that the highest frequency of the closed contacts turns by 0.02 in each.
     difference : float
         Size of the disturbances relative to the vibration.
 
@@ -178,8 +179,8 @@ def shooting_monodromy(
     """
     x, F, shares = system.contact(np.asarray(u))
     rests = shares[:, [0, 2]] > 1.0 - 1e-12
-    ring = Ring(system, 1, 0, rests, u)
-    sector = SectorMap(ring, omega, n_steps or max(256, ring.steps_for(omega, 0.05)))
+    ring = Ring(system, 1, 0, rests, radius=1.0)
+    sector = SectorMap(ring, omega, n_steps or max(STEPS, math.ceil(TWO_PI / omega * ring.highest_frequency() / 0.02)))
     start = ring.start(u, omega, sector.steps)
     kt = np.where(rests & (system.points.kt > 0.0), system.points.kt, 1.0)
     start = start._replace(w=np.where(rests, x[:, :2, 0] - F[:, :2, 0] / kt, start.w))

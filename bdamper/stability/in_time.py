@@ -33,7 +33,7 @@ from scipy.optimize import root
 
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, UNDECIDED, March
-from bdamper.stability.time_integration import ACCURACY, Motion, Ring, ring_and_steps
+from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.stability.wave import Verdict
 from bdamper.util.progress import LongWork, each
 
@@ -45,6 +45,8 @@ disturbances have 0.012 to 0.021 or more there, half of them 0.07 or more."""
 FEWEST = 3 * BOUNDS.settled
 """Periods of any march; after 160 of them the means of three motions that leave were 0.70, 0.77 and 1.01 of the solution
 that come to 0.41, 0.38 and 0.41."""
+EXACT = 1e-11
+"""Residual of the contact forces in a map of which differences are taken."""
 DIFFERENCE = 1e-6
 """Disturbances of differences, relative to the state."""
 CLOSED = 1e-7
@@ -62,7 +64,7 @@ class SectorMap:
         Of a period, at least.
     """
 
-    def __init__(self, ring: Ring, omega: float, steps: int) -> None:
+    def __init__(self, ring: Ring, omega: float, steps: int = STEPS) -> None:
         self.ring, self.omega, self.part = ring, omega, math.ceil(steps / ring.n)
         self.steps = self.part * ring.n
         self.turn = pow(ring.wave, -1, ring.n) if ring.n > 1 else 0
@@ -72,18 +74,9 @@ class SectorMap:
         # motion of contact points by a unit of coordinates, so that sliders count like these
         self._reach = max(float(np.abs(basis.G).max(initial=0.0)) for basis in ring.system.bases)
 
-    @classmethod
-    def of(
-        cls, system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, like: NDArray,
-        accuracy: float = ACCURACY,
-    ) -> SectorMap:  # fmt: skip
-        """All sectors of a structure in steps for a solution (n_unknowns,) nearby."""
-        ring, steps = ring_and_steps(system, omega, n_blades, engine_order, like=like, accuracy=accuracy)
-        return cls(ring, omega, steps)
-
     def __call__(self, motion: Motion) -> Motion:
         """Of one motion or a batch."""
-        q, v, w = self.ring.march(motion, self.omega, self.steps, steps=self.part).motion
+        q, v, w, _ = self.ring.march(motion, self.omega, self.steps, steps=self.part, tolerance=EXACT).motion
         return Motion(self._turned(q), self._turned(v), np.roll(w, self.turn, axis=-3))
 
     def _turned(self, x: NDArray) -> NDArray:
@@ -193,7 +186,7 @@ def judge_in_time(
     seed : int
         Of the disturbance.
     """
-    sector = SectorMap.of(system, omega, n_blades, engine_order, u)
+    sector = SectorMap(Ring(system, n_blades, engine_order), omega)
     expected = float(np.abs(system.response(np.asarray(u)[None])[0, 1]))
     if not expected > 0.0:
         return InTime(UNDECIDED, math.nan, math.nan, 0)
@@ -232,7 +225,7 @@ def marched(sector: SectorMap, start: Motion, expected: float, fewest: int = FEW
     fewest : int
         Periods of the march at least.
     """
-    march = March(sector.ring, sector.steps, sector.omega, start)
+    march = March(sector.ring, sector.omega, start, sector.steps)
     if march.until_judged(expected, fewest=fewest):
         raise KeyboardInterrupt
     verdict, _ = march.judged(expected)

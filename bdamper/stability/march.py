@@ -34,9 +34,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.stability.disturbances import TWO_PI
-from bdamper.stability.time_integration import Motion, Ring, ring_and_steps
+from bdamper.stability.time_integration import STEPS, Motion, Ring
+from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.progress import LongWork, counter
 
@@ -84,11 +84,11 @@ class March:
     Parameters
     ----------
     ring : Ring
-    steps : int
-        Per period.
     omega : float, rad/s
     start : (n_unknowns,) float or Motion
         A harmonic-balance solution, of whatever frequency, or where another march has ended.
+    steps : int, optional
+        Per period; :data:`~bdamper.stability.time_integration.STEPS` by default.
 
     Attributes
     ----------
@@ -102,11 +102,12 @@ class March:
     Raises
     ------
     SettingError
-        If the motion to start from is one of another structure.
+        If the motion to start from is one of another structure, or there are too few steps.
     """
 
-    def __init__(self, ring: Ring, steps: int, omega: float, start: NDArray | Motion) -> None:
-        self.ring, self.steps, self.omega = ring, steps, omega
+    def __init__(self, ring: Ring, omega: float, start: NDArray | Motion, steps: int | None = None) -> None:
+        self.steps = STEPS if steps is None else validate.whole("steps_per_period", steps, least=16)
+        self.ring, self.omega = ring, omega
         if isinstance(start, Motion):
             shapes = (2 * ring.n_coordinates,), (ring.n, ring.system.n_points, 2)
             if (start.q.shape, start.w.shape) != shapes:
@@ -114,18 +115,9 @@ class March:
                     f"start: expected a motion of this study, {shapes[0]} coordinates and {shapes[1]} sliders, found "
                     f"{start.q.shape} and {start.w.shape}"
                 )
-        self.motion = self.before = start if isinstance(start, Motion) else ring.start(start, omega, steps)
+        self.motion = self.before = start if isinstance(start, Motion) else ring.start(start, omega, self.steps)
         self.harmonics: list[NDArray] = []
         self.memory = float(omega / (np.pi * max(ring.least_damping, 1e-9 * omega)))
-
-    @classmethod
-    def of(
-        cls, system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, start: NDArray | Motion,
-        steps: int | None = None,
-    ) -> March:  # fmt: skip
-        """All sectors of a structure, with the steps per period that are given or that its stiffest contact needs."""
-        like = None if isinstance(start, Motion) else start
-        return cls(*ring_and_steps(system, omega, n_blades, engine_order, steps, like), omega, start)
 
     @property
     def amplitude(self) -> NDArray:
@@ -181,7 +173,7 @@ class March:
     def judged(self, expected: float, tolerance: float = BOUNDS.tolerance) -> tuple[str, str]:
         """Verdict and reason on whether the motion keeps to an amplitude (m); see :func:`judged`."""
         if self.ring.unsolved or self.overflowed:
-            return UNDECIDED, self.ring.unsolved or "the march left the range of numbers"
+            return UNDECIDED, "the march left the range of numbers" if self.overflowed else self.ring.unsolved
         return judged(self.amplitude, expected, tolerance, self.memory)
 
     def until_judged(

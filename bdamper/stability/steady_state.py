@@ -21,7 +21,7 @@ from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
-from bdamper.stability.time_integration import Motion
+from bdamper.stability.time_integration import Motion, ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -52,7 +52,7 @@ class SettledResponse(Plottable, Tabular, row="period"):
         Periods in which a transient of the least damped mode falls to 1/e.
     steps_per_period, sectors : int
     status : {"settled", "still moving", "interrupted", "undecided"}
-        The last where the contact condition of coordinates without mass was not met at some instant.
+        The last where contact forces were not found in some step.
     reason : str
     motion : Motion
         At the end, from which :meth:`bdamper.Study.settle` goes on.
@@ -213,7 +213,7 @@ def settle(
     periods : int
         Of the excitation.  A transient of a mode with the damping ratio ``zeta`` takes about ``1/(2 zeta)`` of them.
     steps_per_period : int, optional
-        By default what the stiffest contact asks for.
+        256 by default.
     progress : bool
         Show a progress bar.
 
@@ -247,6 +247,5 @@ def settle(
             raise validate.unfit("start", "a response of this study", "one of another model")
         frequency = start.frequency if frequency is None else frequency
         state = start.motion
-    omega, sectors = TWO_PI * frequency, (problem.model.n_blades, int(problem.engine_order))
-    march = March.of(problem.system(start.preload), omega, *sectors, state, steps_per_period)
+    march = March(ring_of(problem, start.preload), TWO_PI * frequency, state, steps_per_period)
     return settled(march, start.preload, periods, progress, problem.model.hash)

@@ -12,16 +12,16 @@ cut off.  The contact law is applied from one instant to the next: ``N = max(n0 
 radially to the disk of radius ``mu N``; under those of constant load a given load takes the place of ``N`` there, and the
 normal spring is two-sided; bonded points keep their slider.
 
-Coordinates without inertia (residual modes) follow the contact condition, which is solved at every instant; those with
-very little count as such (``QUICK``).
-
-Central differences (velocity Verlet), whose error is of second order in the step; the step follows from the stiffest
-contact.  The start is the harmonic-balance solution, so what is measured is where the motion goes from there.
+A step is implicit: generalised alpha, with the contact forces of all sectors at its end from one Newton's method
+(``csrc/bd_time_loop.c``).  So its length follows the motion and not the stiffest contact: :data:`STEPS` a period.  Its
+error is of second order.  The start is the harmonic-balance solution, so what is measured is where the motion goes from
+there.  The nodal diameters are those of the study's harmonics, or all that the model carries (:func:`every_diameter`).
 """
 
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Iterator
 from dataclasses import replace
 from math import gcd
@@ -31,22 +31,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper import _core
-from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
+from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, Sampled
 from bdamper.contact.residual_modes import RESIDUAL
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
+from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
-from bdamper.util import validate
 from bdamper.util.cost import Cost
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.warn import BdamperWarning
 
-ACCURACY = 0.5
-"""Step times the highest frequency of the closed contacts (2 is the limit of stability).  A fifth of it moves the amplitude
-of periodic motions by 0.0003 of it, their largest multiplier by up to 0.005, and that of chatter by 7 %."""
-QUICK = 200.0
-"""Coordinates whose own frequency is so many times that of the excitation count as without mass: of what they move by,
-the third harmonic is off by 2e-4, and ten periods of a disk end 1e-4 from those with mass, in steps 1.6 to 2.6 times as
-long."""
+STEPS = 256
+"""Steps a period.  Twice as many change the mean amplitude of motions that beat by up to 1 %; with half of them beats are
+missing or steps fail."""
+TOLERANCE = 1e-4
+"""Residual of the contact forces, relative to them; a tenth of the cost more or less for each factor of ten."""
+RADIUS = 0.8
+"""Spectral radius of a step at infinite frequency.  From 0.8 on unresolved contacts of residual modes gain energy."""
+RADIUS_WITHOUT_MASS = 0.5
+"""That of structures with coordinates without mass: never a gain, for 0.02 to 0.1 % of the energy a period."""
+MOST_SECTORS = 33
+"""Sectors up to which all nodal diameters are marched, beyond that those of the study's and of :data:`MOST_HARMONIC`."""
+MOST_HARMONIC = 6
 MOST_PERIODS = 100
 """Periods of a given motion within which sliders must settle: two, but many under the coupled laws."""
 
@@ -60,11 +66,15 @@ class Motion(NamedTuple):
         Real and imaginary parts of the coordinates of all nodal diameters, and their velocities.
     w : (n_sectors, n_points, 2) float, m
         Sliders.
+    a : (2 n_coordinates,) float, optional
+        Accelerations of the method of integration; without them they, and the coordinates without inertia, follow from the
+        rest.
     """
 
     q: NDArray
     v: NDArray
     w: NDArray
+    a: NDArray | None = None
 
 
 class Marched(NamedTuple):
@@ -97,16 +107,17 @@ class Ring:
     n_blades, engine_order : int
     held : (n_points, 2) bool, optional
         Sliders that stay where they are, besides those of bonded points: linear springs.
-    like : (n_unknowns,) float, optional
-        A solution, in which cubic springs are as stiff as they are counted.
-    quick : float, rad/s
-        Coordinates whose own frequency is higher count as without mass.
+    wide : HarmonicSystem, optional
+        With more harmonics, those of all nodal diameters that are to be marched.
+    radius : float, optional
+        Spectral radius of a step at infinite frequency, 1 for none of its damping; :data:`RADIUS` by default, and
+        :data:`RADIUS_WITHOUT_MASS` where coordinates have no mass.
 
     Raises
     ------
     SettingError
         If the settings describe something else than a structure in time: one basis for harmonics of several nodal
-        diameters, or residual modes that differ between harmonics of one nodal diameter.
+        diameters.
     """
 
     def __init__(
@@ -115,32 +126,24 @@ class Ring:
         n_blades: int,
         engine_order: int,
         held: NDArray | None = None,
-        like: NDArray | None = None,
-        quick: float = np.inf,
+        wide: HarmonicSystem | None = None,
+        radius: float | None = None,
     ) -> None:
-        arrays = system.arrays
-        self.cubic = np.asarray(system.points.law) == LAW_CUBIC
-        self.springs = np.concatenate([arrays["kt"], arrays["kn"][:, None]], axis=1)
-        self.springs[self.cubic] = 0.0
-        if like is not None and self.cubic.any():  # their largest stiffness in the cycle
-            reach = np.abs(system.contact(like)[0][self.cubic, :2]).sum(axis=2)
-            self.springs[self.cubic, :2] = 3.0 * arrays["kt"][self.cubic] * reach**2
         bonded = np.asarray(system.points.law)[:, None] == LAW_BONDED
         self.held = np.broadcast_to(bonded if held is None else bonded | held, (system.n_points, 2))
-        self.system = system
+        self.system, self.wide = system, wide or system
         self.cost = Cost()
         self.n = n_blades // gcd(n_blades, engine_order) if engine_order else 1
         self.wave = engine_order // gcd(n_blades, engine_order) if engine_order else 0  # nodal diameter on self.n sectors
         self.families: dict[int, int] = {}  # signed nodal diameter on self.n sectors -> harmonic that describes it
-        for l, basis in enumerate(system.bases):
-            if not len(basis.omega2):
-                continue
-            d = (l * self.wave) % self.n
-            same = self.families.get(d, self.families.get((self.n - d) % self.n))
-            if same is None:
-                self.families[d] = l
-            elif not _same_basis(system.bases[same], basis, conjugate=d not in self.families):
-                raise SettingError(_two_sets(system.bases[same], basis, same, l))
+        self._turns: dict[int, NDArray] = {}  # harmonic -> its coordinates in those of its family
+        for l, basis in enumerate(self.wide.bases):
+            if len(basis.omega2):
+                d = (l * self.wave) % self.n
+                same = self.families.get(d, self.families.get((self.n - d) % self.n))
+                if same is None:
+                    self.families[d] = same = l
+                self._turns[l] = _turn(self.wide.bases[same], basis, conjugate=d not in self.families)
         if self.n > 1 and len({b.nodal_diameter for b in system.bases if len(b.omega2)}) == 1 and system.n_harmonics > 0:
             orders = [l * engine_order for l, basis in enumerate(system.bases) if len(basis.omega2)]
             diameters = {min(order % n_blades, -order % n_blades) for order in orders}
@@ -150,28 +153,30 @@ class Ring:
         self.blocks = []  # (harmonic, slice of coordinates, phases, factor)
         start = 0
         for d, l in self.families.items():
-            m = len(system.bases[l].omega2)
+            m = len(self.wide.bases[l].omega2)
             factor = 1.0 if d == 0 or 2 * d == self.n else 2.0
             self.blocks.append((l, slice(start, start + m), np.exp(2j * np.pi * k * d / self.n), factor))
             start += m
         self.n_coordinates = start
         self.real = np.concatenate([np.full(s.stop - s.start, factor == 1.0) for _, s, _, factor in self.blocks])
-        self.stiffness = np.concatenate([system.bases[l].omega2 for l, *_ in self.blocks])
-        mass = np.concatenate([system.bases[l].mass for l, *_ in self.blocks])
-        self.mass = np.where(mass > self.stiffness / quick**2, mass, 0.0)
+        bases = [self.wide.bases[l] for l, *_ in self.blocks]
+        self.stiffness, self.mass, damping = (
+            np.concatenate([np.asarray(getattr(b, name)) for b in bases]) for name in ("omega2", "mass", "damping")
+        )
         heavy = self.mass > 0.0
         weight = np.where(heavy, self.mass, 1.0)
         self.omega2 = np.where(heavy, self.stiffness / weight, 0.0)
-        self.damping = np.where(heavy, np.concatenate([system.bases[l].damping for l, *_ in self.blocks]) / weight, 0.0)
+        self.damping = np.where(heavy, damping / weight, 0.0)
         self.least_damping = float(self.damping[self.omega2 > 0.0].min(initial=np.inf))
         """Full bandwidth (rad/s) of the least damped mode; infinite if no mode has stiffness of its own."""
+        self.radius = radius if radius is not None else RADIUS if heavy.all() else RADIUS_WITHOUT_MASS
         self.core = self._core()
         self.effort = np.zeros(3, int)
-        """Instants at which coordinates without mass were solved for, evaluations for them, instants at which in vain."""
+        """Steps in which contact forces were solved for, evaluations for them, steps in vain."""
 
     def _core(self) -> _core.Ring:
         """What marches: modes, points, excitation and response in arrays."""
-        bases = [self.system.bases[l] for l, *_ in self.blocks]
+        bases = [self.wide.bases[l] for l, *_ in self.blocks]
         orders, force = self.forcing()
         points = {name: self.system.arrays[name] for name in ("kt", "kn", "mu", "n0", "load", "shift", "law")}
         return _core.Ring(
@@ -196,7 +201,7 @@ class Ring:
             if len(basis.omega2):
                 l, reversed_ = self._family(harmonic)
                 out, a = np.zeros(self.n_coordinates, complex), self.system.amplitudes(np.asarray(u), harmonic)
-                out[where[l]] = a.conj() if reversed_ else a
+                out[where[l]] = self._turns[harmonic] @ (a.conj() if reversed_ else a)
                 yield -harmonic if reversed_ else harmonic, out
 
     def forcing(self) -> tuple[NDArray, NDArray]:
@@ -232,22 +237,16 @@ class Ring:
         return Motion(*self.state(u, omega, 0.0), self.initial_slider(u, omega, n_steps))
 
     def highest_frequency(self) -> float:
-        """rad/s, with every contact closed and stuck; the nodal diameters are then independent of each other."""
-        highest = 0.0
+        """rad/s, with every contact closed and stuck, coordinates without mass aside and springs that are not linear."""
+        a, highest = self.system.arrays, 0.0
+        springs = np.column_stack([a["kt"], a["kn"]]) * (np.asarray(a["law"]) != LAW_CUBIC)[:, None]
         for l, s, *_ in self.blocks:
-            G = np.asarray(self.system.bases[l].G).reshape(-1, s.stop - s.start)
-            G = G.real if self.real[s].any() else G
-            stiffness = np.diag(self.stiffness[s]) + (G.conj().T * self.springs.ravel()) @ G
             heavy = self.mass[s] > 0.0
-            own, between = stiffness[np.ix_(heavy, heavy)], stiffness[np.ix_(~heavy, heavy)]
-            given = own - between.conj().T @ np.linalg.solve(stiffness[np.ix_(~heavy, ~heavy)], between)
-            values = np.linalg.eigvals(given / self.mass[s][heavy, None])
+            G = np.asarray(self.wide.bases[l].G).reshape(springs.size, -1)[:, heavy]
+            stiffness = np.diag(self.stiffness[s][heavy]) + (G.conj().T * springs.ravel()) @ G
+            values = np.linalg.eigvals(stiffness / self.mass[s][heavy, None])
             highest = max(highest, float(np.abs(values).max(initial=0.0)))
         return float(np.sqrt(highest))
-
-    def steps_for(self, omega: float, accuracy: float = 0.1) -> int:
-        """Steps per period, so that ``step * highest frequency`` stays below ``accuracy`` (2 is the limit of stability)."""
-        return int(np.ceil(TWO_PI / omega * self.highest_frequency() / accuracy / 64.0)) * 64
 
     def initial_slider(self, u: NDArray, omega: float, n_steps: int) -> NDArray:
         """Sliders at t = 0 of the solution: its motion marched over periods from the given ones until they settle."""
@@ -274,6 +273,7 @@ class Ring:
         first: int = 0,
         omega_end: float | None = None,
         trace: bool = False,
+        tolerance: float = TOLERANCE,
     ) -> Marched:
         """March a state, or several, over whole periods of the excitation or any number of steps.
 
@@ -298,73 +298,96 @@ class Ring:
         count = n_steps * periods if steps is None else steps
         started = time.perf_counter()
         batch = motion.q.ndim > 1
-        q, v, w = (np.array(x if batch else x[None], float, order="C") for x in motion)
+        given = (*motion[:3], np.zeros_like(motion.q) if motion.a is None else motion.a)
+        q, v, w, a = (np.array(x if batch else x[None], float, order="C") for x in given)
         harmonics = np.zeros((len(q), count // n_steps, self.system.n_harmonics + 1), complex)
         path = np.zeros((len(q), count, q.shape[1])) if trace else None
         effort = self.core.march(
-            q, v, w, count, n_steps, omega, omega if omega_end is None else omega_end, harmonics, path, first
-        )
+            q, v, a, w, count, n_steps, omega, omega if omega_end is None else omega_end, self.radius, tolerance,
+            motion.a is None, harmonics, path, first,
+        )  # fmt: skip
         self.effort = self.effort + effort
         cost = self.cost
         self.cost = replace(
             cost, contact=cost.contact + time.perf_counter() - started, evaluations=cost.evaluations + len(q) * (count + 1)
         )
-        out = (q, v, w, harmonics, np.zeros((len(q), 0, q.shape[1])) if path is None else path)
-        q, v, w, harmonics, path = out if batch else (x[0] for x in out)
-        return Marched(Motion(q, v, w), harmonics, path, (first + count) % n_steps)
+        out = (q, v, w, a, harmonics, np.zeros((len(q), 0, q.shape[1])) if path is None else path)
+        q, v, w, a, found, trace_ = out if batch else [x[0] for x in out]
+        return Marched(Motion(q, v, w, a), found, trace_, (first + count) % n_steps)
+
+    @property
+    def nodal_diameters(self) -> tuple[int, ...]:
+        """That are marched, those of the whole wheel."""
+        return tuple(sorted({self.wide.bases[l].nodal_diameter for l in self.families.values()}))
 
     @property
     def unsolved(self) -> str:
-        """At how many instants so far the contact condition was not met; "" if at none."""
+        """In how many steps so far contact forces were not found; "" if in none."""
         solved, _, failed = self.effort
-        return f"the contact condition was not met at {failed} of {solved} instants" if failed else ""
+        return f"contact forces were not found in {failed} of {solved} steps" if failed else ""
 
     def response_row(self) -> NDArray:
         """(2 n_coordinates,) row of the response on the reference sector."""
         out = np.zeros(2 * self.n_coordinates)
         for l, s, _, _ in self.blocks:
-            r = np.asarray(self.system.response_rows[l], complex)
+            r = np.asarray(self.wide.response_rows[l], complex)
             out[s] = r.real
             out[s.start + self.n_coordinates : s.stop + self.n_coordinates] = -r.imag
         return out
 
 
-def _two_sets(a: HarmonicBasis, b: HarmonicBasis, first: int, second: int) -> str:
-    """What is wrong where two harmonics of one nodal diameter have different modes."""
-    if RESIDUAL in {c.body for c in a.coordinates + b.coordinates}:
-        return (
-            f"contact_stiffness: expected other than residual modes to integrate in time, as the harmonics {first} and "
-            f"{second} share a nodal diameter and each has residual modes of its own; found residual modes"
-        )
-    return "verify: expected each harmonic to have the modes of its own nodal diameter"
+def _turn(family: HarmonicBasis, basis: HarmonicBasis, conjugate: bool) -> NDArray:
+    """(m, n) coordinates of a family by those of a harmonic of the same nodal diameter, conjugated if it travels backwards.
 
-
-def _same_basis(a: HarmonicBasis, b: HarmonicBasis, conjugate: bool) -> bool:
-    """Whether two harmonics have the same modes at the contact points, those of the second conjugated if asked for."""
-    Ga, Gb = np.asarray(a.G), np.asarray(b.G)
-    if Ga.shape != Gb.shape:
-        return False
-    Gb = Gb.conj() if conjugate else Gb
-    return bool(np.allclose(Ga, Gb, rtol=1e-12, atol=1e-12 * np.abs(Ga).max(initial=0.0)))
-
-
-def ring_and_steps(
-    system: HarmonicSystem, omega: float, n_blades: int, engine_order: int, steps: int | None = None,
-    like: NDArray | None = None, accuracy: float = ACCURACY,
-) -> tuple[Ring, int]:  # fmt: skip
-    """What is marched, and the steps per period: those given, or such that step times highest frequency is ``accuracy``.
-
-    Cubic springs are as stiff as in the solution ``like``, if one is given.
-
-    Raises
-    ------
-    SettingError
-        If the steps that are given are too few for a stable march.
+    Residual modes of the two are turned against each other and span the same flexibility; all others are the same.
     """
-    ring = Ring(system, n_blades, engine_order, like=like, quick=QUICK * omega)
-    n = max(256, ring.steps_for(omega, accuracy))
-    if steps is not None:
-        n = validate.whole("steps_per_period", steps, least=1)
-    if n * omega / TWO_PI < 0.5 * ring.highest_frequency():
-        raise SettingError(f"steps_per_period: expected at least {ring.steps_for(omega, 1.0)} for stability, found {n}")
-    return ring, n
+    if family is basis:
+        return np.eye(len(basis.omega2))
+    to, own = (np.asarray(b.G).reshape(-1, len(b.omega2)) for b in (family, basis))
+    own = own.conj() if conjugate else own
+    left, right = (np.array([c.body == RESIDUAL for c in b.coordinates], bool) for b in (family, basis))
+    left, right = (x if x.any() else np.zeros(len(b.omega2), bool) for x, b in ((left, family), (right, basis)))
+    if (~left).sum() != (~right).sum() or not np.allclose(
+        to[:, ~left], own[:, ~right], rtol=1e-12, atol=1e-12 * np.abs(to).max(initial=0.0)
+    ):
+        raise SettingError("verify: expected each harmonic to have the modes of its own nodal diameter")
+    out = np.zeros((to.shape[1], own.shape[1]), complex)
+    out[np.flatnonzero(~left), np.flatnonzero(~right)] = 1.0
+    if left.any() and right.any():
+        out[np.ix_(left, right)] = np.linalg.lstsq(to[:, left], own[:, right], rcond=None)[0]
+    return out
+
+
+def every_diameter(problem: Problem) -> Problem:
+    """The problem with harmonics of all nodal diameters of its sectors, as far as the model carries them.
+
+    Beyond :data:`MOST_SECTORS` sectors it is those of harmonics up to :data:`MOST_HARMONIC`, besides the study's own.
+    """
+    order, blades = int(problem.engine_order), problem.model.n_blades
+    n, own = (blades // gcd(blades, order) if order else 1), set(problem.harmonic_numbers)
+    more = set(range(1, (n // 2 if n <= MOST_SECTORS else MOST_HARMONIC) + 1)) - own
+    if problem.single_basis or not more:
+        return problem
+
+    evaluation = "exact" if isinstance(problem.evaluation, str) else Sampled(8 * max(own | more) + 128)
+
+    def carried(harmonics: set[int]) -> Problem | None:
+        try:
+            with warnings.catch_warnings():  # of what would stand in for residual modes
+                warnings.simplefilter("ignore", BdamperWarning)
+                wide = problem.with_(harmonics=tuple(sorted(harmonics)), evaluation=evaluation)
+                _ = wide.bases
+                return wide if wide.contact.note == problem.contact.note else None
+        except BdamperError:
+            return None
+
+    whole = carried(own | more)
+    return whole or carried(own | {l for l in more if carried(own | {l})}) or problem
+
+
+def ring_of(problem: Problem, preload: float) -> Ring:
+    """All sectors of a problem at a preload (N), with every nodal diameter that the model carries."""
+    wide = every_diameter(problem)
+    system = problem.system(preload)
+    blades, order = problem.model.n_blades, int(problem.engine_order)
+    return Ring(system, blades, order, wide=system if wide is problem else wide.system(preload))

@@ -25,7 +25,7 @@ from bdamper.continuation.track import check_curve, track
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, March
-from bdamper.stability.time_integration import ring_and_steps
+from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -90,7 +90,7 @@ class TimeSweep(Plottable, Tabular, Storable, kind="bdamper-time-sweep", row="tu
     steps_per_period, sectors : int
     status : {"complete", "interrupted"}
     reason : str
-        Also at how many instants the contact condition of coordinates without mass was not met, if at any.
+        Also in how many steps contact forces were not found, if in any.
     cost : Cost
         That of the sweep at twice the rate included.
     beside : tuple of TimeSweep
@@ -266,7 +266,7 @@ def sweep_in_time(
     """March in time while the frequency of the excitation goes slowly over an interval.
 
     All sectors take part, each with its own contacts; no Fourier series is cut off, no travelling wave assumed.  The nodal
-    diameters are those of the study's harmonics.
+    diameters are all that the model carries.
 
     Parameters
     ----------
@@ -284,7 +284,7 @@ def sweep_in_time(
         Of the point of that curve; by default the one nearest to the first frequency.  The march settles at the first
         frequency before the sweep begins.
     steps_per_period : int, optional
-        By default what the stiffest contact asks for.
+        256 by default.
     check : bool
         March a second time at twice the rate, for the error; costs half as much again.
     progress : bool
@@ -310,8 +310,8 @@ def sweep_in_time(
     watch = Stopwatch()
     ends = (low, high) if up else (high, low)
     problem, u, begin = _start(problem, preload, ends[0], start, index)
-    blades, order = problem.model.n_blades, int(problem.engine_order)
-    ring, n = ring_and_steps(problem.system(preload), TWO_PI * low, blades, order, steps_per_period, u)
+    ring = ring_of(problem, preload)
+    march = March(ring, TWO_PI * begin, u, steps_per_period)
     least = ring.least_damping
     if not 0.0 < least < np.inf:
         raise SettingError("sweep_in_time: expected damping in every mode of the structure, found a mode without")
@@ -319,12 +319,12 @@ def sweep_in_time(
     rate = usual if rate is None else rate
     empty = TimeSweep(
         frequency=np.zeros(0), harmonics=np.zeros(0), preload=preload, rate=rate if up else -rate, memory=memory,
-        steps_per_period=n, sectors=ring.n, status=COMPLETE, reason="", cost=Cost(), settings=problem.record(),
+        steps_per_period=march.steps, sectors=ring.n, status=COMPLETE, reason="", cost=Cost(), settings=problem.record(),
         model_hash=problem.model.hash,
     )  # fmt: skip
     plans = [max(1, round(0.5 * (low + high) * (high - low) / (rate * factor))) for factor in (1, 2)[: 1 + check]]
     settling = max(1, round(SETTLING * memory * ends[0]))
-    parts = _marched(March(ring, n, TWO_PI * begin, u), ends, settling, plans, progress)
+    parts = _marched(march, ends, settling, plans, progress)
     if not parts:
         raise KeyboardInterrupt
     them, empty = zip((1, 2), parts, plans), replace(empty, reason=ring.unsolved)
@@ -364,7 +364,7 @@ def _marched(march: March, ends: tuple[float, float], settling: int, plans: list
     with LongWork(), counter(progress, settling + sum(plans), 0, "marching", "turn") as count:
         march.sweep((first, first), settling, count)
         for planned in plans:
-            sweeps.append(March(march.ring, march.steps, first, march.motion))
+            sweeps.append(March(march.ring, first, march.motion, march.steps))
             sweeps[-1].sweep((first, last), planned, count)
     return [np.array(sweep.harmonics) for sweep in sweeps if sweep.harmonics]
 

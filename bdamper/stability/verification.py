@@ -18,6 +18,7 @@ from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, March
+from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -176,7 +177,7 @@ def verify(
     periods : int
         Periods of the excitation, at most.
     steps_per_period : int, optional
-        By default what the stiffest contact asks for.
+        256 by default.
     progress : bool
         Show a bar of the periods, with the time left.
 
@@ -194,5 +195,5 @@ def verify(
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], TWO_PI * float(curve.frequency[i])
-    march = March.of(system, omega, problem.model.n_blades, int(problem.engine_order), u, steps_per_period)
+    march = March(ring_of(problem, curve.preload), omega, u, steps_per_period)
     return verified(march, system.response(u), tolerance, periods, progress)

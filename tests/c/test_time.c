@@ -1,4 +1,4 @@
-/* March in time: one oscillator against its recursion, a slider against the clip, all builds of the loop alike. */
+/* March in time: one oscillator against its steps in closed form, a slider against the clip, all builds of the loop alike. */
 #include "bd_time.h"
 #include "check.h"
 
@@ -37,57 +37,49 @@ static void test_oscillator(int with_spring) {
                               .row = row};
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
-    double q[4] = {0.3}, v[4] = {-0.2}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[4 * 150];
+    double q[4] = {0.3}, v[4] = {-0.2}, a[4] = {0.0}, w[2] = {0.0, 0.0}, X[2 * 2 * 3], trace[4 * 150];
     const bd_time_path path = {.n_step = 150,
                                .first = 10,
                                .per_period = 70,
                                .n_harm = 2,
                                .omega = 1.7,
                                .omega_end = 1.7,
+                               .radius = 0.6,
+                               .tolerance = 1e-12,
+                               .fresh = 1,
                                .harmonic = X,
                                .trace = trace};
     bd_time_effort effort = {0};
-    bd_time_march(&t, &path, q, v, w, &effort);
-    CHECK(effort.n_solved == 151 * with_spring && effort.n_iteration <= 4 * effort.n_solved && effort.n_unsolved == 0);
-    const double h = BD_TWO_PI / 1.7 / 70, ease = with_spring ? 1.0 + kn / ks : 1.0;
-    double x = 0.3, y = -0.2, mean = 0.0;
-    double a = (cos(BD_TWO_PI * 10 / 70) - k[0] * x - c[0] * y - fmax(n0 + kn * x, 0.0) / ease) / m[0];
+    bd_time_march(&t, &path, q, v, a, w, &effort);
+    CHECK(effort.n_solved == 150 + with_spring && effort.n_iteration <= 15 * effort.n_solved && effort.n_unsolved == 0);
+    const double h = BD_TWO_PI / 1.7 / 70, give = with_spring ? 1.0 + kn / ks : 1.0, am = 0.2 / 1.6, af = 0.6 / 1.6,
+                 late = 1.0 - af, gamma = 0.5 - am + af, b = 0.25 * (1.0 - am + af) * (1.0 - am + af),
+                 inertia = m[0] * (1.0 - am) + late * (c[0] * gamma * h + k[0] * b * h * h);
+    double x = 0.3, y = -0.2, mean = 0.0, N = fmax(n0 + kn * x, 0.0) / give;
+    double z = (cos(BD_TWO_PI * 10 / 70) - k[0] * x - c[0] * y - N) / m[0];
     int open = 0;
     for (int i = 0; i < 150; ++i) {
-        CHECK_NEAR(trace[2 * two * i], x, 1e-11);
-        if (with_spring) CHECK_NEAR(trace[2 * two * i + 1], -fmax(n0 + kn * x, 0.0) / ease / ks, 1e-11);
+        CHECK_NEAR(trace[2 * two * i], x, 1e-9);
+        if (with_spring) CHECK_NEAR(trace[2 * two * i + 1], -N / ks, 1e-9);
         if (i >= 70 && i < 140) mean += x / 70;
-        y += 0.5 * h * a;
-        x += h * y;
         open += n0 + kn * x < 0.0;
-        const double rest = cos(BD_TWO_PI * (11 + i) / 70) - k[0] * x - fmax(n0 + kn * x, 0.0) / ease;
-        y = (y + 0.5 * h * rest / m[0]) / (1.0 + 0.5 * h * c[0] / m[0]);
-        a = (rest - c[0] * y) / m[0];
+        const double e = cos(BD_TWO_PI * (10 + i) / 70), next = cos(BD_TWO_PI * (11 + i) / 70);
+        const double rest = late * next + af * (e - N) - m[0] * am * z - c[0] * (y + late * h * (1.0 - gamma) * z) -
+                            k[0] * (x + late * (h * y + h * h * (0.5 - b) * z));
+        const double free_end = x + h * y + h * h * ((0.5 - b) * z + b * rest / inertia), beta = b * h * h * late / inertia;
+        N = fmax(n0 + kn * free_end, 0.0) / (give + kn * beta);
+        const double faster = (rest - late * N) / inertia;
+        x = free_end - beta * N;
+        y += h * ((1.0 - gamma) * z + gamma * faster);
+        z = faster;
     }
     CHECK(open > 10 && open < 140);
-    CHECK_NEAR(q[0], x, 1e-11);
-    CHECK_NEAR(v[0], y, 1e-11);
-    CHECK_NEAR(X[6], mean, 1e-12);
+    CHECK_NEAR(q[0], x, 1e-9);
+    CHECK_NEAR(v[0], y, 1e-9);
+    CHECK_NEAR(a[0], z, 1e-9);
+    CHECK_NEAR(X[6], mean, 1e-10);
     CHECK(q[two] == 0.0 && v[two] == 0.0 && w[0] == 0.0);
     bd_time_destroy(&t);
-}
-
-/* Factors with row exchanges solve what they were made of. */
-static void test_factors(void) {
-    enum { N = 9 };
-    unsigned long long seed = 3;
-    double A[N * N], lu[N * N], x[N], b[N];
-    int pivot[N];
-    for (int i = 0; i < N * N; ++i) A[i] = lu[i] = uniform(&seed);
-    A[0] = lu[0] = 0.0;
-    for (int i = 0; i < N; ++i) b[i] = x[i] = uniform(&seed);
-    bd_time_factor(N, lu, pivot);
-    bd_time_solve(N, lu, pivot, x);
-    for (int i = 0; i < N; ++i) {
-        double sum = 0.0;
-        for (int j = 0; j < N; ++j) sum += A[i * N + j] * x[j];
-        CHECK_NEAR(sum, b[i], 1e-12);
-    }
 }
 
 /* The slider of a point that is moved back and forth is u clipped; a bonded one and a held one stay. */
@@ -181,11 +173,14 @@ static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) 
     bd_time t;
     CHECK(bd_time_create(&t, &in) == BD_OK);
     t.kernel = kernel;
-    const bd_time_path path = {.n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3};
+    const bd_time_path path = {
+        .n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3, .radius = 0.5, .tolerance = 1e-12, .fresh = 1};
+    double a[2 * MODES] = {0.0};
     for (int j = 0; j < 2 * MODES; ++j) q[j] = v[j] = j >= MODES && j < MODES + 3 ? 0.0 : uniform(&seed);
     for (int i = 0; i < 2 * SECTORS * POINTS; ++i) w[i] = 0.1 * uniform(&seed);
     bd_time_effort effort = {0};
-    bd_time_march(&t, &path, q, v, w, &effort);
+    bd_time_march(&t, &path, q, v, a, w, &effort);
+    CHECK(effort.n_unsolved == 0);
     bd_time_destroy(&t);
 }
 
@@ -196,10 +191,10 @@ static void test_kernels(void) {
     for (int i = 0; i < n; ++i) {
         march_all(kernel[i], q[i], v[i], w[i]);
         for (int j = 0; j < 2 * MODES; ++j) {
-            CHECK_NEAR(q[i][j], q[0][j], 1e-12);
-            CHECK_NEAR(v[i][j], v[0][j], 1e-12);
+            CHECK_NEAR(q[i][j], q[0][j], 1e-7);
+            CHECK_NEAR(v[i][j], v[0][j], 1e-6);
         }
-        for (int j = 0; j < 2 * SECTORS * POINTS; ++j) CHECK_NEAR(w[i][j], w[0][j], 1e-12);
+        for (int j = 0; j < 2 * SECTORS * POINTS; ++j) CHECK_NEAR(w[i][j], w[0][j], 1e-7);
         for (int j = MODES; j < MODES + 3; ++j) CHECK(q[i][j] == 0.0); /* real coordinates stay real */
     }
 }
@@ -207,7 +202,6 @@ static void test_kernels(void) {
 int main(void) {
     test_oscillator(0);
     test_oscillator(1);
-    test_factors();
     test_sliders();
     test_kernels();
     return check_result();

@@ -193,7 +193,7 @@ def test_ctrl_c_keeps_what_is_there(study, curve, monkeypatch):
         (lambda s, c: s.settle(c, -1.0), "frequency"),
         (lambda s, c: s.settle(c, 300.0, periods=3), "periods"),
         (lambda s, c: s.settle(c, 300.0, steps_per_period=1.5), "steps_per_period"),
-        (lambda s, c: s.settle(c, 300.0, steps_per_period=16), "steps_per_period"),
+        (lambda s, c: s.settle(c, 300.0, steps_per_period=8), "steps_per_period"),
     ],
 )
 def test_bad_arguments(study, curve, ask, name):

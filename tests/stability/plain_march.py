@@ -1,4 +1,8 @@
-"""The march in time in plain NumPy: one dense matrix from all coordinates to all points of all sectors, and back."""
+"""Marches in time in plain NumPy: one dense matrix from all coordinates to all points of all sectors, and back.
+
+``march`` is explicit (central differences), in as many steps as the stiffest contact needs; ``implicit`` takes the steps of
+the core, with the contact forces from a dense Newton method.
+"""
 
 import numpy as np
 
@@ -86,3 +90,81 @@ def march(ring, motion, omega, n_steps, steps, first=0, omega_end=None):
         v[light] = (q[light] - s_before) / h
         a = rest - damping * v
     return Motion(q, v, w), np.array(trace)
+
+
+def derivative(ring, x, w):
+    """Dense derivative of all contact forces by all motions, by differences to the side where a law has a corner."""
+    n, small = x.size, 1e-7
+    out = np.zeros((n, n))
+    for d in range(3):
+        moved = x.copy()
+        moved[:, :, d] += small
+        by = (force(ring, moved, w)[0] - force(ring, x, w)[0]) / small
+        for e in range(3):
+            rows, columns = (np.arange(n).reshape(x.shape)[:, :, i].ravel() for i in (e, d))
+            out[rows, columns] = by[:, :, e].ravel()
+    return out
+
+
+def implicit(ring, motion, omega, n_steps, steps, radius=0.8, first=0):
+    """Motion after so many steps of the generalised alpha method, and the coordinates at the start of each."""
+    A, B = matrices(ring)
+    orders, factors = ring.forcing()
+    q, v, w, a = motion
+    m, c, K = (np.tile(x, 2) for x in (ring.mass, ring.damping * ring.mass, ring.stiffness))
+    heavy = m > 0.0
+    B = np.where(heavy, m, 1.0)[:, None] * B  # forces, and not over the mass
+    K = np.where(np.abs(A).sum(axis=0) > 0.0, K, 1.0)
+    am, af = (2.0 * radius - 1.0) / (radius + 1.0), radius / (radius + 1.0)
+    gamma, b = 0.5 - am + af, 0.25 * (1.0 - am + af) ** 2
+    h = 2.0 * np.pi / omega / n_steps
+
+    def excitation(k):
+        angle = 2.0 * np.pi * (k % n_steps) / n_steps * orders
+        return np.cos(angle) @ factors[:, 0] + np.sin(angle) @ factors[:, 1]
+
+    def contact(free, beta, w):
+        """Modal forces g = B F(A (free - beta g)): Newton's method, halved where it does not help."""
+
+        def off(g):
+            x = (A @ (free - beta * g)).reshape(ring.n, -1, 3) + ring.system.points.shift
+            F, moved = force(ring, x, w)
+            return B @ F.ravel() - g, x, moved
+
+        g = np.zeros(len(free))
+        for _ in range(200):
+            missing, x, moved = off(g)
+            if np.abs(missing).max() <= 1e-12 * np.abs(g).max():
+                return g, moved
+            by = np.linalg.solve(np.eye(len(g)) + B @ derivative(ring, x, w) @ (A * beta), missing)
+            share = next(
+                (s for s in (1.0, 0.5, 0.25, 0.1) if np.linalg.norm(off(g + s * by)[0]) < np.linalg.norm(missing)), 0.05
+            )
+            g = g + share * by
+        raise AssertionError("no convergence")
+
+    if a is None:
+        q = np.where(heavy, q, excitation(first) / K)
+        beta = np.where(heavy, 0.0, 1.0 / K)
+        g, w = contact(q, beta, w)
+        q = q - beta * g
+        a = np.where(heavy, excitation(first) - c * v - K * q - g, 0.0) / np.where(heavy, m, 1.0)
+    else:
+        g, w = contact(q, np.zeros(len(q)), w)
+    late = 1.0 - af
+    inertia = m * (1.0 - am) + late * (c * gamma * h + K * b * h * h)
+    ease = np.where(heavy, late / inertia, 0.0)
+    beta = np.where(heavy, b * h * h * ease, 1.0 / K)
+    trace = []
+    for k in range(first, first + steps):
+        trace.append(q)
+        e, e_next = excitation(k), excitation(k + 1)
+        rest = late * e_next + af * (e - g) - m * am * a - c * (v + late * h * (1.0 - gamma) * a)
+        rest = rest - K * (q + late * (h * v + h * h * (0.5 - b) * a))
+        faster = ease / late * rest
+        free = np.where(heavy, q + h * v + h * h * ((0.5 - b) * a + b * faster), e_next / K)
+        g, w = contact(free, beta, w)
+        faster, end = faster - ease * g, free - beta * g
+        v = np.where(heavy, v + h * ((1.0 - gamma) * a + gamma * faster), (end - q) / h)
+        q, a = end, faster
+    return Motion(q, v, w, a), np.array(trace)

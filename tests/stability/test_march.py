@@ -19,7 +19,7 @@ from bdamper.contact.laws import (
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.stability.time_integration import QUICK, Motion, Ring, ring_and_steps
+from bdamper.stability.time_integration import Motion, Ring
 from tests.stability import plain_march
 
 LAWS = LAW_SEPARABLE, LAW_NORMAL, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_BONDED, LAW_CUBIC, LAW_SEPARABLE
@@ -65,43 +65,59 @@ def state(ring, seed=1, size=1.0):
 
 def close(found, expected, tolerance=1e-10):
     for a, b in zip(found, expected):
-        np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max())
+        if a.ndim == 3 and a.shape[2] == 2:  # sliders; that of the last direction, without a spring, is of no account
+            a, b = (x[:, :-1] for x in (a, b))
+        np.testing.assert_allclose(a, b, rtol=0.0, atol=tolerance * np.abs(b).max(initial=0.0))
 
 
 @pytest.mark.parametrize("sectors", [6, 9, 1])
-def test_all_laws_beside_the_plain_march(sectors):
-    system = structure(n_modes=(3, 9, 2, 4) if sectors > 1 else (3, 3))
+@pytest.mark.parametrize("laws", [LAWS[:4], LAWS[4:]])
+@pytest.mark.parametrize("light", [0, 2])
+def test_steps_beside_a_dense_newton(sectors, laws, light):
+    """All laws, held sliders, coordinates with and without mass; points stick, slip, open and close."""
+    if light and LAW_CUBIC in laws:
+        laws = LAWS[3:5]
+    system = structure(n_points=5, n_modes=(3, 9, 2, 4) if sectors > 1 else (3, 3), laws=laws, light=light)
     if sectors == 1:
         bases = [system.bases[0]] * 2
         system = HarmonicSystem(bases, system.points, system.force, system.response_rows, Sampled(64))
-    ring = Ring(system, sectors, int(sectors > 1),
-                held=np.arange(22).reshape(11, 2) % 7 == 0)  # fmt: skip
+    ring = Ring(system, sectors, int(sectors > 1), held=np.arange(10).reshape(5, 2) % 7 == 0)
     assert ring.n == sectors and ring.real.sum() == {6: 7, 9: 3, 1: 3}[sectors]
     start = state(ring)
-    expected, trace = plain_march.march(ring, start, 1.3, 300, 450, first=120)
-    found = ring.march(start, 1.3, 300, steps=450, first=120, trace=True)
-    close(found.motion, expected)
-    np.testing.assert_allclose(found.trace, trace, rtol=0.0, atol=1e-10 * np.abs(trace).max())
-    assert found.first == 270 and found.harmonics.shape == (1, ring.system.n_harmonics + 1)
-
-
-@pytest.mark.parametrize(("laws", "light"), [(LAWS[:3], 2), (LAWS[:-2], 1)])
-def test_coordinates_without_mass_beside_the_plain_march(laws, light):
-    """Those of the plain one are found by chord iterations; points stick, slip, open and close."""
-    ring = Ring(structure(laws=laws, light=light), **ALL_SECTORS)
-    assert (ring.mass == 0.0).sum() > 3
-    start = state(ring)
-    expected, trace = plain_march.march(ring, start, 1.3, 120, 60)
-    found = ring.march(start, 1.3, 120, steps=60, trace=True)
-    close(found.motion, expected)
-    np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-10 * np.abs(trace).max())
+    expected, trace = plain_march.implicit(ring, start, 1.3, 60, 40, ring.radius, first=50)
+    found = ring.march(start, 1.3, 60, steps=40, first=50, trace=True, tolerance=1e-12)
+    close(found.motion, expected, 1e-8)
+    np.testing.assert_allclose(found.trace[1:], trace[1:], rtol=0.0, atol=1e-8 * np.abs(trace).max())
+    assert found.first == 30 and found.harmonics.shape == (0, ring.system.n_harmonics + 1)
     solved, evaluations, failed = ring.effort
-    assert (solved, failed) == (61, 0) and evaluations < 6 * solved
+    assert solved == 40 + (light > 0) and failed == 0 and evaluations < 16 * solved
+    # from where it has come to it goes on as it was, accelerations included
+    later, _ = plain_march.implicit(ring, expected, 1.3, 60, 5, ring.radius, first=30)
+    close(ring.march(found.motion, 1.3, 60, steps=5, first=30, tolerance=1e-12).motion, later, 1e-8)
+
+
+@pytest.mark.parametrize("light", [0, 2])
+def test_it_is_the_explicit_march_in_many_small_steps(light):
+    """Twice the steps, a quarter of the difference from central differences in 1,200 steps."""
+    ring = Ring(structure(n_points=5, laws=LAWS[:3], light=light), **ALL_SECTORS)
+    start = state(ring, size=0.3)
+    expected, _ = plain_march.march(ring, start[:3], 1.3, 1200, 200)
+    off = [np.linalg.norm(ring.march(start, 1.3, n, steps=n // 6).motion.q - expected.q) for n in (60, 240)]
+    assert off[0] < 0.02 * np.linalg.norm(expected.q) and off[1] < 0.2 * off[0]
+
+
+@pytest.mark.parametrize("light", [0, 2])
+def test_patterns_that_are_left_out_change_little(light):
+    """Eleven points have 33 rows, of which up to 24 patterns are kept: forces are found with these and act on all."""
+    ring = Ring(structure(laws=LAWS[:3], light=light), **ALL_SECTORS)
+    start = state(ring)
+    expected, _ = plain_march.implicit(ring, start, 1.3, 120, 30, ring.radius)
+    close(ring.march(start, 1.3, 120, steps=30, tolerance=1e-10).motion[:2], expected[:2], 2e-3)
 
 
 @pytest.mark.parametrize("light", [0, 2])
 def test_a_march_does_not_depend_on_what_was_marched_before(light):
-    """A motion so large that it overflows, another one, and one in parts: the same march is the same to the last bit."""
+    """A motion so large that it overflows, and another one: the same march is the same to the last bit."""
     system = structure(laws=LAWS[:3] if light else LAWS, light=light)
     ring = Ring(system, **ALL_SECTORS)
     start = state(ring)
@@ -119,8 +135,6 @@ def test_a_march_does_not_depend_on_what_was_marched_before(light):
     after = start.w.copy()
     ring.core.follow(expected.trace, after)
     np.testing.assert_array_equal(after, w)
-    first = ring.march(start, 1.3, 120, steps=50)
-    close(ring.march(first.motion, 1.3, 120, steps=80, first=50).motion, expected.motion, 1e-9)
 
 
 @pytest.mark.parametrize("which", [0, 1, 2])
@@ -129,31 +143,32 @@ def test_a_state_is_finite(which):
     given = [np.array(x) for x in state(ring)]
     given[which].flat[3] = np.nan
     with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
-        ring.march(Motion(*given), 1.3, 120)
+        ring.march(Motion(*given[:3]), 1.3, 120)
     if which != 1:
         with pytest.raises(ValueError, match=f"^{'qvw'[which]}: expected finite numbers, found nan at flat index 3"):
             ring.core.follow(given[0][None], given[2])
 
 
 def test_a_sweep_beside_the_plain_march():
-    ring = Ring(structure(), **ALL_SECTORS)
-    start = state(ring)
-    expected, _ = plain_march.march(ring, start, 1.3, 200, 600, omega_end=1.6)
-    close(ring.march(start, 1.3, 200, 3, omega_end=1.6).motion, expected)
+    ring = Ring(structure(laws=LAWS[:3]), **ALL_SECTORS)
+    start = state(ring, size=0.3)
+    expected, _ = plain_march.march(ring, start[:3], 1.3, 2000, 2000, omega_end=1.6)
+    close(ring.march(start, 1.3, 500, omega_end=1.6).motion[:2], expected[:2], 3e-3)
 
 
 def test_a_long_sweep_is_that_of_its_periods():
     """The core looks for an interruption after some thousand steps: none of them is lost, and no period."""
     ring = Ring(structure(laws=[LAW_BONDED]), **ALL_SECTORS)
-    whole = ring.march(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True)
+    whole = ring.march(state(ring), 1.3, 500, 20, omega_end=1.6, trace=True, tolerance=1e-11)
     squares = np.linspace(1.3**2, 1.6**2, 21)
     motion = state(ring)
     for k in range(20):
-        part = ring.march(motion, np.sqrt(squares[k]), 500, omega_end=np.sqrt(squares[k + 1]), trace=True)
+        ends = np.sqrt(squares[k]), np.sqrt(squares[k + 1])
+        part = ring.march(motion, ends[0], 500, omega_end=ends[1], trace=True, tolerance=1e-11)
         motion = part.motion
-        np.testing.assert_allclose(part.harmonics[0], whole.harmonics[k], atol=1e-10 * np.abs(whole.harmonics).max())
-        np.testing.assert_allclose(part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-10 * np.abs(whole.trace).max())
-    close(motion, whole.motion)
+        np.testing.assert_allclose(part.harmonics[0], whole.harmonics[k], atol=1e-4 * np.abs(whole.harmonics).max())
+        np.testing.assert_allclose(part.trace, whole.trace[500 * k : 500 * (k + 1)], atol=1e-4 * np.abs(whole.trace).max())
+    close(motion, whole.motion, 1e-3)
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timer that interrupts")
@@ -173,15 +188,16 @@ def test_pieces_and_batches_are_the_same_march():
     ring = Ring(structure(), **ALL_SECTORS)
     first, other = state(ring), state(ring, 2)
     whole = ring.march(first, 1.3, 240, 2)
-    both = ring.march(Motion(*(np.array(pair) for pair in zip(other, first))), 1.3, 240, 2)
+    both = ring.march(Motion(*(np.array(pair) for pair in zip(other[:3], first[:3]))), 1.3, 240, 2)
     for a, b in zip(whole.motion, both.motion):
         np.testing.assert_array_equal(a, b[1])
     np.testing.assert_array_equal(whole.harmonics, both.harmonics[1])
-    motion, step = first, 0
+    ring = Ring(structure(n_points=5), **ALL_SECTORS)
+    whole, motion, step = ring.march(state(ring), 1.3, 240, 2, tolerance=1e-12), state(ring), 0
     for _ in range(12):
-        motion, _, _, step = ring.march(motion, 1.3, 240, steps=40, first=step)
+        motion, _, _, step = ring.march(motion, 1.3, 240, steps=40, first=step, tolerance=1e-12)
     assert step == 0
-    close(motion, whole.motion, 1e-12)
+    close(motion, whole.motion, 1e-8)
 
 
 @pytest.mark.parametrize(("sectors", "order"), [(3, 1), (3, 2), (4, 1)])
@@ -234,55 +250,51 @@ def test_error_of_second_order():
     assert 3.9 < np.linalg.norm(ends[1] - ends[0]) / np.linalg.norm(ends[2] - ends[1]) < 4.1
 
 
-def test_energy_is_kept_without_friction_and_damping():
-    """Bonded points, no excitation: what a step of central differences keeps exactly stays within rounding."""
-    system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0)
+def bonded_ring(radius, light=0):
+    """Nothing is damped or excited, every contact is a spring; the ring, and its energy."""
+    system = structure(laws=[LAW_BONDED], size=0.0, damping=0.0, light=light)
     system = HarmonicSystem(system.bases, replace(system.points, shift=np.zeros((11, 3)), slider=np.zeros((11, 2)),
                             n0=np.zeros(11)), system.force, system.response_rows, Sampled(64))  # fmt: skip
-    ring = Ring(system, **ALL_SECTORS)
-    A, B = plain_march.matrices(ring)
+    ring = Ring(system, **ALL_SECTORS, radius=radius)
+    A, _ = plain_march.matrices(ring)
     springs = np.tile(np.column_stack([system.points.kt, system.points.kn]).ravel(), ring.n)
-    weight = np.tile(ring.mass / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
-    stiffness = weight[:, None] * (np.diag(np.tile(ring.omega2, 2)) + B @ (springs[:, None] * A))
-    h = 2.0 * np.pi / 1.3 / 400
-
-    def energy(motion):
-        before = motion.v - 0.5 * h * np.linalg.solve(np.diag(weight), stiffness @ motion.q)  # velocity half a step later
-        q = motion.q + h * before
-        return before @ (weight * before) + motion.q @ stiffness @ q
-
-    start = state(ring)
-    assert energy(ring.march(start, 1.3, 400, 20).motion) == pytest.approx(energy(start), rel=1e-11)
+    weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)  # a complex coordinate counts half
+    mass, own = weight * np.tile(ring.mass, 2), weight * np.tile(ring.stiffness, 2)
+    stretched = np.sqrt(springs / ring.n)[:, None] * A
+    return ring, lambda m: m.v @ (mass * m.v) + m.q @ (own * m.q) + np.sum((stretched @ m.q) ** 2)
 
 
-@pytest.mark.parametrize("light", [0, 2])
-def test_highest_frequency_is_that_of_the_dense_matrix(light):
-    """Coordinates without mass give way to the others."""
-    system = structure(light=light)
+def test_energy_is_kept_by_a_radius_of_one_and_lost_by_less():
+    """What the linear step keeps without damping of its own, and what is lost at that of the usual radius."""
+    ring, energy = bonded_ring(1.0)
+    before = energy(state(ring))
+    assert energy(ring.march(state(ring), 1.3, 256, 20, tolerance=1e-11).motion) == pytest.approx(before, rel=2e-3)
+    for radius in (0.8, 0.5):
+        ring, energy = bonded_ring(radius)
+        assert 0.97 * before < energy(ring.march(state(ring), 1.3, 256, 20).motion) < before
+
+
+def test_what_bounces_without_friction_gains_no_energy():
+    """Unilateral contacts, residual coordinates, neither friction nor damping nor excitation: a few percent are lost."""
+    system = structure(laws=[LAW_NORMAL], size=0.0, damping=0.0, light=2)
+    points = replace(system.points, kt=np.zeros((11, 2)), n0=-15.0 * system.points.kn, shift=np.zeros((11, 3)),
+                     kn=50.0 * system.points.kn, slider=np.zeros((11, 2)))  # fmt: skip
+    system = HarmonicSystem(system.bases, points, system.force, system.response_rows, Sampled(64))
     ring = Ring(system, **ALL_SECTORS)
-    A, B = plain_march.matrices(ring)
-    dense = np.diag(np.tile(ring.omega2, 2)) + B @ (np.tile(ring.springs.ravel(), ring.n)[:, None] * A)
-    dense += np.diag(np.tile(np.where(ring.mass > 0.0, 0.0, ring.stiffness), 2))
-    heavy, yielding = np.tile(ring.mass > 0.0, 2), np.concatenate([ring.mass == 0.0, (ring.mass == 0.0) & ~ring.real])
-    back = np.linalg.solve(dense[np.ix_(yielding, yielding)], dense[np.ix_(yielding, heavy)])
-    dense = dense[np.ix_(heavy, heavy)] - dense[np.ix_(heavy, yielding)] @ back
-    assert ring.highest_frequency() ** 2 == pytest.approx(np.abs(np.linalg.eigvals(dense)).max(), rel=1e-10)
+    A, _ = plain_march.matrices(ring)
+    weight = np.tile(1.0 / np.where(ring.real, 1.0, 2.0), 2)
 
+    def energy(m):
+        pushed = np.maximum((A @ m.q).reshape(ring.n, -1, 3)[:, :, 2] - 0.3, 0.0)
+        kept = m.v @ (weight * np.tile(ring.mass, 2) * m.v) + m.q @ (weight * np.tile(ring.stiffness, 2) * m.q)
+        return kept + np.sum(points.kn * pushed**2) / ring.n
 
-def test_cubic_springs_are_as_stiff_as_at_the_largest_motion():
-    system = structure(laws=[LAW_CUBIC])
-    u = np.random.default_rng(2).standard_normal(len(system.force))
-    springs = Ring(system, **ALL_SECTORS, like=u).springs[:, :2]
-    size = np.abs(system.contact(u)[0][:, :2]).sum(axis=2)
-    np.testing.assert_allclose(springs, 3.0 * system.points.kt * size**2, rtol=1e-14)
-
-
-def test_coordinates_far_above_the_excitation_count_as_without_mass():
-    system = structure()
-    own = np.sqrt(np.concatenate([b.omega2 / b.mass for b in system.bases]))
-    middle = np.sort(own)[9:11].mean()
-    ring, _ = ring_and_steps(system, middle / QUICK, *ALL_SECTORS.values())
-    np.testing.assert_array_equal(ring.mass == 0.0, own > middle)
+    motion = ring.march(state(ring), 1.3, 256, steps=1).motion
+    levels = [energy(motion)]
+    for _ in range(10):
+        motion = ring.march(motion, 1.3, 256).motion
+        levels.append(energy(motion))
+    assert max(np.diff(levels)) < 1e-3 * levels[0] and 0.7 * levels[0] < levels[-1] < levels[0]
 
 
 def test_sliders_after_a_given_motion():

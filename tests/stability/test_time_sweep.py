@@ -45,7 +45,7 @@ def usual(factor):
 def test_a_linear_sweep_lags_behind_its_closed_form_by_the_error_it_states(linear, up):
     errors, stated = [], []
     for factor in (0.05, 0.1):
-        found = linear.sweep_in_time(0.0, BAND, up=up, rate=usual(factor))
+        found = linear.sweep_in_time(0.0, BAND, up=up, rate=usual(factor), steps_per_period=384)
         exact = closed_form(found.frequency)
         errors.append(np.abs(found.amplitude / exact - 1.0).max())
         stated.append(found.error)
