@@ -2,8 +2,9 @@
 
 The study has tracked the same curve before, so that bases, stiffness and static state are there.  A profiler
 (`sys.setprofile`) then looks at the stack at every call of a method of the core: frames of the package are counted from
-`Study.track` on, and a room is the folder of the package in which a function stands (`study.py` counts as one).  A room is
-entered going down where a frame of it follows one of another room; each should be entered once.
+`Study.track` on, what checks its keywords before aside, and a room is the folder of the package in which a function stands
+(`study.py` counts as one).  A room is entered going down where a frame of it follows one of another room; each should be
+entered once.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ def measure(ask: Callable[[bd.Study], Any], most_rooms: int, most_frames: int) -
                 stack.append((room(at), at.f_code.co_qualname if hasattr(at.f_code, "co_qualname") else at.f_code.co_name))
             at = at.f_back
         stack.reverse()
+        stack = stack[len(stack) > 1 and stack[1][0] == "study" :]
         order = [name for i, (name, _) in enumerate(stack) if i == 0 or stack[i - 1][0] != name]
         if len(set(order)) < len(order):
             entered_twice.add(tuple(order))

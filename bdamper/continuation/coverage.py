@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.continuation.follower import TWO_PI, Interrupted, follow
+from bdamper.continuation.follower import TWO_PI, Follower
 from bdamper.continuation.path import SIDE_POINTS, ContinuationOptions, Path, PathPoint
 from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
@@ -220,12 +220,11 @@ class Coverage:
 
     def follow(self, start: NDArray, up: bool, branch: int | None = None, inside: bool = False) -> Path:
         """Adds one path, also if Ctrl-C ends it."""
-        stop = None
+        stop, follower = None, Follower(self.system.with_share(SHARE), self.limits, self.options, self.on_point)
         try:
-            system = self.system.with_share(SHARE)
-            path = follow(system, start, self.limits, up=up, options=self.options, on_point=self.on_point)
-        except Interrupted as interrupted:
-            stop, path = interrupted, interrupted.path
+            path = follower.run(start, up)
+        except KeyboardInterrupt as interrupt:
+            stop, path = interrupt, follower.path("interrupted", "by the user")
         self.meter.count(path.iterations, path.failed_steps)
         number = max((p.branch for p in self.pieces), default=-1) + 1 if branch is None else branch
         self.pieces.append(Piece(path, up, number, inside))
@@ -282,7 +281,7 @@ class Coverage:
             seen.append(end)
             up = end.y[-1] == high
             limits = (high, top) if up else (bottom, low)
-            path = follow(self.system.with_share(SHARE), end.y, limits, up=up, options=look)
+            path = Follower(self.system.with_share(SHARE), limits, look).run(end.y, up)
             self.meter.count(path.iterations, path.failed_steps)
             back = path.points[-1] if path.points else end
             if path.status not in ARRIVED:

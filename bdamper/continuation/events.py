@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.path import ContinuationOptions, PathPoint, is_drift
-from bdamper.harmonic_balance.conditions import Fold, Peak
+from bdamper.harmonic_balance.conditions import Fold, Peak, Plane
 from bdamper.harmonic_balance.system import OK, Correction, HarmonicSystem, norm2
 from bdamper.util.rootfind import root_trials
 
@@ -211,7 +211,7 @@ class Events:
         try:
             while True:
                 guess = _on_cubic(near, far, s, a)
-                c = self.system.correct(guess, a.tangent, a.scale, self.options.tolerance, most)
+                c = self.system.solve(guess, Plane(a.tangent), a.scale, self.options.tolerance, most)
                 self.iterations += c.iterations
                 value = last
                 if c.status == OK and norm2((c.y - a.y) / a.scale) <= 2.0 * s:
@@ -232,7 +232,7 @@ class Events:
 
     def _direction(self, y: NDArray, scale: NDArray, border: NDArray, sign: int) -> NDArray | None:
         """Direction of travel that the Jacobian at y gives, on the curve or off it."""
-        c = self.system.correct(y, border, scale, ANY_RESIDUAL, 1)
+        c = self.system.solve(y, Plane(border), scale, ANY_RESIDUAL, 1)
         if c.status != OK or not c.orientation:
             return None
         return c.orientation * sign * c.tangent if sign else c.tangent
@@ -288,8 +288,8 @@ class Events:
     ) -> Correction | None:
         if not guess[-1] > 0.0:
             return None
-        c = self.system.correct(
-            guess, direction, scale, self.options.tolerance, self.options.max_iterations, reach=2.0 * reach
+        c = self.system.solve(
+            guess, Plane(direction), scale, self.options.tolerance, self.options.max_iterations, reach=2.0 * reach
         )
         self.iterations += c.iterations
         if c.status != OK or norm2((c.y - guess) / scale) > reach:

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.events import Events, point_of
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint, is_drift
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.system import OK, STATUS_TEXT, Correction, HarmonicSystem, norm2
 
 DRIFTED_OFF = (
@@ -93,7 +94,7 @@ class Follower:
         if not predicted[-1] > 0.0:
             return Correction(1, predicted, tangent, 0, np.inf, 0.0, 0), "frequency not positive"
         options = self.options
-        c = self.system.correct(predicted, tangent, scale, options.tolerance, options.max_iterations, reach=step)
+        c = self.system.solve(predicted, Plane(tangent), scale, options.tolerance, options.max_iterations, reach=step)
         self.iterations += c.iterations
         if c.status != OK:
             return c, STATUS_TEXT[c.status]
@@ -245,14 +246,6 @@ class Follower:
         return self.path("too many points", f"{options.max_points} points before the end of the interval")
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C while a path was followed, which is kept."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__("by the user")
-        self.path = path
-
-
 def follow(
     system: HarmonicSystem,
     start: NDArray,
@@ -260,7 +253,6 @@ def follow(
     *,
     up: bool = True,
     options: ContinuationOptions | None = None,
-    on_point: Callable[[PathPoint], None] | None = None,
 ) -> Path:
     """Follow the response from a start near the curve until it leaves the frequency interval.
 
@@ -273,21 +265,10 @@ def follow(
     up : bool
         Set off toward higher frequency.
     options : ContinuationOptions
-    on_point : callable
-        Called with every accepted point.
 
     Returns
     -------
     Path
         Every point of it is converged; ``status`` and ``reason`` say how it ended.
-
-    Raises
-    ------
-    Interrupted
-        On Ctrl-C, with the path so far.
     """
-    follower = Follower(system, limits, options or ContinuationOptions(), on_point)
-    try:
-        return follower.run(start, up)
-    except KeyboardInterrupt as stop:
-        raise Interrupted(follower.path("interrupted", "by the user")) from stop
+    return Follower(system, limits, options or ContinuationOptions()).run(start, up)

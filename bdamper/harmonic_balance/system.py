@@ -26,7 +26,7 @@ from bdamper.contact.laws import (
     check_evaluation,
 )
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.conditions import Condition, Fixed, Plane, for_core
+from bdamper.harmonic_balance.conditions import Condition, Fixed, for_core
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import end_if_asked
@@ -320,19 +320,6 @@ class HarmonicSystem:
             c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation, c.slope,
             c.curvature,
         )  # fmt: skip
-
-    def correct(
-        self,
-        y: NDArray,
-        normal: NDArray,
-        scale: NDArray,
-        tolerance: float,
-        max_iterations: int,
-        line_search: bool = False,
-        reach: float = 0.0,
-    ) -> Correction:
-        """Newton to the curve within the plane through ``y`` that is normal to ``normal`` in scaled unknowns."""
-        return self.solve(y, Plane(normal), scale, tolerance, max_iterations, line_search, reach)
 
     def correct_at(
         self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False

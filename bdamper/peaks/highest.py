@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.system import OK, HarmonicSystem
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import (
@@ -233,7 +234,7 @@ class _Refined:
 
     def _point(self, y: NDArray, normal: NDArray, scale: NDArray) -> Peak:
         """A point of a curve as a peak without slope, corrected to the tolerance where that can be met."""
-        c = self.system.correct(y, normal, scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
+        c = self.system.solve(y, Plane(normal), scale, max(self.options.tolerance, LOOSEST), self.options.max_iterations)
         good = c.status == OK and float(np.linalg.norm(((c.y - y) / scale)[self.system.n_mean :])) < REACH
         at = c.y if good else y
         nothing = np.zeros(len(y))

@@ -13,6 +13,7 @@ import pytest
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
 from bdamper.continuation.follower import follow
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.peaks.least import Place, least
 from bdamper.peaks.newton import Peak, coarse_options, find_peak
 from bdamper.peaks.optimal import smooth_minimum
@@ -120,7 +121,7 @@ class TestJenkins:
             assert peak.curvature < 0.0
             system = jenkins(peak.parameter)
             for s in (-1e-3, 1e-3):
-                c = system.correct(peak.y + s * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-12, 20)
+                c = system.solve(peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20)
                 assert abs(system.response(c.y[:-1])[1]) < peak.amplitude
 
     def test_optimum(self, branch):

@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions, PathPoint
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 from tests.plain import plain_study
 
@@ -23,11 +24,10 @@ class Equations:
     def squared_gradient(self, y):
         return y[self.n_mean] * np.eye(len(y))[self.n_mean], y[self.n_mean] ** 2
 
-    def solve(self, y, condition, *_, **__):
-        return Correction(NOT_CONVERGED, y, condition.tangent, 0, np.inf, 0.0, 0)
-
-    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False, reach=0.0):
-        y, n = np.array(y, float), self.n_unknowns
+    def solve(self, y, condition, scale, tolerance, max_iterations, line_search=False, reach=0.0):
+        if not isinstance(condition, Plane):
+            return Correction(NOT_CONVERGED, y, condition.tangent, 0, np.inf, 0.0, 0)
+        y, n, normal = np.array(y, float), self.n_unknowns, condition.normal
         right = np.append(np.zeros(n), 1.0)
         for iterations in range(max_iterations):
             A = np.vstack([self.jacobian(y) * scale, normal])
@@ -44,7 +44,7 @@ class Equations:
         return Correction(NOT_CONVERGED, y, np.zeros(n + 1), max_iterations, np.inf, 0.0, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
-        return self.correct(np.append(u, omega), np.eye(self.n_unknowns + 1)[-1], scale, tolerance, max_iterations)
+        return self.solve(np.append(u, omega), Plane(np.eye(self.n_unknowns + 1)[-1]), scale, tolerance, max_iterations)
 
 
 class Beside(Equations):
@@ -159,7 +159,7 @@ def test_a_solution_half_a_step_from_its_prediction_is_refused(off, refused):
     system = FarAtTheEnd(0.0)
     follower = Follower(system, (9.0, 11.0), ContinuationOptions())
     y, tangent, scale = np.array([1.0, 10.0]), np.array([0.0, 1.0]), np.ones(2)
-    system.correct = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, 1, 0.0, 1.0, 0)
+    system.solve = lambda guess, *_, **__: Correction(OK, guess + [off * step, 0.0], tangent, 1, 0.0, 1.0, 0)
     why = follower.try_step(y, tangent, scale, step)[1]
     assert (why == "solution far from its prediction") == refused
 
@@ -190,8 +190,8 @@ def test_a_drift_that_stops_a_thousand_vibrations_away_has_drifted_off(far, stat
     """Forces of a body so far away are differences of large numbers, in which Newton's method stops."""
 
     class Stops(Drifts):
-        def correct(self, y, *rest, **limits):
-            found = super().correct(y, *rest, **limits)
+        def solve(self, y, *rest, **limits):
+            found = super().solve(y, *rest, **limits)
             return found if found.y[0] < far else replace(found, status=NOT_CONVERGED)
 
     path = follow(Stops(), np.array([0.0, 1.0, 1.0]), (0.5, 3.0), options=ContinuationOptions(max_points=200))

@@ -29,7 +29,7 @@ from bdamper.continuation.coverage import (
 from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
-from bdamper.harmonic_balance.conditions import Fold
+from bdamper.harmonic_balance.conditions import Fold, Plane
 from bdamper.harmonic_balance.linear import reach
 from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
 from bdamper.util.cost import CostMeter
@@ -224,7 +224,7 @@ class Ellipse:
     def squared_gradient(self, y):
         return np.array([y[0], 0.0]), y[0] ** 2
 
-    def correct(self, y, normal, scale, tolerance, max_iterations, line_search=False, reach=0.0):
+    def on_plane(self, y, normal, scale, tolerance, max_iterations, reach=0.0):
         y = np.array(y, float)
         for iterations in range(max_iterations):
             A = np.array([self.gradient(y) * scale, normal])
@@ -240,15 +240,17 @@ class Ellipse:
         return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)
 
     def correct_at(self, u, omega, scale, tolerance, max_iterations, line_search=False):
-        return self.correct(np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations)
+        return self.on_plane(np.append(u, omega), np.array([0.0, 1.0]), scale, tolerance, max_iterations)
 
-    def solve(self, y, condition, scale, tolerance, max_iterations):
+    def solve(self, y, condition, scale, tolerance, max_iterations, reach=0.0):
         """To a fold, where the gradient has no part along u, or a peak, where it has none along omega."""
+        if isinstance(condition, Plane):
+            return self.on_plane(y, condition.normal, scale, tolerance, max_iterations, reach)
         y, along = np.array(y, float), 0 if isinstance(condition, Fold) else 1
         for _ in range(max_iterations):
             gradient = self.gradient(y)
             if max(abs(self.residual(y)), abs(gradient[along])) <= tolerance:
-                return self.correct(y, condition.tangent, scale, tolerance, max_iterations)
+                return self.on_plane(y, condition.tangent, scale, tolerance, max_iterations)
             bend = np.diag([2.0, 0.5])[along]
             y = y - np.linalg.solve(np.array([gradient, bend]), [self.residual(y), gradient[along]])
         return Correction(NOT_CONVERGED, y, np.zeros(2), max_iterations, np.inf, 0.0, 0)

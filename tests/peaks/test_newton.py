@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.peaks.newton import FAR, PeakOptions, drifted, find_peak, peak_scale, rounding, same_peak
 from tests.plain import plain_study
 
@@ -27,7 +28,7 @@ def peak(study):
 @pytest.fixture(scope="module")
 def beside(study, peak):
     """A point of the curve a tenth of the vibration before the peak."""
-    c = study.system(1000.0).correct(peak.y - 0.1 * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-10, 20)
+    c = study.system(1000.0).solve(peak.y - 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 20)
     assert c.status == 0
     return c
 

@@ -8,6 +8,7 @@ import pytest
 import bdamper as bd
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.harmonic_balance.conditions import Peak as PeakThere
+from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks import sensitivity
 from bdamper.peaks.highest import maxima
@@ -215,7 +216,7 @@ class TestFindPeak:
     def test_from_a_point_beside_the_peak(self, study, peak):
         system = study.system(1000.0)
         for s in (-0.3, 0.3):
-            c = system.correct(peak.y + s * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-10, 30)
+            c = system.solve(peak.y + s * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-10, 30)
             assert c.status == 0
             found = find_peak(system, c.y, tangent=c.tangent, scale=peak.scale)
             assert found.converged
@@ -250,8 +251,10 @@ class TestNewtonToThePeak:
         assert c.residual <= 1e-10
         assert abs(c.slope / c.curvature) <= 1e-8
         assert np.abs((c.y - peak.y) / peak.scale).max() < 1e-7
-        beside = (system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20) for h in (1e-3, -1e-3))
-        slopes = [slope_along(system, b.y, b.tangent, peak.scale) for b in beside]
+        slopes = []
+        for h in (1e-3, -1e-3):
+            b = system.solve(c.y + h * c.tangent * peak.scale, Plane(c.tangent), peak.scale, 1e-12, 20)
+            slopes.append(slope_along(system, b.y, b.tangent, peak.scale))
         assert c.curvature == pytest.approx((slopes[0] - slopes[1]) / 2e-3, rel=1e-2)
         # the tangent spans the null space of the Jacobian
         _, J, r_omega = system.evaluate_at(c.y)
@@ -260,8 +263,9 @@ class TestNewtonToThePeak:
 
     def test_slope_is_the_derivative_of_the_logarithm(self, study, peak):
         system = study.system(1000.0)
-        c = system.correct(peak.y + 0.1 * peak.tangent * peak.scale, peak.tangent, peak.scale, 1e-12, 20)
-        ends = [system.correct(c.y + h * c.tangent * peak.scale, c.tangent, peak.scale, 1e-12, 20).y for h in (1e-4, -1e-4)]
+        c = system.solve(peak.y + 0.1 * peak.tangent * peak.scale, Plane(peak.tangent), peak.scale, 1e-12, 20)
+        guesses = [c.y + h * c.tangent * peak.scale for h in (1e-4, -1e-4)]
+        ends = [system.solve(y, Plane(c.tangent), peak.scale, 1e-12, 20).y for y in guesses]
         difference = np.diff([np.log(abs(system.response(y[:-1])[1])) for y in ends])[0] / -2e-4
         assert slope_along(system, c.y, c.tangent, peak.scale) == pytest.approx(difference, rel=1e-6)
 
