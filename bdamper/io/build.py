@@ -10,8 +10,12 @@ from __future__ import annotations
 
 import datetime
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import count
+from math import gcd
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,10 +43,17 @@ from bdamper.reduction.local_coordinates import LocalSizes, sampled_waves
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
+from bdamper.util.progress import stages
 from bdamper.util.repr import brief
 
 if TYPE_CHECKING:
     from bdamper.reduction.stress import StressRows
+
+
+HARMONICS = 9
+"""Harmonics whose nodal diameters a model has by default."""
+MARCHED = 33
+"""Sectors after which an excitation repeats, up to which a model has all their nodal diameters, for marches in time."""
 
 
 @brief
@@ -82,8 +93,8 @@ def build_model(
     sector_faces: tuple[NodeSet, NodeSet] | None = None,
     fixed: NodeSet | None = None,
     locations: Mapping[str, object] | None = None,
-    engine_order: int | None = None,
-    harmonics: int = 7,
+    engine_order: int | Sequence[int] | None = None,
+    harmonics: int | None = None,
     nodal_diameters: Sequence[int] | None = None,
     n_modes: int = 40,
     n_damper_modes: int = 16,
@@ -99,6 +110,7 @@ def build_model(
     wheel_shapes: LocalSizes | None = None,
     stress: NodeSet | Mapping[str, NodeSet] | None = None,
     elasticity: Sequence[float] | None = None,
+    progress: bool | None = None,
 ) -> BuiltModel:
     """Make a model from finite element bodies.
 
@@ -111,8 +123,9 @@ def build_model(
         The two faces at which the sector repeats, in either order, needed if ``n_blades > 1``; clamped nodes of the blade.
     locations : mapping of name to node number, position, or (body, node number or position)
         Where forces act and the response is read; positions in the axes and units of the file.
-    engine_order, harmonics, nodal_diameters : int, int, sequence of int (0 to N/2), optional
-        Nodal diameters of the model, given or as the harmonics of an engine order need them; 0 is always added.
+    engine_order, harmonics, nodal_diameters : int or several, int, sequence of int (0 to N/2), optional
+        Nodal diameters of the model, given or as the harmonics of engine orders need them; by default as nine harmonics and
+        a march in time do, which the report weighs.  0 is always added.
     n_modes, n_damper_modes, damping_ratio : int, int, float
         Modes of the sector at each nodal diameter, and of the damper, its six rigid ones included; of all elastic modes.
     units, axis, radial, origin : str or Units, (3,) float
@@ -126,6 +139,8 @@ def build_model(
         All nodes of the blade, those of its root included, which the disk shares: for wheels of unequal blades.
     stress, elasticity : set or mapping of name to set, (Young's modulus, Poisson's ratio), optional
         Nodes of the blade for stress (extra ``bdamper[fe]``); constants in units of the file, in place of those in it.
+    progress : bool, optional
+        Whether steps and the time left are shown; by default on a terminal.
 
     Raises
     ------
@@ -138,14 +153,16 @@ def build_model(
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
     bodies = _prepared(blade, damper, place, validate.flag("strict", strict))
     contacts = _given_contacts(contacts)
-    diameters = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
+    diameters, excited, reason = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
     bodies["blade"].expected = _known_frequencies(expected_frequencies, diameters)
+    bodies["blade"].checks.append(f"{len(diameters)} nodal diameters, {reason}")
     _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
-    ring = _ring(bodies["blade"], sector_faces, n_blades, diameters, engine_order)
+    ring = _ring(bodies["blade"], sector_faces, n_blades, diameters, excited)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
-    made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
+    with _told(progress, bodies, ring, wheel is not None):
+        made = _reduced(bodies, laid, places, counts, damping_ratio, ring, fixed, wheel, wheel_shapes, rows)
     return _assembled(bodies, laid, places, made, rows, n_blades, check_units)
 
 
@@ -204,19 +221,33 @@ def _given_contacts(given: Sequence[ContactFaces]) -> tuple[ContactFaces, ...]:
 
 
 def _diameters(
-    n_blades: int, engine_order: int | None, harmonics: int, given: Sequence[int] | None, blade: FEBody
-) -> tuple[int, ...]:
-    if given is None and engine_order is not None:
-        order, most = validate.whole("engine_order", engine_order), validate.whole("harmonics", harmonics, 1, 64)
-        given = needed_nodal_diameters(n_blades, order, most)
-    elif given is None and n_blades == 1:
-        given = (0,)
-    elif given is None and blade.stiffness is None and blade.modes:
-        given = [m.nodal_diameter for m in blade.modes]
-    elif given is None:
-        raise SettingError("expected engine_order or nodal_diameters, found neither")
-    wanted = validate.wholes("nodal_diameters", given, most=n_blades // 2)
-    return tuple(sorted({0, *wanted}))
+    n_blades: int, engine_order: int | Sequence[int] | None, harmonics: int | None, given: Sequence[int] | None,
+    blade: FEBody,
+) -> tuple[tuple[int, ...], tuple[int, ...], str]:  # fmt: skip
+    """Nodal diameters of a model, those of its engine orders, and why the model has the former."""
+    several = isinstance(engine_order, Iterable) and not isinstance(engine_order, str)
+    asked = engine_order if several else () if engine_order is None else (validate.whole("engine_order", engine_order),)
+    orders = validate.wholes("engine_order", asked)
+    excited = tuple(sorted({min(order % n_blades, -order % n_blades) for order in orders}))
+    held = None if blade.stiffness is not None or not blade.modes else {modes.nodal_diameter for modes in blade.modes}
+    if given is not None or not orders:
+        if given is None and n_blades > 1 and held is None:
+            raise SettingError("expected engine_order or nodal_diameters, found neither")
+        chosen = given if given is not None else [0] if n_blades == 1 else sorted(held or ())
+        return tuple(sorted({0, *validate.wholes("nodal_diameters", chosen, most=n_blades // 2)})), excited, "given"
+    most = HARMONICS if harmonics is None else validate.whole("harmonics", harmonics, 1, 64)
+    of_each = {order: [most] for order in orders}
+    reason = f"for {most} harmonics of engine order {', '.join(map(str, orders))}"
+    if harmonics is None:
+        for order in orders:
+            distinct = n_blades // gcd(n_blades, order)  # sectors after which the excitation repeats
+            of_each[order].append(distinct if distinct <= MARCHED else 1)
+    wanted = {d for order, counts in of_each.items() for d in needed_nodal_diameters(n_blades, order, max(counts))}
+    if harmonics is None:
+        few = {d for order in orders for d in needed_nodal_diameters(n_blades, order, 3)}
+        reason += f" and a march in time, at {len(wanted) / len(few):.2g} times the work and size of harmonics=3"
+        wanted &= held or wanted
+    return tuple(sorted({0, *wanted})), excited, reason
 
 
 def _ring(
@@ -224,10 +255,9 @@ def _ring(
     faces: tuple[NodeSet, NodeSet] | None,
     n_blades: int,
     diameters: tuple[int, ...],
-    engine_order: int | None,
+    excited: tuple[int, ...],
 ) -> Ring:
-    excited = None if engine_order is None else min(engine_order % n_blades, -engine_order % n_blades)
-    pictured = diameters if excited is None else (excited,)  # shapes of the surface make up most of a file
+    pictured = excited or diameters  # shapes of the surface make up most of a file
     return Ring(n_blades, *_sector_faces(body, faces, n_blades), diameters, pictured)
 
 
@@ -274,6 +304,21 @@ def _locations(given: Mapping[str, object] | None, bodies: Mapping[str, Prepared
 
 # -----------------------------------------------------------------------------------------------------------
 # Model
+
+
+@contextmanager
+def _told(progress: bool | None, bodies: Mapping[str, PreparedBody], ring: Ring, wheel: bool) -> Iterator[None]:
+    """The steps of the work on a bar, each as it begins."""
+    if not (sys.stderr.isatty() if progress is None else validate.flag("progress", progress)):
+        yield
+        return
+    waves = {*ring.diameters, *sampled_waves(ring.n_blades)} if wheel else ring.diameters
+    total, done = len(waves) + len(bodies) - 1 + (ring.n_blades // 2 + 1 if wheel else 0), count()
+    with stages("import", "step") as report:
+        for body in bodies.values():
+            body.step = lambda text: report(text, next(done), total)
+        yield
+        report("done", total, total)
 
 
 def _reduced(

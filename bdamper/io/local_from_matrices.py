@@ -46,7 +46,7 @@ def blade_part(
     nodes, faces = body.node_set(blade, "wheel"), np.concatenate([ring.left, ring.right])
     with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
         held = None if fixed is None else body.node_set(fixed, "fixed")
-        part = BladePart(body.structure, nodes, body.fixed(held))
+        part = BladePart(body.structure, nodes, body.fixed(held), step=body.step)
         part.check_on_blade(wanted.contact, wanted.locations)
         if np.isin(nodes, faces).any():
             raise ValueError("nodes on the faces at which the sector repeats")

@@ -7,7 +7,7 @@ blade, X = Y x Z) in the axes of the file and s the unit of length; matrices bec
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -140,6 +140,8 @@ class PreparedBody:
         Whether a comparison that fails ends the build; otherwise it warns.
     failed : list of str
         Comparisons that failed; grows likewise.
+    step : function of a text
+        Told each step of the work as it begins.
     """
 
     name: str
@@ -151,6 +153,7 @@ class PreparedBody:
     expected: Mapping[int, Sequence[float]] = field(default_factory=dict)
     strict: bool = False
     failed: list[str] = field(default_factory=list)
+    step: Callable[[str], None] = lambda text: None
 
     def __post_init__(self) -> None:
         g = self.given

@@ -87,12 +87,15 @@ class BladePart:
         Components that do not move.
     stiffness : (3 n_nodes, 3 n_nodes) sparse, optional
         Of the elements of the blade alone, N/m.
+    step : function of a text
+        Told each nodal diameter of the disk as its work begins.
     """
 
     body: Structure
     nodes: NDArray
     fixed: NDArray
     stiffness: sp.csr_matrix | None = None
+    step: Callable[[str], None] = lambda text: None
 
     def __post_init__(self) -> None:
         inside = np.zeros(len(self.body.nodes), bool)
@@ -171,6 +174,7 @@ def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray, d: i
 
     ``sector`` is the sector at any of them.
     """
+    blade.step(f"disk of the wheel, nodal diameter {d}")
     if np.isin(blade.root, [*sector.left, *sector.right]).any():
         raise ValueError("a node of the blade's root lies on a face at which the sector repeats")
     body, held = blade.body, blade.fixed.copy()
