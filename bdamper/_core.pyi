@@ -142,6 +142,16 @@ class Eased(_Equations):
         support: NDArray[np.float64] | None = None,
     ) -> None: ...
 
+class Modes(_Equations):
+    def __init__(
+        self,
+        sector: Sector,
+        re: NDArray[np.float64],
+        im: NDArray[np.float64],
+        weight: float,
+        row_scale: NDArray[np.float64] | None = None,
+    ) -> None: ...
+
 def kernels() -> tuple[str, ...]: ...
 def kernel() -> str: ...
 def evaluate_contact(

@@ -32,6 +32,7 @@ from bdamper.io.model_file import read_model, write_model
 from bdamper.io.model_groups import new_group
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model, check_model_once
+from bdamper.modes import mode as modes
 from bdamper.peaks import best_margin, highest, marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -253,6 +254,9 @@ class Study(Problem, Comparable):
     peak_sensitivities = sensitivity.peak_sensitivities
     with_marched = marched.with_marched
     with_sweeps = marched.with_sweeps
+
+    # free vibration
+    nonlinear_mode = modes.nonlinear_mode
 
     # stress and fatigue
     stress = stresses.stress

@@ -14,6 +14,7 @@
 
 #include "bd_dense.h"
 #include "bd_family.h"
+#include "bd_modes.h"
 #include "bd_solver.h"
 #include "bd_time.h"
 #include "bd_wheel.h"
@@ -84,7 +85,7 @@ extern PyGetSetDef core_equations_getset[];
 
 /* ---- parts of the module ---- */
 
-extern PyType_Spec core_sector_spec, core_eased_spec; /* bd_core_sector.c */
+extern PyType_Spec core_sector_spec, core_eased_spec, core_modes_spec; /* bd_core_sector.c */
 extern PyType_Spec core_ring_spec;                    /* bd_core_time.c */
 extern PyType_Spec core_wheel_spec;                   /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);

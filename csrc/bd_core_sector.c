@@ -215,3 +215,49 @@ PyType_Spec core_eased_spec = {.name = "bdamper._core.Eased",
                                .basicsize = sizeof(core_equations),
                                .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
                                .slots = Eased_slots};
+
+/* ---- nonlinear modes ---- */
+
+static PyObject *Modes_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
+    static char *names[] = {"sector", "re", "im", "weight", "row_scale", NULL};
+    PyObject *sector, *object[2], *scale_object = Py_None;
+    double weight, *row[2], *row_scale = NULL;
+    core_state *state = PyType_GetModuleState(type);
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "O!OOd|O:Modes", names, state->sector, &sector, &object[0], &object[1],
+                                     &weight, &scale_object))
+        return NULL;
+    core_arguments arguments = {0};
+    core_equations *inner = (core_equations *)sector;
+    const npy_intp n = inner->equations->n, n2 = n + 2;
+    if (!core_check_number(weight, "weight", BD_POSITIVE)) return NULL;
+    for (int i = 0; i < 2; ++i)
+        if (!(row[i] = core_numbers(&arguments, object[i], names[1 + i], 1, &n, BD_FINITE))) return NULL;
+    if (scale_object != Py_None && !(row_scale = core_numbers(&arguments, scale_object, "row_scale", 1, &n2, BD_POSITIVE)))
+        return NULL;
+    core_equations *self = core_equations_new(type, inner);
+    if (!self) return NULL;
+    if (!core_check_status(
+            bd_modes_create(&self->equations, (bd_sector *)inner->equations, row[0], row[1], weight, row_scale))) {
+        Py_DECREF(self);
+        return NULL;
+    }
+    self->hbm = inner->hbm;
+    return (PyObject *)self;
+}
+
+static PyType_Slot Modes_slots[] = {
+    {Py_tp_new, Modes_new},
+    {Py_tp_dealloc, core_equations_dealloc},
+    {Py_tp_methods, core_equations_methods},
+    {Py_tp_getset, core_equations_getset},
+    {Py_tp_doc,
+     "Nonlinear modes of a Sector without its excitation: unknowns are those of the Sector, with the vibration over its "
+     "amplitude a, then omega and zeta; the parameter is ln a.  re and im (n_unknown of the Sector) give the motion of "
+     "which "
+     "a is the amplitude, weight the size of the two equations that say so.  It shares lock and cost with the Sector."},
+    {0, NULL}};
+
+PyType_Spec core_modes_spec = {.name = "bdamper._core.Modes",
+                               .basicsize = sizeof(core_equations),
+                               .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
+                               .slots = Modes_slots};

@@ -58,16 +58,10 @@ class Follower:
     # ---- units and records ----
 
     def scale_at(self, y: NDArray) -> NDArray:
-        """Units of the mean, of the vibration and of the frequency at a point."""
-        n = self.system.n_mean
-        vibration = norm2(y[n:-1])
+        """Units of the mean, of the vibration and of the parameter at a point."""
+        vibration = self.system.vibration(y)
         self.largest = max(self.largest, vibration)
-        vibration = max(vibration, 1e-9 * self.largest, 1e-300)
-        scale = np.empty(len(y))
-        scale[:n] = max(norm2(y[:n]), vibration)
-        scale[n:-1] = vibration
-        scale[-1] = 0.5 * (self.high - self.low)
-        return scale
+        return self.system.units(y, max(vibration, 1e-9 * self.largest, 1e-300), 0.5 * (self.high - self.low))
 
     def drifts(self, tangent: NDArray) -> bool:
         """Whether the path moves the mean position alone."""
@@ -166,24 +160,22 @@ class Follower:
     def _tangled(self, since: int) -> Path:
         omega = [float(p.y[-1]) for p in self.points[since:]]
         self.tangle = min(omega), max(omega)
-        low, high = (w / TWO_PI for w in self.tangle)
-        return self.path(
-            "many folds", f"{self.options.patience} points of folds between {low:.6g} and {high:.6g} Hz without progress"
-        )
+        low, high = map(self.system.place, self.tangle)
+        return self.path("many folds", f"{self.options.patience} points of folds from {low} to {high} without progress")
 
     def _stopped(self, y: NDArray, tangent: NDArray, start: NDArray, refused: str) -> Path:
         """The path where no step leads on."""
         if self.system.spent:
-            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {y[-1] / TWO_PI:.6g} Hz")
+            return self.path(OUT_OF_BUDGET, f"its share of the evaluations is used up at {self.system.place(y[-1])}")
         if self.drifts(tangent) and self._far(y, start, 1e3):
             return self.path("drifted off", DRIFTED_OFF)
-        return self.path("stalled", f"at {y[-1] / TWO_PI:.6g} Hz: {refused} at the smallest step")
+        return self.path("stalled", f"at {self.system.place(y[-1])}: {refused} at the smallest step")
 
     def _arrived(self, bound: float, up: bool, start: float) -> Path:
         if (bound == self.high) == up:
-            return self.path("complete", f"reached {bound / TWO_PI:.6g} Hz")
+            return self.path("complete", f"reached {self.system.place(bound)}")
         started = ", where it started" if start == bound else ""
-        return self.path("turned back", f"came back to {bound / TWO_PI:.6g} Hz{started}")
+        return self.path("turned back", f"came back to {self.system.place(bound)}{started}")
 
     # ---- the run ----
 
@@ -226,11 +218,11 @@ class Follower:
                 step *= 0.5
                 self.failed += 1
                 if step < options.min_step:
-                    return self.path("stalled", f"no solution at {bound / TWO_PI:.6g} Hz")
+                    return self.path("stalled", f"no solution at {self.system.place(bound)}")
                 continue
             self.sign = new.orientation or self.sign
             if len(self.points) > 10 and self._closes(y, new):
-                return self.path("closed", f"the branch closes on itself at {new.y[-1] / TWO_PI:.6g} Hz")
+                return self.path("closed", f"the branch closes on itself at {self.system.place(new.y[-1])}")
             located, kind = self.events.between(here, new, reach)
             for event in located:
                 self.record(event)

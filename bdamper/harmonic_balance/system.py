@@ -10,7 +10,7 @@ import math
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import scipy.linalg
@@ -151,7 +151,7 @@ class HarmonicSystem:
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
         self._fixed: dict[str, Any] = {"evaluation": mode, "n_time": n_time, "row_scale": self.row_scale}
-        self.core: _core.Sector | _core.Eased = _core.Sector(**self.arrays, **self._fixed)
+        self.core: _core.Sector | _core.Eased | _core.Modes = _core.Sector(**self.arrays, **self._fixed)
         self.supported = False
         """Whether the parameter fades a support out (:meth:`supported_by`)."""
         self.most_evaluations = math.inf
@@ -166,13 +166,13 @@ class HarmonicSystem:
         contact = 28e3 * (2 * self.n_harmonics + 1) if self.exact else 120e3 + 1.2e3 * self.evaluation_code[1]
         return 1e-6 * np.array([points * contact, 6.0 * points * n**2, n**3 + 700.0 * n**2 + 1e6, 15.0 * n**3])
 
-    def within(self, evaluations: int) -> HarmonicSystem:
+    def within(self, evaluations: int) -> Self:
         """The same equations with a budget: no correction is begun after so many evaluations from now on."""
         out = copy(self)
         out.most_evaluations = self.core.cost.evaluations + evaluations
         return out
 
-    def with_share(self, share: float) -> HarmonicSystem:
+    def with_share(self, share: float) -> Self:
         """The same equations with a part of what is left of the budget of evaluations."""
         left = self.most_evaluations - self.core.cost.evaluations
         return self if math.isinf(left) else self.within(int(share * max(left, 0.0)))
@@ -388,6 +388,21 @@ class HarmonicSystem:
     def at(self, omega: float) -> HarmonicSystem:
         """The equations around a frequency: these at all."""
         return self
+
+    def vibration(self, y: NDArray) -> float:
+        """Size of the vibration at a point."""
+        return norm2(y[self.n_mean : -1])
+
+    def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
+        """(n_unknowns + 1,) units of the mean, of the vibration and of the parameter (``width``) at a point."""
+        scale = np.full(len(y), vibration)
+        scale[: self.n_mean] = max(norm2(y[: self.n_mean]), vibration)
+        scale[-1] = width
+        return scale
+
+    def place(self, parameter: float) -> str:
+        """A value of the parameter in words."""
+        return f"{parameter / (2.0 * np.pi):.6g} Hz"
 
     def first_harmonic(self, y: NDArray) -> NDArray:
         """(...,) complex amplitude of the first harmonic of the response at points (..., n_unknowns + 1)."""

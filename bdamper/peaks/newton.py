@@ -180,13 +180,7 @@ class Peak(Comparable):
 
 def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     """Units of the mean, of the vibration and of the frequency (``width``, rad/s) at a point."""
-    n = system.n_mean
-    vibration = max(norm2(y[n:-1]), 1e-300)
-    scale = np.empty(len(y))
-    scale[:n] = max(norm2(y[:n]), vibration)
-    scale[n:-1] = vibration
-    scale[-1] = width
-    return scale
+    return system.units(y, max(system.vibration(y), 1e-300), width)
 
 
 def drifted(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:

@@ -9,7 +9,7 @@ import bdamper as bd
 from bdamper.continuation.follower import Follower, follow
 from bdamper.continuation.path import ContinuationOptions, PathPoint
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
+from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction, HarmonicSystem
 from tests.plain import plain_study
 
 
@@ -17,6 +17,7 @@ class Equations:
     """Equations in closed form, with Newton's method in scaled unknowns as the core has it."""
 
     n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
+    vibration, units, place = HarmonicSystem.vibration, HarmonicSystem.units, HarmonicSystem.place
 
     def first_harmonic(self, y):
         return complex(y[self.n_mean])

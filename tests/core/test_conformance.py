@@ -36,7 +36,11 @@ def family(rng, **options):
     return _core.Sector(**arrays, nodes=nodes, squares=squares, order=1.0, **options)
 
 
-KINDS = {"sector": sector, "ramp": ramp, "support": support, "family": family}
+def modes(rng, **options):
+    return _core.Modes(_core.Sector(**random_arrays(rng, (2, 2), 4)), *rng.normal(size=(2, N - 2)), 0.8, **options)
+
+
+KINDS = {"sector": sector, "ramp": ramp, "support": support, "family": family, "modes": modes}
 
 
 @pytest.fixture(params=KINDS)

@@ -31,7 +31,7 @@ from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.conditions import Fold, Plane
 from bdamper.harmonic_balance.linear import reach
-from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction
+from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, Correction, HarmonicSystem
 from bdamper.util.cost import CostMeter
 from bdamper.util.progress import _stop
 from tests.hard.random_studies import oracle_residuals, random_study
@@ -206,6 +206,7 @@ class Ellipse:
     """Equations of one unknown u whose solutions are ``(u - 2)^2 + (omega - 10)^2/4 = 1``."""
 
     n_mean, n_unknowns, watched, n_harmonics, supported, spent = 0, 1, (), 1, False, False
+    vibration, units, place = HarmonicSystem.vibration, HarmonicSystem.units, HarmonicSystem.place
 
     @staticmethod
     def residual(y):

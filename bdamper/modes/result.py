@@ -1,0 +1,170 @@
+"""A nonlinear mode as a result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.util import validate
+from bdamper.util.cost import Cost
+from bdamper.util.differences import Comparable
+from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.repr import brief
+from bdamper.util.status import COMPLETE, Status
+from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
+
+
+@brief
+@dataclass(frozen=True)
+class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonlinear-mode", row="point"):
+    """Free vibration of a structure with friction: frequency and damping over its amplitude.
+
+    Every point is a converged periodic motion.  ``plot`` draws both over the amplitude
+    (:func:`bdamper.plot.plot_nonlinear_mode`).
+
+    Parameters
+    ----------
+    frequency : (n,) float, Hz
+    damping_ratio : (n,) float
+        Of the force in proportion to mass times velocity that would keep the motion up.
+    harmonics : (n, n_harmonics + 1) complex, m
+        Of the response; the first column is the mean.
+    unknowns : (n, n_unknowns) float
+        Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
+    modal_amplitude : (n,) float, kg^1/2 m
+        Of the first harmonic, the norm with the mass of all bodies.
+    correlation : (n,) float
+        Of the first harmonic with the mode of stuck contact (MAC).
+    shares : (n, 3) float
+        Stick, slip and open, mean over the friction points and the cycle.
+    residual : (n,) float
+    branch : (n,) int
+    point_kind : tuple of str
+        "regular", "fold" (the amplitude turns), "maximum" (of the damping), "end" or "drift".
+    linear_to : float, m
+        Amplitude up to which nothing slips or opens; NaN where something does at the lowest one.
+    preload : float, N
+    mode : int
+    homogeneous : bool
+        Whether the same curve serves all preloads (:meth:`at_preload`).
+    status, reason : str
+    cost : Cost
+    settings : mapping
+    model_hash : str
+    """
+
+    frequency: Hertz
+    damping_ratio: Annotated[NDArray, Quantity("", "Modal damping ratio")]
+    harmonics: Annotated[NDArray, Quantity("m", dims=(ROW, "harmonic"))]
+    unknowns: NDArray
+    modal_amplitude: Numbers
+    correlation: Numbers
+    shares: Shares
+    residual: Numbers
+    branch: Numbers
+    point_kind: Kinds
+    linear_to: float
+    preload: float
+    mode: int
+    homogeneous: bool
+    status: Status
+    reason: str
+    cost: Cost
+    settings: dict[str, Any] = field(default_factory=dict)
+    model_hash: str = ""
+
+    def __len__(self) -> int:
+        return len(self.frequency)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the branch reaches the upper end of the amplitudes."""
+        return self.status == COMPLETE
+
+    @property
+    def amplitude(self) -> Metres:
+        """(n,) float, m: of the first harmonic of the response."""
+        return np.abs(self.harmonics[:, 1])
+
+    @property
+    def largest(self) -> Metres:
+        """(n,) float, m: largest vibration of the response in the cycle, all harmonics."""
+        l = np.arange(1, self.harmonics.shape[1])
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * len(l), endpoint=False)
+        return np.abs((self.harmonics[:, 1:] @ np.exp(1j * np.outer(l, theta))).real).max(axis=1)
+
+    @property
+    def folds(self) -> NDArray:
+        """(k,) int: points at which the amplitude turns."""
+        return np.array([i for i, kind in enumerate(self.point_kind) if kind == "fold"], int)
+
+    def at(self, amplitude: float) -> list[tuple[float, float]]:
+        """Frequency (Hz) and damping ratio of all motions with an amplitude (m), in the order of the branch.
+
+        Between points they are interpolated along the logarithm of the amplitude.
+        """
+        a = np.log(self.amplitude / validate.number("amplitude", amplitude, above=0.0, unit="m"))
+        i = np.flatnonzero((a[:-1] * a[1:] <= 0.0) & (a[1:] != 0.0) & (self.branch[:-1] == self.branch[1:]))
+        part = a[i] / (a[i] - a[i + 1])
+        f, zeta = (x[i] + part * (x[i + 1] - x[i]) for x in (self.frequency, self.damping_ratio))
+        return list(zip(f.tolist(), zeta.tolist()))
+
+    def at_preload(self, preload: float) -> NonlinearMode:
+        """The same mode at another preload, with which all displacements and forces grow in proportion.
+
+        Raises
+        ------
+        SettingError
+            If gaps, interference, cubic springs or forces that do not grow with the preload take part.
+        """
+        preload = validate.number("preload", preload, above=0.0, unit="N")
+        if not self.homogeneous:
+            raise SettingError(
+                "preload: expected a mode without gaps, interference, cubic springs and constant forces, which alone "
+                "scales with the preload; compute it at this one"
+            )
+        s = preload / self.preload
+        return replace(
+            self, preload=preload, harmonics=s * self.harmonics, unknowns=s * self.unknowns,
+            modal_amplitude=s * self.modal_amplitude, linear_to=s * self.linear_to,
+        )  # fmt: skip
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Range of frequency and of damping, where the damping is largest, and how the branch ended."""
+        if not len(self):
+            return (Fact("nonlinear mode", f"{self.status}: {self.reason}"),)
+        top = int(np.argmax(self.damping_ratio))
+        return (
+            Fact("mode", self.mode),
+            Fact("preload", self.preload, "N"),
+            Fact("largest damping ratio", float(self.damping_ratio[top])),
+            Fact("at the amplitude", float(self.amplitude[top]), "m"),
+            Fact("at the frequency", float(self.frequency[top]), "Hz"),
+            Fact("frequency falls from", float(self.frequency[0]), "Hz"),
+            Fact("to", float(self.frequency.min()), "Hz"),
+            Fact("status", self.status),
+        )
+
+    def __str__(self) -> str:
+        if not len(self):
+            return f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason})"
+        top, a = int(np.argmax(self.damping_ratio)), self.amplitude
+        edge = top in (0, len(self) - 1)
+        lines = [
+            f"nonlinear mode {self.mode} at {self.preload:g} N: damping at most {100.0 * self.damping_ratio[top]:.3g} % at "
+            f"{a[top]:.4g} m and {self.frequency[top]:.6g} Hz{', an end of the range' if edge else ''}",
+            f"  {self.status} ({self.reason}), {a.min():.4g} to {a.max():.4g} m, {self.frequency.min():.6g} to "
+            f"{self.frequency.max():.6g} Hz",
+            f"  {len(self)} points, {len(self.folds)} folds, correlation with the stuck mode at least "
+            f"{self.correlation.min():.2f}, largest residual {self.residual.max():.1e}",
+        ]
+        if np.isfinite(self.linear_to):
+            lines.append(f"  linear up to {self.linear_to:.4g} m: all contacts keep their state")
+        if self.homogeneous:
+            lines.append("  one curve for all preloads: at_preload() scales it")
+        return "\n".join([*lines, f"  {self.cost}"])
