@@ -216,7 +216,7 @@ def _correlation(system: ModeSystem, y: NDArray) -> NDArray:
 
 def _kinds(points: list[tuple[PathPoint, Piece]], damping: NDArray) -> tuple[str, ...]:
     """What the points are; a maximum of the damping that hardly stands out among its neighbours is none."""
-    around = np.pad(damping, 1, mode="edge")
+    around = np.concatenate([damping[:1], damping, damping[-1:]])
     low = np.maximum(around[:-2], around[2:]) >= (1.0 - FLAT) * damping
     return tuple("regular" if p.kind == "maximum" and flat else p.kind for (p, _), flat in zip(points, low))
 

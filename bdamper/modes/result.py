@@ -13,10 +13,11 @@ from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Storable
-from bdamper.util.plotting import Fact, Plottable
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, Status
 from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Shares, Tabular
+from bdamper.util.text import amount, height
 
 
 @brief
@@ -134,37 +135,28 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
             modal_amplitude=s * self.modal_amplitude, linear_to=s * self.linear_to,
         )  # fmt: skip
 
-    def facts(self) -> tuple[Fact, ...]:
-        """Range of frequency and of damping, where the damping is largest, and how the branch ended."""
+    def bottom_line(self) -> str:
         if not len(self):
-            return (Fact("nonlinear mode", f"{self.status}: {self.reason}"),)
-        top = int(np.argmax(self.damping_ratio))
+            return f"No motion of mode {self.mode} was found: {self.reason}."
+        top, where = int(np.argmax(self.damping_ratio)), f"under a preload of {amount(self.preload, 'N')}"
+        edge = ", an end of the range" if top in (0, len(self) - 1) else ""
         return (
-            Fact("mode", self.mode),
-            Fact("preload", self.preload, "N"),
-            Fact("largest damping ratio", float(self.damping_ratio[top])),
-            Fact("at the amplitude", float(self.amplitude[top]), "m"),
-            Fact("at the frequency", float(self.frequency[top]), "Hz"),
-            Fact("frequency falls from", float(self.frequency[0]), "Hz"),
-            Fact("to", float(self.frequency.min()), "Hz"),
-            Fact("status", self.status),
+            f"Damping of mode {self.mode} {where}: at most {amount(100.0 * self.damping_ratio[top], '%')}, with "
+            f"{height(self.amplitude[top], self.frequency[top])}{edge}; the frequency lies between "
+            f"{amount(self.frequency.min(), 'Hz')} and {amount(self.frequency.max(), 'Hz')}."
+            + ("" if self.complete else f" The mode is {self.status}: {self.reason}.")
         )
 
-    def __str__(self) -> str:
-        if not len(self):
-            return f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason})"
-        top, a = int(np.argmax(self.damping_ratio)), self.amplitude
-        edge = top in (0, len(self) - 1)
-        lines = [
-            f"nonlinear mode {self.mode} at {self.preload:g} N: damping at most {100.0 * self.damping_ratio[top]:.3g} % at "
-            f"{a[top]:.4g} m and {self.frequency[top]:.6g} Hz{', an end of the range' if edge else ''}",
-            f"  {self.status} ({self.reason}), {a.min():.4g} to {a.max():.4g} m, {self.frequency.min():.6g} to "
-            f"{self.frequency.max():.6g} Hz",
-            f"  {len(self)} points, {len(self.folds)} folds, correlation with the stuck mode at least "
-            f"{self.correlation.min():.2f}, largest residual {self.residual.max():.1e}",
-        ]
-        if np.isfinite(self.linear_to):
-            lines.append(f"  linear up to {self.linear_to:.4g} m: all contacts keep their state")
+    def details(self) -> str:
+        lines = [f"nonlinear mode {self.mode} at {self.preload:g} N: {self.status} ({self.reason})"]
+        if len(self):
+            lines += [
+                f"  {len(self)} points, {len(self.folds)} folds; amplitudes from {amount(self.amplitude.min(), 'm')} to "
+                f"{amount(self.amplitude.max(), 'm')}",
+                f"  correlation with the stuck mode at least {self.correlation.min():.3f}, largest residual "
+                f"{self.residual.max():.1e}",
+                f"  linear up to {self.linear_to:.6g} m" if np.isfinite(self.linear_to) else "  not linear anywhere",
+            ]
         if self.homogeneous:
             lines.append("  one curve for all preloads: at_preload() scales it")
         return "\n".join([*lines, f"  {self.cost}"])

@@ -32,7 +32,7 @@ from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sw
 from bdamper.plot.fatigue import plot_critical, plot_haigh, plot_margin, plot_stress
 from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
 from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
-from bdamper.plot.modes import plot_nonlinear_mode
+from bdamper.plot.modes import plot_flutter, plot_nonlinear_mode
 from bdamper.plot.response_map import plot_response_map
 from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
 from bdamper.plot.together import plot_designs, plot_together
@@ -65,6 +65,7 @@ __all__ = [
     "plot_designs",
     "plot_dissipation",
     "plot_energy",
+    "plot_flutter",
     "plot_haigh",
     "plot_history",
     "plot_hysteresis",

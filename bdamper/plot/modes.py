@@ -8,8 +8,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
+from bdamper.modes.flutter import Flutter
 from bdamper.modes.result import NonlinearMode
-from bdamper.plot.axes import DASHED, PAPER, few_ticks
+from bdamper.plot.axes import DASHED, PAPER, colours, drawing, few_ticks, lost
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
 from bdamper.util.text import length
@@ -50,3 +51,31 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None
         lower.set(ylabel="Modal damping ratio (%)", xlabel=f"Amplitude of the response ({name})", xscale="log")
         few_ticks(lower)
     return upper, lower
+
+
+@draws(Flutter)
+def plot_flutter(flutter: Flutter, ax: Axes | None = None, *, title: str = "") -> Axes:
+    """Limit cycles over the preload: filled where they are stable, open where starts beyond them grow.
+
+    Parameters
+    ----------
+    flutter : Flutter
+    ax : matplotlib axes, optional
+    title : str
+
+    Returns
+    -------
+    matplotlib axes
+        Crosses at the lower edge: rest is unstable there.
+    """
+    diameters = np.unique(flutter.nodal_diameter)
+    with drawing(ax, title=title, legend=7.0) as ax:
+        for d, colour in zip(diameters, colours(len(diameters))):
+            own, cycle, stable = flutter.nodal_diameter == d, flutter.amplitude > 0.0, flutter.stable
+            for part, face, what in ((cycle & stable, colour, "stable"), (cycle & ~stable, "w", "unstable")):
+                ax.plot(flutter.preload[own & part], flutter.amplitude[own & part], "o", color=colour, markerfacecolor=face,
+                        markersize=4.0, label=f"{what}, nodal diameter {d}")  # fmt: skip
+            lost(ax, flutter.preload[own & ~cycle & ~stable], colour, "rest unstable", 4.0)
+        ax.set(xlabel=label(Flutter, "preload"), ylabel=label(Flutter, "amplitude"), xscale="log", yscale="log")
+        few_ticks(ax)
+    return ax

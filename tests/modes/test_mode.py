@@ -155,8 +155,9 @@ def test_modes_of_the_model_print_plot_and_save(tmp_path):
     mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-4))
     assert mode.complete and mode.correlation.min() > 0.98
     assert mode.damping_ratio.max() == pytest.approx(0.0252, abs=1e-4)
-    first, *rest = str(mode).split("\n")
-    assert first.startswith("nonlinear mode 1 at 100 N: damping at most 2.52 % at 7.3") and len(rest) == 3
+    first = mode.bottom_line()
+    assert first.startswith("Damping of mode 1 under a preload of 100 N: at most 2.52 %, with 73.5 µm at 660 Hz")
+    assert str(mode).startswith(first[:80]) and "folds" in mode.details()
     upper, lower = mode.plot()
     assert len(upper.lines) == len(lower.lines) == 3
     save_figure((upper, lower), tmp_path / "mode.png")
