@@ -88,6 +88,8 @@ class Flutter(Plottable, Tabular, Storable, kind="bdamper-flutter", row="cycle")
         k = int(np.argmin(safe))
         where = f"a preload of {amount(self.preload[k], 'N')} and nodal diameter {self.nodal_diameter[k]}"
         cycles = f"{np.count_nonzero(self.amplitude)} limit cycles found"
+        if (held := self.amplitude[self.stable]).any():
+            cycles += f", stable ones of up to {amount(held.max(), 'm')}"
         if np.isinf(safe[k]):
             return f"Every start below {amount(self.highest, 'm')} stays bounded: {cycles}."
         return f"Starts below {amount(safe[k], 'm')} stay bounded, the least at {where}: {cycles}."

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 
 from bdamper.modes.flutter import Flutter
 from bdamper.modes.result import NonlinearMode
-from bdamper.plot.axes import DASHED, PAPER, colours, drawing, few_ticks, lost
+from bdamper.plot.axes import DASHED, PAPER, colours, drawing, fit_units, lost
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
-from bdamper.util.text import length
+from bdamper.util.text import amount
 
 
 @draws(NonlinearMode)
@@ -34,22 +34,20 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None
     two matplotlib axes
         Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
     """
-    unit, name = length(mode.amplitude)
     with plt.rc_context(PAPER):
-        upper, lower = plt.subplots(2, 1, sharex=True, figsize=(5.2, 4.6))[1] if ax is None else ax
+        upper, lower = plt.subplots(2, 1, sharex=True, figsize=(5.6, 4.8))[1] if ax is None else ax
         for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
             for b in np.unique(mode.branch):
                 own, foreign = mode.branch == b, mode.correlation < 0.5
                 for part, line in ((own & ~foreign, "-"), (own & foreign, DASHED)):
-                    axes.plot(
-                        unit * mode.amplitude, np.where(part, values, np.nan), **{"color": "C0", "linestyle": line, **style}
-                    )
-            axes.plot(
-                unit * mode.amplitude[mode.folds], values[mode.folds], "o", color="k", markersize=3.0, markerfacecolor="w"
-            )
-        upper.set(ylabel=label(NonlinearMode, "frequency"), title=title or f"mode {mode.mode} at {mode.preload:g} N")
-        lower.set(ylabel="Modal damping ratio (%)", xlabel=f"Amplitude of the response ({name})", xscale="log")
-        few_ticks(lower)
+                    look: dict[str, Any] = {"color": "C0", "linestyle": line, **style}
+                    axes.plot(mode.amplitude, np.where(part, values, np.nan), **look)
+            axes.plot(mode.amplitude[mode.folds], values[mode.folds], "ok", markersize=3.0, markerfacecolor="w")
+        where = f"mode {mode.mode}, preload {amount(mode.preload, 'N')}"
+        upper.set(ylabel=label(NonlinearMode, "frequency"), title=title or where, xscale="log")
+        lower.set(ylabel="Modal damping ratio (%)", xlabel="Amplitude of the response (m)")
+        for axes in (upper, lower):
+            fit_units(axes)
     return upper, lower
 
 
@@ -76,6 +74,7 @@ def plot_flutter(flutter: Flutter, ax: Axes | None = None, *, title: str = "") -
                 ax.plot(flutter.preload[own & part], flutter.amplitude[own & part], "o", color=colour, markerfacecolor=face,
                         markersize=4.0, label=f"{what}, nodal diameter {d}")  # fmt: skip
             lost(ax, flutter.preload[own & ~cycle & ~stable], colour, "rest unstable", 4.0)
-        ax.set(xlabel=label(Flutter, "preload"), ylabel=label(Flutter, "amplitude"), xscale="log", yscale="log")
-        few_ticks(ax)
+        ax.set(xlabel=label(Flutter, "preload"), ylabel=label(Flutter, "amplitude"), yscale="log")
+        if flutter.preload.min() > 0.0:
+            ax.set_xscale("log")
     return ax
