@@ -345,8 +345,8 @@ ONE_OF_EACH = {
     # a corrected point: the follower, its starts and events, what verifies a solution; and wheels
     r"system\.(correct|correct_at|solve)$|^correct$": {
         "continuation.coverage", "continuation.events", "continuation.follower",
-        "continuation.start", "effects.richer", "peaks.highest", "peaks.newton", "speed.line", "wheel.peak",
-        "wheel.solution", "wheel.static", "wheel.track",
+        "continuation.start", "effects.richer", "modes.flutter", "modes.mode", "peaks.highest", "peaks.newton",
+        "speed.line", "wheel.peak", "wheel.solution", "wheel.static", "wheel.track",
     },
     # HDF5
     r"create_dataset$|create_group$": {"io.model_file", "io.model_groups", "util.hdf5"},

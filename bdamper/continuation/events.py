@@ -33,7 +33,7 @@ EVEN = 0.05
 """Difference of the chord of a step from the mean of its tangents, relative to theirs, below which it bends evenly.  Of 129
 folds and maxima of curves with friction, 47 of 73 smooth ones are below and 9 of 56 at corners, where Newton's method is in
 vain."""
-FLAT = 1e-9
+LEVEL_RISE = 1e-9
 """Rise of the squared amplitude over a unit of the way, relative to itself, that counts as rounding."""
 BISECTIONS = 7
 """Of a step that is searched for a corner."""
@@ -112,7 +112,7 @@ class Events:
             return True
         (g_before, before), (g_after, after) = (self.system.squared_gradient(p) for p in (y, c.y))
         first, last = (length * float(g @ (t * scale)) for g, t in ((g_before, tangent), (g_after, c.tangent)))
-        return max(abs(first), abs(last)) > FLAT * before and turns_twice(first, last, 0.5 * (after - before))
+        return max(abs(first), abs(last)) > LEVEL_RISE * before and turns_twice(first, last, 0.5 * (after - before))
 
     # ---- folds and maxima ----
 
@@ -145,7 +145,7 @@ class Events:
         elif turned:  # a drift is one point in frequency, and so is the fold at its end
             missed = "fold"
         rises = [self._value("maximum", p.y, p.tangent, a.scale) for p in (a, b)]
-        level = FLAT * self.system.squared_gradient(a.y)[1]
+        level = LEVEL_RISE * self.system.squared_gradient(a.y)[1]
         if not drift and not is_drift(b.tangent, n) and rises[0] > level and rises[1] < -level:
             found.append("maximum")
         located = []

@@ -30,33 +30,26 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
 
     Parameters
     ----------
-    frequency : (n,) float, Hz
-    damping_ratio : (n,) float
-        Of the force in proportion to mass times velocity that would keep the motion up.
+    frequency, damping_ratio : (n,) float, Hz and 1
+        The latter of the force in proportion to mass times velocity that would keep the motion up.
     harmonics : (n, n_harmonics + 1) complex, m
         Of the response; the first column is the mean.
     unknowns : (n, n_unknowns) float
         Modal coordinates (kg^1/2 m): mean, then cosine and sine amplitudes of each harmonic.
-    modal_amplitude : (n,) float, kg^1/2 m
-        Of the first harmonic, the norm with the mass of all bodies.
-    correlation : (n,) float
-        Of the first harmonic with the mode of stuck contact (MAC).
+    modal_amplitude, correlation : (n,) float, kg^1/2 m and 1
+        Of the first harmonic: its norm with the mass of all bodies, and its MAC with the mode of stuck contact.
     shares : (n, 3) float
         Stick, slip and open, mean over the friction points and the cycle.
-    residual : (n,) float
-    branch : (n,) int
+    residual, branch : (n,) float and int
     point_kind : tuple of str
         "regular", "fold" (the amplitude turns), "maximum" (of the damping), "end" or "drift".
     linear_to : float, m
         Amplitude up to which nothing slips or opens; NaN where something does at the lowest one.
-    preload : float, N
-    mode : int
+    preload, mode : float (N) and int
     homogeneous : bool
         Whether the same curve serves all preloads (:meth:`at_preload`).
-    status, reason : str
-    cost : Cost
-    settings : mapping
-    model_hash : str
+    status, reason, cost, settings, model_hash
+        As of a tracking curve.
     """
 
     frequency: Hertz
