@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields, replace
+from dataclasses import MISSING, dataclass, fields, replace
+from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ from bdamper.problem import at_speed
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.plausible import check_question, check_settings
 from bdamper.problem.problem import Problem
-from bdamper.problem.settings import settings_of
+from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
 from bdamper.util import validate
@@ -53,6 +54,11 @@ from bdamper.util.plotting import Fact
 from bdamper.util.repr import brief, short
 from bdamper.util.versions import HERE
 
+SHOWN = (
+    "model", "excitation", "with_", "static", "contact_map", "wedge_friction", "stiffness_report", "compare", "details",
+)  # fmt: skip
+"""What a study inherits and a user asks for."""
+
 
 @validate.spelt
 @brief
@@ -60,10 +66,13 @@ from bdamper.util.versions import HERE
 class Study(Problem, Comparable):
     """One model under one set of settings, asked for responses.
 
-    Parameters are those of :class:`bdamper.problem.settings.Settings`; methods that make nothing but the equations and the
-    static state are those of :class:`bdamper.problem.problem.Problem`.  Studies are told apart by identity; what two of
-    them have in common is seen in the settings of their results.
+    Studies are told apart by identity; what two of them have in common is seen in the settings of their results.  What
+    makes the equations is inherited from :class:`bdamper.problem.problem.Problem`.
     """
+
+    def __dir__(self) -> list[str]:
+        """What a user asks of a study; settings and what is made of them are there, but not named."""
+        return [name for name in (*vars(Study), *SHOWN) if not name.startswith("_")]
 
     def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
         super().__post_init__(residual_traction, _given)
@@ -128,8 +137,14 @@ class Study(Problem, Comparable):
         preload : float, N
             Radial load on the damper.
         frequency : (low, high), Hz
-        from_high, options, progress, search_branches
-            As :func:`bdamper.continuation.track.track` explains them.
+        from_high : bool
+            Set off from the upper end.
+        options : ContinuationOptions, optional
+            Steps and tolerances of the path.
+        progress : bool
+            Show a progress bar.
+        search_branches : bool or sequence of float
+            Look for branches apart, from solutions at other preloads: ratios to the preload, 0.9 and 1.2 by default.
         stability : bool
             Judge the stability of every point (:meth:`with_stability`), also if the study's ``stability`` is off.
         tolerance : float, optional
@@ -181,9 +196,19 @@ class Study(Problem, Comparable):
         options: PeakOptions | None = None,
         tolerance: float | None = None,
     ) -> Peak:
-        """The highest peak at one preload; :func:`bdamper.peaks.highest.highest_peak` explains the arguments.
+        """The highest point of the response at one preload.
 
-        With a ``tolerance`` harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
+        Parameters
+        ----------
+        preload : float, N
+        frequency : (low, high), Hz, optional
+            Where to look; around the free and the stuck resonance of ``mode`` by default.
+        mode : int
+            Mode of the constrained bodies, 1 for the lowest.
+        options : PeakOptions, optional
+            How exactly the highest point is refined.
+        tolerance : float, optional
+            Relative: harmonics are chosen as for :meth:`track`, by the amplitude and the frequency of the peak.
         """
         check_question(self, [self.check_preload(preload)], frequency)
         ways: dict[str, Any] = {"mode": mode, "options": options}
@@ -213,28 +238,28 @@ class Study(Problem, Comparable):
 
         Parameters
         ----------
-        preload, n, frequency, mode, options, executor
-            As :func:`bdamper.peaks.optimal.optimal_curve` explains them.
+        preload : (low, high) or sequence of more than two values, N
+            Two values: ``n`` preloads between them, equal ratios apart.
+        frequency, mode, options
+            As for :meth:`peak`.
+        executor : concurrent.futures.Executor, optional
+            On which the curves are followed; threads by default.
         tolerance : float
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
         check : bool
-            Compare with whole tracking curves with two, four and six more harmonics at the optimum, two more elsewhere
-            (:func:`bdamper.accuracy.tolerance.with_ladder`).  This takes some five times as long as the curve itself
-            with 30 preloads, forty times with ten; both times are shown.
+            Compare with two, four and six more harmonics at the optimum, two more elsewhere, which takes most of the time.
         progress : bool
-            Show what is being done, and the time left as far as it is known.
+            Show what is being done, and the time left.
         resume : path, optional
             File that keeps every curve, those of the ladder too; work that was interrupted goes on from there.
         quantity : {"amplitude", "margin"}
-            "margin": also the margin against fatigue of a ``material`` over the preload, and the preload that is best for
-            it (:func:`bdamper.peaks.best_margin.best_margin`), in ``curve.margins``.
+            "margin": also that against fatigue of a ``material``, in ``curve.margins``.
         material : Material, optional
 
         Returns
         -------
         OptimalCurve
-            With the study's own harmonics; ``ladder`` says how far they are from convergence.  After Ctrl-C what was known
-            by then (:attr:`~bdamper.peaks.optimal_curve.OptimalCurve.interrupted`), or the curves of the ladder so far.
+            With the study's own harmonics; ``ladder`` says how far they are from convergence.
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
         validate.flag("check", check)
@@ -355,3 +380,14 @@ def load_study(path: FilePath, model: Model | None = None) -> Study:
 
 
 enter_reader(FORMAT, load_study)
+
+
+def _settings_explained() -> str:
+    """The settings as numpydoc has them, each with its default."""
+    named = {f.name: "required" if f.default is MISSING else f"default {f.default!r}" for f in fields(Settings) if f.init}
+    lines = getdoc(Settings).splitlines() if getdoc(Settings) else []  # type: ignore[union-attr]
+    heads = ((line, [named[n] for n in line.partition(" : ")[0].split(", ") if n in named]) for line in lines[1:])
+    return "\n".join(f"{line}, {', '.join(dict.fromkeys(found))}" if found else line for line, found in heads)
+
+
+Study.__doc__ = f"{getdoc(Study)}\n{_settings_explained()}"

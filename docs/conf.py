@@ -12,14 +12,21 @@ os.environ.setdefault("MPLBACKEND", "Agg")
 project = "bdamper"
 author = "the authors of bdamper"
 release = bdamper.__version__
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode", "sphinx_gallery.gen_gallery"]
+extensions = [
+    "myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.napoleon", "sphinx_gallery.gen_gallery",
+]  # fmt: skip
+templates_path = ["_templates"]
+autosummary_generate = True
+autosummary_ignore_module_all = False
+nitpicky = True
+nitpick_ignore_regex = [(r"py:.*", r"(?!bdamper\.).*")]  # types of other packages, and the words of parameter lists
 myst_enable_extensions = ["dollarmath", "colon_fence"]
 myst_heading_anchors = 3
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"
 napoleon_use_ivar = True
 napoleon_use_rtype = False
-exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py"]
+exclude_patterns = ["_build", "_templates", "gallery/*.ipynb", "gallery/*.py"]
 sphinx_gallery_conf = {
     "examples_dirs": "../examples",
     "gallery_dirs": "gallery",
@@ -37,8 +44,10 @@ nb_execution_timeout = 300
 nb_execution_raise_on_error = True
 linkcheck_timeout = 10
 linkcheck_retries = 1
-html_theme = "alabaster"
-html_theme_options = {"page_width": "1080px", "description": "Forced response of structures with friction contacts"}
+html_theme = "pydata_sphinx_theme"
+html_theme_options = {"show_toc_level": 2, "navigation_with_keys": False, "secondary_sidebar_items": ["page-toc"]}
+html_static_path = ["_static"]
+html_css_files = ["wide.css"]
 
 # the tutorial: notebooks, whose links to pages are made those of this folder
 shutil.rmtree(DOCS / "tutorial", ignore_errors=True)

@@ -1,6 +1,8 @@
 """The public names: few, and each in the API reference."""
 
+import dataclasses
 import importlib
+import inspect
 import re
 from importlib import metadata
 from pathlib import Path
@@ -15,10 +17,10 @@ ROOT = Path(__file__).parents[1]
 
 def test_every_public_name_is_in_the_reference():
     reference = (ROOT / "docs" / "api.md").read_text()
-    named = re.findall(r"^\.\. (?:auto\w+|py:data):: bdamper\.(\w+)$", reference, re.M)
+    named = re.findall(r"^(?:   |\.\. py:data:: )bdamper\.(\w+)$", reference, re.M)
     rooms = {path.stem for path in (ROOT / "bdamper").iterdir()}
     assert [name for name in named if name not in rooms] == bd.__all__, "same names in the same order"
-    assert len(bd.__all__) <= 36, "two for lumped models, one for finite element matrices, two for whole wheels"
+    assert len(bd.__all__) <= 37, "two for lumped models, two for whole wheels, one for matrices, one for saved studies"
 
 
 def test_every_name_of_the_import_is_in_the_reference():
@@ -29,7 +31,7 @@ def test_every_name_of_the_import_is_in_the_reference():
 
 
 def test_everything_in_the_reference_is_there():
-    for path in re.findall(r"^\.\. (?:auto\w+|py:data):: (bdamper\.\S+)$", (ROOT / "docs" / "api.md").read_text(), re.M):
+    for path in re.findall(r"^(?:   |\.\. py:data:: )(bdamper\.\S+)$", (ROOT / "docs" / "api.md").read_text(), re.M):
         assert found(path).__doc__, path
 
 
@@ -50,3 +52,35 @@ def test_the_version_stands_in_one_place():
     newest = re.search(r"^## (\S+)", (ROOT / "CHANGELOG.md").read_text(), re.M)
     assert newest is not None and newest[1] == version, "the newest heading of CHANGELOG.md is this version"
     assert "version" not in re.findall(r"^(\w+) *=", (ROOT / "pyproject.toml").read_text(), re.M)
+
+
+class TestStudy:
+    """What a user sees of a study: few names, each with its parameters."""
+
+    @pytest.fixture(scope="class")
+    def study(self):
+        return bd.Study(bd.reference_model("turbine_blade"), bd.Excitation("tip"), 5)
+
+    def test_tab_shows_few_names(self, study):
+        shown = [name for name in dir(study) if not name.startswith("_")]
+        assert len(shown) <= 45 and {"track", "peak", "optimal_curve", "static", "with_", "save", "model"} <= set(shown)
+        assert all(hasattr(bd.Study, name) or name in vars(study) for name in shown)
+
+    def test_help_explains_every_setting_with_its_default(self):
+        for setting in dataclasses.fields(bd.Study):
+            if setting.init:
+                default = "required" if setting.default is dataclasses.MISSING else f"default {setting.default!r}"
+                (line,) = re.findall(rf"^(?:\w+, )*{setting.name}(?:, \w+)* : .*$", bd.Study.__doc__, re.M)
+                assert default in line
+
+    def test_every_method_lists_its_own_parameters(self, study):
+        missing = []
+        for name in dir(study):
+            method = getattr(bd.Study, name, None)
+            if inspect.isfunction(method) and not name.startswith("_"):
+                text = inspect.getdoc(method)
+                assert "explains" not in text, name
+                for one in list(inspect.signature(method).parameters)[1:]:
+                    if len(inspect.signature(method).parameters) > 2 and not re.search(rf"(?:^|[, *`]){one}\b", text, re.M):
+                        missing.append(f"{name}({one})")
+        assert not missing

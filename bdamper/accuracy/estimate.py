@@ -310,6 +310,14 @@ def with_errors(problem: Problem, result: Estimated, *, sources: Sequence[str] =
 
     It prints them in one line and saves them.  Where a ladder says what more harmonics change (:mod:`bdamper.util.ladder`),
     that is the error by harmonics.
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Curve or OptimalCurve
+        Of this problem.
+    sources : sequence of str
+        What to estimate: "harmonics", "evaluation", "contact points", "modes", "residual flexibility", "solver".
     """
     validate.instance("result", result, (Curve, OptimalCurve), "a Curve or an OptimalCurve of this study")
     sources = validate.names("sources", sources, SOURCES)

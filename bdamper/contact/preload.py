@@ -1,6 +1,6 @@
 """Quasi-static contact analysis: normal load, gap and slider at every contact point under the load of the damper.
 
-The mean equations of the harmonic balance without vibration, paper section 3.1:
+The mean equations of the harmonic balance without vibration, paper section 3.1::
 
     K q + G^T F(x) = P f,      x = G q + shift(P) = (u1, u2, v),
     N = max(n0 + kn v, 0),     T_d = kt_d (u_d - w_d),   |T_d| <= mu N.
@@ -20,13 +20,18 @@ such a slider to the edge of the admissible disk (``csrc/bd_coulomb.c``).
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import get_lapack_funcs
 
 from bdamper.util.cost import Cost
+from bdamper.util.hdf5 import Storable
+from bdamper.util.plotting import Plottable
 from bdamper.util.repr import brief
+from bdamper.util.tables import Kinds, Metres, Quantity, Tabular
+from bdamper.util.text import amount
 
 _getrf, _getrs, _gecon = get_lapack_funcs(("getrf", "getrs", "gecon"), dtype=float)
 
@@ -75,8 +80,10 @@ class StaticSystem:
 
 @brief
 @dataclass(frozen=True)
-class PreloadState:
+class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="contact_point"):
     """Static state under a load.
+
+    ``plot`` draws the normal force of every contact point (:func:`bdamper.plot.plot_static`).
 
     Parameters
     ----------
@@ -102,8 +109,8 @@ class PreloadState:
     load: float
     q: NDArray
     slider: NDArray
-    force: NDArray
-    closing: NDArray
+    force: Annotated[NDArray, Quantity("N", parts=("t1", "t2", "n"))]
+    closing: Metres
     status: NDArray
     residual: float
     steps: int
@@ -112,15 +119,18 @@ class PreloadState:
     note: str = ""
     cost: Cost = field(default_factory=Cost)
 
-    def __str__(self) -> str:
-        head = f"static state under {self.load:g} N: {'converged' if self.converged else 'not converged'}"
-        closed = ~(self.status == OPEN).any(axis=1)
-        stuck = (self.status == STICK).all(axis=1)
+    @property
+    def state(self) -> Kinds:
+        """(n_points,) str: "stick", "slip" in some direction, or "open"."""
+        stuck, open_ = (self.status == STICK).all(axis=1), (self.status == OPEN).any(axis=1)
+        return tuple(np.select([open_, stuck], ["open", "stick"], "slip").tolist())
+
+    def bottom_line(self) -> str:
+        stuck, slipping, apart = (self.state.count(name) for name in ("stick", "slip", "open"))
+        open_ = "" if self.converged else f" Not converged: {self.note}."
         return (
-            head + (f" ({self.note})" if self.note else "") + f", residual {self.residual:.1e}, {self.steps} steps, "
-            f"{self.iterations} iterations\n  of {len(self.status)} contact points {stuck.sum()} stick, "
-            f"{(closed & ~stuck).sum()} slip, {(~closed).sum()} are open; normal forces up to "
-            f"{self.force[:, 2].max(initial=0.0):.6g} N, {self.force[:, 2].sum():.6g} N in all"
+            f"Under a load of {amount(self.load, 'N')}, of {len(self.status)} contact points {stuck} stick, "
+            f"{slipping} slip, {apart} are open; normal forces {amount(self.force[:, 2].sum(), 'N')} in all.{open_}"
         )
 
 

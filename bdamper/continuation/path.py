@@ -37,7 +37,7 @@ class ContinuationOptions:
         to 3.5 and 11.7 to 12.0 Hz) and shrinks on one (from 7.6 to 6.5 Hz); none of 284 ordinary curves changes.
     budget : int or None
         Evaluations of the equations after which a curve ends with what it has; None sets it from the sizes of the problem
-        (:func:`bdamper.continuation.coverage.evaluation_budget`).
+        (``bdamper.continuation.coverage.evaluation_budget``).
     max_iterations : int
         Newton iterations in a step.
     locate : bool

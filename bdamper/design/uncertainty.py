@@ -2,7 +2,7 @@
 
 Settings are drawn from distributions of :mod:`scipy.stats` (anything with a ``ppf``), by default from a scrambled Sobol
 sequence, whose averages converge faster than those of independent draws.  The optimal curve of every draw is one point of
-a :func:`bdamper.design.sweep.sweep`, so executors and results files work as they do there.
+a :func:`bdamper.sweep`, so executors and results files work as they do there.
 """
 
 from __future__ import annotations
@@ -226,7 +226,7 @@ def uncertain_curve(
     preload, n, frequency, mode
         As in :func:`bdamper.peaks.optimal.optimal_curve`; the same preloads serve all draws.
     executor, resume, progress
-        As in :func:`bdamper.design.sweep.sweep`.
+        As in :func:`bdamper.sweep`.
     """
     validate.instance("samples", samples, Mapping, "a mapping of settings to numbers, as draw returns it")
     if "preload" in samples:

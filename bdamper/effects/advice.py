@@ -50,7 +50,7 @@ class EffectAdvice:
     Parameters
     ----------
     name : str
-        As :meth:`bdamper.problem.effects.Effects.without` takes it.
+        As :meth:`bdamper.Effects.without` takes it.
     on : bool
         Whether the study has the effect.
     amplitude_change, frequency_change : float
@@ -209,7 +209,7 @@ def advise(
         Interval in which the highest peak is looked for.
     against : Effects, optional
         The reference; by default all that the model allows (:func:`fullest`).  The friction law stays that of the
-        study: it says what is computed, and :func:`bdamper.effects.compare_laws.compare_laws` compares them.
+        study: it says what is computed, and :meth:`bdamper.Study.compare_laws` compares them.
     tolerance : float
         Relative change of amplitude or frequency that leaving out effects may make in all.
 

@@ -129,7 +129,7 @@ def build_model(
     n_modes, n_damper_modes, damping_ratio : int, int, float
         Modes of the sector at each nodal diameter, and of the damper, its six rigid ones included; of all elastic modes.
     units, axis, radial, origin : str or Units, (3,) float
-        One of :data:`bdamper.io.UNITS` or factors; axis of rotation, direction to the blade and a point on the axis, in the
+        One of ``bdamper.io.UNITS`` or factors; axis of rotation, direction to the blade and a point on the axis, in the
         axes and the unit of length of the files.
     expected_frequencies, strict : mapping of nodal diameter to frequencies (Hz), bool
         Of another program, compared to 1 %; such a comparison that fails, also with modes of a file, warns, or is refused.

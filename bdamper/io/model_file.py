@@ -2,7 +2,7 @@
 
 The layout follows the classes one to one and is described in ``docs/model-file.md``, with an example of how to write such
 a file with h5py alone.  The reader checks the container: which groups and datasets there must be, of which type, in which
-units.  The numbers are checked by :func:`~bdamper.model.validation.check_model`, for files and for models built in memory
+units.  The numbers are checked by ``bdamper.model.validation.check_model``, for files and for models built in memory
 alike.
 
 A file holds all its data: links to other files, external storage and virtual datasets are refused, and so is every name
@@ -64,7 +64,7 @@ def save_model(model: Model, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ModelError
-        If the model does not pass :func:`~bdamper.model.validation.check_model`.
+        If the model does not pass ``bdamper.model.validation.check_model``.
     BdamperError
         If its directory does not exist.
     OSError
@@ -134,7 +134,7 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         If there is no such file.
     ModelError
         If the file cannot be read as a model, or the model in it does not pass
-        :func:`~bdamper.model.validation.check_model`.
+        ``bdamper.model.validation.check_model``.
     """
     source = Path(path)
     if not source.exists():

@@ -38,7 +38,7 @@ def with_marched(
     """The optimal curve with mean and range of the amplitude that a march in time finds at some preloads.
 
     At each preload a tracking curve is followed over the frequencies of the optimal curve, and the march starts from its
-    highest solution and stays at its frequency (:func:`bdamper.stability.steady_state.settle`).
+    highest solution and stays at its frequency (:meth:`bdamper.Study.settle`).
 
     Parameters
     ----------

@@ -32,10 +32,12 @@ from bdamper.harmonic_balance.system import NOT_CONVERGED, OK, STATUS_TEXT, Corr
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
+from bdamper.util.hdf5 import Storable
 from bdamper.util.ladder import Ladder
-from bdamper.util.plotting import Fact
+from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE, NOT_FOUND, because
+from bdamper.util.tables import Column, Tabular
 from bdamper.util.text import amount, height
 
 JUMP = 1e3
@@ -94,8 +96,10 @@ class PeakOptions:
 
 @brief
 @dataclass(frozen=True)
-class Peak(Comparable):
+class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
+
+    ``plot`` draws what the contacts do there (:func:`bdamper.plot.plot_peak`).
 
     Parameters
     ----------
@@ -169,6 +173,12 @@ class Peak(Comparable):
             *([Fact("curve ended as", self.scan)] if self.scan not in ("", "complete") else []),
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
         )
+
+    def columns(self) -> dict[str, Column]:
+        """One row."""
+        single = {"preload": (self.parameter, "N"), "frequency": (self.frequency, "Hz"), "amplitude": (self.amplitude, "m")}
+        shares = dict(zip(("stick", "slip", "open"), ((share, "") for share in self.shares)))
+        return {name: Column(np.array([value]), unit) for name, (value, unit) in (single | shares).items()}
 
     def bottom_line(self) -> str:
         if not self.converged:

@@ -16,15 +16,18 @@ from matplotlib.patches import Patch, Rectangle
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from bdamper.contact.preload import PreloadState
 from bdamper.contact.stiffness import StiffnessComparison
 from bdamper.contact.wedge import ContactMap
 from bdamper.model.model import Model
+from bdamper.peaks.newton import Peak
 from bdamper.plot.axes import FIXED, PAPER, drawing
 from bdamper.plot.motion import STATES, ContactStatus, contact_status, relative_motion, rigid_displacement, rigid_motion
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
+from bdamper.util.text import amount
 
 STATUS_COLOURS = ("0.15", "#e6862a", "#cfe3ee")
 """Dark, middle and light: told apart in grey as well."""
@@ -162,6 +165,28 @@ def plot_faces(
                 ax.set_title(f"{name}, {titles[row]}" if titles[row] else name, fontsize=8.0)
             figure.colorbar(plt.cm.ScalarMappable(norm, "viridis"), ax=axes[row].tolist(), label=label, shrink=0.9)
     return axes.ravel()
+
+
+@draws(PreloadState)
+def plot_static(state: PreloadState, ax: Axes | None = None) -> Axes:
+    """Normal force of every contact point in the static state, in the colour of what it does."""
+    with drawing(ax, title=f"load {amount(state.load, 'N')}") as ax:
+        shades = [STATUS_COLOURS[("stick", "slip", "open").index(name)] for name in state.state]
+        ax.bar(np.arange(1, len(shades) + 1), state.force[:, 2], color=shades, **EDGE)
+        ax.set(xlabel="Contact point", ylabel="Normal force (N)")
+        _status_legend(ax)
+    return ax
+
+
+@draws(Peak)
+def plot_peak(peak: Peak, ax: Axes | None = None) -> Axes:
+    """Shares of the cycle that contacts stick, slip and are open at the peak."""
+    with drawing(ax, size=(5.6, 1.5), title=peak.bottom_line()) as ax:
+        ax.barh(["contacts"] * 3, 100.0 * peak.shares, left=100.0 * (np.cumsum(peak.shares) - peak.shares),
+                color=STATUS_COLOURS, **EDGE)  # fmt: skip
+        ax.set(xlabel="Share of the cycle (%)", xlim=(0.0, 100.0))
+        _status_legend(ax)
+    return ax
 
 
 @draws(ContactMap)

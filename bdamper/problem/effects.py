@@ -118,7 +118,7 @@ class Effects:
 
     @property
     def rigid_modes(self) -> tuple[str, ...]:
-        """Names of the rigid-body modes, as in :data:`bdamper.model.coupling.RIGID_NAMES`."""
+        """Names of the rigid-body modes, as in :data:`bdamper.RIGID_NAMES`."""
         return tuple(f"T{a}" for a in self.translation) + tuple(f"R{a}" for a in self.rotation)
 
     @property

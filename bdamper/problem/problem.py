@@ -445,7 +445,14 @@ class Problem(Settings):
         return state
 
     def contact_map(self, preload: float, history: Sequence[float] | None = None) -> ContactMap:
-        """Pressure, gap and state over the faces in the static state; arguments as for :meth:`static`."""
+        """Pressure, gap and state over the faces in the static state.
+
+        Parameters
+        ----------
+        preload : float, N
+        history : sequence of float, optional
+            Load factors through which the preload is reached; those of the settings by default.
+        """
         factors = self.load_history if history is None else check_history(history, "history")
         return ContactMap.make(self.coupling, self.equilibrium(preload, factors), self.friction, factors)
 

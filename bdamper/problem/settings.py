@@ -99,7 +99,7 @@ class Settings:
     contact_points : int, optional
         At most so many contact points on each friction face, by uniting neighbouring patches; no more than the model has.
     gap : mapping of interface name to (n_points,) float, optional
-        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.model.misfit.misfit`.  None under
+        Initial distance of the surfaces in m, instead of the model's; see :func:`bdamper.misfit`.  None under
         the law "bonded".
     load_history : tuple of float
         Load factors through which a preload is reached, the last one 1: (1.5, 1.0) is an overload before it.

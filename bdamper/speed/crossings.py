@@ -1,6 +1,6 @@
 """Crossings of a resonance with engine orders, for one or several masses of the damper: the table and how it is made.
 
-Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.design.sweep.sweep`), so progress,
+Each crossing is a point of a sweep over damper mass and engine order (:func:`bdamper.sweep`), so progress,
 interruption, files and executors are those of sweeps.
 """
 
@@ -270,14 +270,17 @@ def crossings(
         Factors on the mass of the free bodies, each with its centrifugal load and its inertia.
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
-    executor, resume, progress
-        As :func:`bdamper.sweep` explains them.
+    executor : concurrent.futures.Executor, optional
+        On which the crossings are looked for; threads by default.
+    resume : path, optional
+        File that keeps what is finished; work that was interrupted goes on from there.
+    progress : bool
     margin : LeastMargin, optional
         With it the margin against fatigue of each crossing and of some points of its line, for a model with stress sets:
         ``bdamper.fatigue.margin.LeastMargin(material)``.
     **conditions
-        ``friction``, ``temperature`` and ``excitation`` over speed, as :class:`bdamper.problem.at_speed.Conditions`
-        explains them.
+        ``friction``, ``temperature`` and ``excitation`` over speed, as fields of
+        :class:`bdamper.problem.at_speed.Conditions`.
 
     Returns
     -------

@@ -4,7 +4,7 @@ Harmonic balance gives a motion of ``H`` harmonics; the motion that the equation
 (:mod:`bdamper.stability.time_integration`) has a sequence of stick, slip and separation of its own.  Two ways lead to it.
 
 **Marching.**  The motion is started at the solution with a disturbance of :data:`KICK` in its velocities and marched until
-:func:`~bdamper.stability.march.judged` decides.  A damper without damping of its own chatters at many points next to
+``bdamper.stability.march.judged`` decides.  A damper without damping of its own chatters at many points next to
 separated peaks, without any period; what counts there is the amplitude to which this leads, averaged over many periods.
 
 **Shooting.**  In a travelling wave sector ``k`` is where its neighbour ``k + s`` was ``T/N`` before (``s`` times the nodal

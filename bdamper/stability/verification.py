@@ -1,7 +1,7 @@
 """Whether marching in time agrees with a harmonic-balance solution.
 
 All sectors are marched (:mod:`bdamper.stability.march`) from the solution, and the amplitude of each period (of the
-harmonic of the excitation) is compared with the solution's, until :func:`~bdamper.stability.march.judged` decides or so
+harmonic of the excitation) is compared with the solution's, until ``bdamper.stability.march.judged`` decides or so
 many periods are over.  A growth that shows only after hundreds of periods is beyond this, as it is beyond a test.
 """
 

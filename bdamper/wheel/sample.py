@@ -182,7 +182,7 @@ def mistuned_sample(
     seed : int
         Equal seeds give equal wheels.
     executor, resume, progress
-        As in :func:`bdamper.design.sweep.sweep`; a results file serves more wheels, too.
+        As in :func:`bdamper.sweep`; a results file serves more wheels, too.
 
     Returns
     -------

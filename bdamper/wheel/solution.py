@@ -2,7 +2,7 @@ r"""A solution of a wheel at one frequency, wherever Newton's method starts.
 
 Near its peaks Newton's method fails from afar: with the contacts stuck the blades answer so strongly that the next step has
 them all slip, and dampers that slip fully are free along their axis and go anywhere.  Both are mended by equations that are
-easier (:class:`~bdamper.wheel.system.Ease`), whose solution leads to that of the wheel itself: with springs on the mean of
+easier (``bdamper.wheel.system.Ease``), whose solution leads to that of the wheel itself: with springs on the mean of
 dampers, and where that is not enough with damping
 
 .. math:: C + \delta \omega M, \qquad \delta = 0.03 \text{ or } 0.3,

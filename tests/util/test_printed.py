@@ -128,7 +128,7 @@ class TestShortTexts:
         assert "65 sectors" in str(study.model)
         assert "left: friction, damper on blade, 9 contact points" in repr(study.model)
         assert "friction 0.4 (separable)" in repr(study)
-        assert "of 26 contact points 4 stick, 14 slip, 8 are open" in str(study.static(500.0))
+        assert "of 26 contact points 4 stick, 14 slip, 8 are open" in str(study.static(500.0)).replace("\n", " ")
         assert "omega2=<16 float64>" in repr(study.bases[0])
 
     def test_of_settings_that_are_arrays(self, study):
