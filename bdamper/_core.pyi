@@ -28,31 +28,6 @@ class Solved(NamedTuple):
     curvature: float
     shares: tuple[float, float, float]
 
-class Wheel:
-    def __init__(
-        self,
-        n_sector: int,
-        n_harm: int,
-        n_blade: int,
-        n_damper: int,
-        n_kept: int,
-        own: NDArray,
-        next: NDArray,
-        active: NDArray[np.bool_],
-        pinned: NDArray[np.bool_],
-    ) -> None: ...
-    def factor(
-        self,
-        own: NDArray,
-        next: NDArray,
-        blade: NDArray,
-        damping: NDArray,
-        damper: NDArray,
-        springs: NDArray,
-        neighbour: NDArray,
-    ) -> int: ...
-    def solve(self, factored: int, r: NDArray, x: NDArray) -> None: ...
-
 class _Equations:
     @property
     def n_unknown(self) -> int: ...
@@ -72,7 +47,7 @@ class _Equations:
         scale: NDArray[np.float64],
         tolerance: float,
         max_iterations: int,
-        line_search: bool = False,
+        line_search: int = 0,
         reach: float = 0.0,
         row: NDArray[np.float64] | None = None,
         re: NDArray[np.float64] | None = None,
@@ -80,6 +55,8 @@ class _Equations:
         curvature: float = 0.0,
         place_tolerance: float = 0.0,
         max_step: float = 0.0,
+        loose: float = 0.0,
+        rough: float = 0.0,
     ) -> Solved: ...
     def bordered(
         self,
@@ -152,6 +129,45 @@ class Modes(_Equations):
         row_scale: NDArray[np.float64] | None = None,
     ) -> None: ...
 
+class Wheel(_Equations):
+    def __init__(
+        self,
+        n_sector: int,
+        n_harm: int,
+        n_blade: int,
+        n_damper: int,
+        n_root: int,
+        n_kept: int,
+        n_point: int,
+        next: NDArray[np.bool_],
+        rows: NDArray[np.float64],
+        active: NDArray[np.bool_],
+        pinned: NDArray[np.bool_],
+        stiffness: NDArray[np.float64],
+        mass: NDArray[np.float64],
+        disk_stiffness: NDArray[np.complex128],
+        disk_mass: NDArray[np.complex128],
+        damping: NDArray[np.complex128],
+        damper_stiffness: NDArray[np.float64],
+        damper_mass: NDArray[np.float64],
+        damper_damping: NDArray[np.float64],
+        springs: NDArray[np.float64],
+        neutral: NDArray[np.float64],
+        home: NDArray[np.float64],
+        kt: NDArray[np.float64],
+        kn: NDArray[np.float64],
+        mu: NDArray[np.float64],
+        n0: NDArray[np.float64],
+        w: NDArray[np.float64],
+        law: NDArray[np.intc],
+        load: NDArray[np.float64],
+        shift: NDArray[np.float64],
+        force: NDArray[np.float64],
+        row_scale: NDArray[np.float64],
+        evaluation: int = 0,
+        n_time: int = 0,
+    ) -> None: ...
+
 def kernels() -> tuple[str, ...]: ...
 def kernel() -> str: ...
 def evaluate_contact(
@@ -168,21 +184,6 @@ def evaluate_contact(
     n_time: int = 0,
     load: float = ...,
 ) -> tuple[tuple[float, float, float, float, float], tuple[_Parts, _Parts]]: ...
-def evaluate_points(
-    x: NDArray[np.float64],
-    kt: NDArray[np.float64],
-    kn: NDArray[np.float64],
-    mu: NDArray[np.float64],
-    n0: NDArray[np.float64],
-    w: NDArray[np.float64],
-    load: NDArray[np.float64],
-    law: NDArray[np.intc],
-    F: NDArray[np.float64],
-    share: NDArray[np.float64],
-    T: NDArray[np.float64] | None = None,
-    evaluation: int = 0,
-    n_time: int = 0,
-) -> None: ...
 
 class Ring:
     def __init__(

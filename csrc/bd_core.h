@@ -35,7 +35,7 @@ typedef struct {
     struct {
         const char *name, *start, *end;
         int output;
-    } array[18]; /* as many as Ring() has */
+    } array[26]; /* as many as Wheel() has */
 } core_arguments;
 
 typedef enum { BD_FINITE, BD_NON_NEGATIVE, BD_POSITIVE, BD_NEGATIVE } core_range;
@@ -72,7 +72,8 @@ int core_check_status(bd_status status);
 /* What every type of equations is: they differ in their constructors alone, and share methods and destructor. */
 typedef struct core_equations {
     PyObject_HEAD bd_equations *equations; /* owned */
-    bd_hbm *hbm;                           /* that evaluates the contact */
+    bd_hbm *hbm;                           /* that evaluates the contact; NULL of a wheel */
+    bd_wheel *wheel;                       /* the same equations, or NULL */
     struct core_equations *inner;          /* what they wrap, whose lock they take; NULL if none */
     PyThread_type_lock lock;
 } core_equations;
@@ -90,6 +91,5 @@ extern PyType_Spec core_ring_spec;                    /* bd_core_time.c */
 extern PyType_Spec core_wheel_spec;                   /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
-PyObject *core_evaluate_points(PyObject *module, PyObject *args, PyObject *kwargs);
 
 #endif

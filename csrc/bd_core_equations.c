@@ -95,14 +95,30 @@ static PyObject *named(PyTypeObject *type, PyObject *tuple) {
     return result;
 }
 
+/* Contact points at the latest evaluation. */
+typedef struct {
+    int n_point, n_coef;
+    const bd_element *element;
+    const bd_status_share *share;
+    const double *X, *F;
+} points;
+
+static points points_of(const core_equations *self) {
+    const bd_hbm *h = self->hbm;
+    const bd_wheel *w = self->wheel;
+    if (!w) return (points){h->n_point, h->n_coef, h->element, h->share, h->X, h->F};
+    return (points){w->in.n_sector * w->in.n_point, w->n_coef, w->element, w->share, w->X, w->F};
+}
+
 /* Stick, slip and open, averaged over the points with friction at the evaluation that the caller has just made. */
-static void mean_shares(const bd_hbm *hbm, double *mean) {
+static void mean_shares(const core_equations *self, double *mean) {
+    const points at = points_of(self);
     int n = 0;
     mean[0] = mean[1] = mean[2] = 0.0;
-    for (int p = 0; p < hbm->n_point; ++p) {
-        const bd_law law = hbm->element[p].law;
-        if (law == BD_LAW_NORMAL || (hbm->element[p].mu == 0.0 && law != BD_LAW_BONDED)) continue;
-        const bd_status_share s = hbm->share[p];
+    for (int p = 0; p < at.n_point; ++p) {
+        const bd_law law = at.element[p].law;
+        if (law == BD_LAW_NORMAL || (at.element[p].mu == 0.0 && law != BD_LAW_BONDED)) continue;
+        const bd_status_share s = at.share[p];
         mean[0] += 0.5 * (s.stick[0] + s.stick[1]);
         mean[1] += 0.5 * (s.slip[0] + s.slip[1]);
         mean[2] += s.open;
@@ -112,6 +128,21 @@ static void mean_shares(const bd_hbm *hbm, double *mean) {
 }
 
 /* ---- methods ---- */
+
+/* J of equations that do not form it, by products with unit vectors. */
+static bd_status columns(bd_equations *e, double *J) {
+    const size_t n = (size_t)e->n;
+    double *unit = e->scratch, *column = unit + n + 1;
+    bd_status status = BD_OK;
+    memset(unit, 0, sizeof(double) * n);
+    for (size_t j = 0; j < n && status == BD_OK; ++j) {
+        unit[j] = 1.0;
+        status = bd_product(e, 0, unit, column);
+        unit[j] = 0.0;
+        for (size_t i = 0; i < n; ++i) J[i * n + j] = column[i];
+    }
+    return status;
+}
 
 static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs) {
     static char *names[] = {"y", "r", "J", "C", NULL};
@@ -132,7 +163,8 @@ static PyObject *evaluate(core_equations *self, PyObject *args, PyObject *kwargs
     status = bd_evaluate(e, y, J || C);
     if (status == BD_OK) {
         memcpy(r, e->r, sizeof(double) * (size_t)n);
-        if (J) memcpy(J, e->J, sizeof(double) * (size_t)(n * n));
+        if (J && e->J) memcpy(J, e->J, sizeof(double) * (size_t)(n * n));
+        if (J && !e->J) status = columns(e, J);
         if (C) memcpy(C, e->C, sizeof(double) * (size_t)n);
     }
     end_work(self, started);
@@ -159,19 +191,23 @@ static int check_options(const bd_solver_options *options) {
         PyErr_Format(PyExc_ValueError, "max_iterations: expected at least 0, found %d", options->max_iterations);
         return 0;
     }
-    return core_check_number(options->tolerance, "tolerance", BD_POSITIVE) &&
+    return core_check_number(options->loose, "loose", BD_NON_NEGATIVE) &&
+           core_check_number(options->rough, "rough", BD_NON_NEGATIVE) &&
+           core_check_number(options->tolerance, "tolerance", BD_POSITIVE) &&
            core_check_number(options->reach, "reach", BD_NON_NEGATIVE);
 }
 
 static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"y",   "tangent", "scale", "tolerance", "max_iterations",  "line_search", "reach",
-                            "row", "re",      "im",    "curvature", "place_tolerance", "max_step",    NULL};
+    static char *names[] = {"y",        "tangent", "scale", "tolerance", "max_iterations", "line_search",
+                            "reach",    "row",     "re",    "im",        "curvature",      "place_tolerance",
+                            "max_step", "loose",   "rough", NULL};
     PyObject *object[3], *row = Py_None, *re = Py_None, *im = Py_None;
     bd_solver_options options = {0};
     bd_condition condition = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|pdOOOddd:solve", names, &object[0], &object[1], &object[2],
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOdi|idOOOddddd:solve", names, &object[0], &object[1], &object[2],
                                      &options.tolerance, &options.max_iterations, &options.line_search, &options.reach,
-                                     &row, &re, &im, &condition.curvature, &condition.tolerance, &condition.max_step))
+                                     &row, &re, &im, &condition.curvature, &condition.tolerance, &condition.max_step,
+                                     &options.loose, &options.rough))
         return NULL;
     core_arguments arguments = {0};
     const npy_intp n = self->equations->n, n1 = n + 1;
@@ -186,7 +222,7 @@ static PyObject *solve(core_equations *self, PyObject *args, PyObject *kwargs) {
     Py_BEGIN_ALLOW_THREADS;
     const double started = begin_work(self);
     status = bd_solve(self->equations, &condition, &options, scale, y, tangent, &report);
-    mean_shares(self->hbm, mean);
+    mean_shares(self, mean);
     end_work(self, started);
     Py_END_ALLOW_THREADS;
     const core_state *state = PyType_GetModuleState(Py_TYPE(self));
@@ -260,9 +296,9 @@ static PyObject *gradient(core_equations *self, PyObject *args, PyObject *kwargs
     return PyLong_FromLong(status);
 }
 
-static void copy_shares(const bd_hbm *hbm, double *share) {
-    for (int p = 0; p < hbm->n_point; ++p) {
-        const bd_status_share s = hbm->share[p];
+static void copy_shares(const points *at, double *share) {
+    for (int p = 0; p < at->n_point; ++p) {
+        const bd_status_share s = at->share[p];
         const double row[5] = {s.stick[0], s.slip[0], s.stick[1], s.slip[1], s.open};
         memcpy(share + 5 * (size_t)p, row, sizeof row);
     }
@@ -273,8 +309,8 @@ static PyObject *contact(core_equations *self, PyObject *args) {
     PyObject *object[4];
     if (!PyArg_ParseTuple(args, "OOOO:contact", &object[0], &object[1], &object[2], &object[3])) return NULL;
     core_arguments arguments = {0};
-    const bd_hbm *hbm = self->hbm;
-    const npy_intp n1 = self->equations->n + 1, full[3] = {hbm->n_point, 3, hbm->n_coef}, by5[2] = {hbm->n_point, 5};
+    const points at = points_of(self);
+    const npy_intp n1 = self->equations->n + 1, full[3] = {at.n_point, 3, at.n_coef}, by5[2] = {at.n_point, 5};
     double *y, *X, *F, *share;
     if (!(y = core_vector(&arguments, object[0], "y", n1, BD_INPUT))) return NULL;
     if (!(X = core_doubles(&arguments, object[1], "X", 3, full, BD_OUTPUT))) return NULL;
@@ -284,10 +320,10 @@ static PyObject *contact(core_equations *self, PyObject *args) {
     Py_BEGIN_ALLOW_THREADS;
     const double started = begin_work(self);
     status = bd_evaluate(self->equations, y, 0);
-    const size_t size = sizeof(double) * (size_t)(3 * hbm->n_point * hbm->n_coef);
-    memcpy(X, hbm->X, size);
-    memcpy(F, hbm->F, size);
-    copy_shares(hbm, share);
+    const size_t size = sizeof(double) * (size_t)(3 * at.n_point * at.n_coef);
+    memcpy(X, at.X, size);
+    memcpy(F, at.F, size);
+    copy_shares(&at, share);
     end_work(self, started);
     Py_END_ALLOW_THREADS;
     return PyLong_FromLong(status);
@@ -317,8 +353,8 @@ PyMethodDef core_equations_methods[] = {
      "y; "
      "return the status."},
     {"solve", (PyCFunction)(void (*)(void))solve, METH_VARARGS | METH_KEYWORDS,
-     "solve(y, tangent, scale, tolerance, max_iterations, line_search=False, reach=0.0, row=None, re=None, im=None, "
-     "curvature=0.0, place_tolerance=0.0, max_step=0.0) -> Solved\n\n"
+     "solve(y, tangent, scale, tolerance, max_iterations, line_search=0, reach=0.0, row=None, re=None, im=None, "
+     "curvature=0.0, place_tolerance=0.0, max_step=0.0, loose=0.0, rough=0.0) -> Solved\n\n"
      "Newton's method; y and tangent are changed in place.  With row (n_unknown + 1) to the curve in the plane through y "
      "normal to it, in scaled unknowns; a Newton step longer than reach ends it, if that is not 0.  With re and im "
      "(n_unknown) to a peak of the amplitude re.u + i im.u, with none of them to a fold of the curve: then tangent and "

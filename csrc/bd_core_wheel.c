@@ -1,140 +1,160 @@
-/* bdamper._core.Wheel: elimination of a whole wheel whose sectors meet next neighbours alone.
- *
- * As in bd_core_equations.c, work is done without the GIL, under the lock of the object that owns the workspace. */
+/* bdamper._core.Wheel: the equations of a whole wheel, built once from arrays. */
 #include "bd_core.h"
 
-#include <pythread.h>
-
+/* The arguments of Wheel(), in their order. */
 typedef struct {
-    PyObject_HEAD bd_wheel wheel;
-    PyThread_type_lock lock;
-} WheelObject;
+    PyObject *next, *rows, *active, *pinned, *stiffness, *mass, *disk_stiffness, *disk_mass, *damping;
+    PyObject *damper_stiffness, *damper_mass, *damper_damping, *springs, *neutral, *home;
+    PyObject *kt, *kn, *mu, *n0, *w, *law, *load, *shift, *force, *row_scale;
+} wheel_objects;
 
-static void Wheel_dealloc(WheelObject *self) {
-    PyTypeObject *type = Py_TYPE(self);
-    bd_wheel_destroy(&self->wheel);
-    if (self->lock) PyThread_free_lock(self->lock);
-    type->tp_free((PyObject *)self);
-    Py_DECREF(type);
+static unsigned char *flags(core_arguments *a, PyObject *object, const char *name, npy_intp n) {
+    return core_array(a, object, name, NPY_BOOL, "bool", 1, &n, BD_INPUT);
 }
 
-static int read_group(core_arguments *arguments, PyObject *object, const char *name, bd_wheel_input *in, int g) {
-    if (!PyArray_Check(object) || PyArray_NDIM((PyArrayObject *)object) != 3) {
-        PyErr_Format(PyExc_TypeError, "%s: expected a numpy array of shape (n_points, 3, n_blade + n_damper)", name);
+/* Complex matrices (n_wave, n, n). */
+static const double *waves(core_arguments *a, PyObject *object, const char *name, npy_intp n_wave, npy_intp n) {
+    const npy_intp shape[3] = {n_wave, n, n};
+    const double *found = core_array(a, object, name, NPY_CDOUBLE, "complex128", 3, shape, BD_INPUT);
+    return found && core_check_numbers(found, 2 * n_wave * n * n, name, BD_FINITE) ? found : NULL;
+}
+
+static int check_sizes(const bd_wheel_input *in) {
+    if (!core_check_n_harm(in->n_harm)) return 0;
+    if (in->n_sector >= 3 && in->n_sector <= 10000 && in->n_blade >= 1 && in->n_damper >= 0 && in->n_root >= 0 &&
+        in->n_root <= in->n_blade && in->n_kept >= 0 && in->n_kept <= in->n_root && in->n_kept + in->n_damper >= 1 &&
+        in->n_blade + in->n_damper <= 1000 && in->n_point >= 0 && in->n_point <= 100000)
+        return 1;
+    PyErr_SetString(PyExc_ValueError,
+                    "n_sector, n_blade, n_damper, n_root, n_kept, n_point: expected at least 3 sectors, no "
+                    "more root coordinates than the blade has, no more kept than these, and kept "
+                    "coordinates or dampers");
+    return 0;
+}
+
+static int read_structure(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
+    const npy_intp N = in->n_sector, b = in->n_blade, d = in->n_damper, D = N / 2 + 1, nc = bd_n_coef(in->n_harm);
+    const npy_intp rows[3] = {in->n_point, 3, b + d}, blades[3] = {N, b, b}, blade[2] = {b, b}, dampers[2] = {N, d};
+    if (!(in->next = flags(a, o->next, "next", in->n_point))) return 0;
+    if (!(in->rows = core_numbers(a, o->rows, "rows", 3, rows, BD_FINITE))) return 0;
+    if (!(in->active = flags(a, o->active, "active", nc)) || !(in->pinned = flags(a, o->pinned, "pinned", N))) return 0;
+    for (npy_intp c = 1; c < nc; c += 2)
+        if (in->active[c] != in->active[c + 1]) {
+            PyErr_SetString(PyExc_ValueError, "active: expected cosine and sine of a harmonic together");
+            return 0;
+        }
+    if (!(in->stiffness = core_numbers(a, o->stiffness, "stiffness", 3, blades, BD_FINITE))) return 0;
+    if (!(in->mass = core_numbers(a, o->mass, "mass", 2, blade, BD_FINITE))) return 0;
+    if (!(in->disk_stiffness = waves(a, o->disk_stiffness, "disk_stiffness", D, in->n_root))) return 0;
+    if (!(in->disk_mass = waves(a, o->disk_mass, "disk_mass", D, in->n_root))) return 0;
+    if (!(in->damping = waves(a, o->damping, "damping", D, b))) return 0;
+    if (!(in->damper_stiffness = core_numbers(a, o->damper_stiffness, "damper_stiffness", 1, &d, BD_FINITE))) return 0;
+    if (!(in->damper_mass = core_numbers(a, o->damper_mass, "damper_mass", 2, dampers, BD_FINITE))) return 0;
+    if (!(in->damper_damping = core_numbers(a, o->damper_damping, "damper_damping", 1, &d, BD_FINITE))) return 0;
+    if (!(in->springs = core_numbers(a, o->springs, "springs", 2, dampers, BD_NON_NEGATIVE))) return 0;
+    if (!(in->neutral = core_numbers(a, o->neutral, "neutral", 2, dampers, BD_NON_NEGATIVE))) return 0;
+    return (in->home = core_numbers(a, o->home, "home", 2, dampers, BD_FINITE)) != NULL;
+}
+
+static int read_points(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
+    const npy_intp n = in->n_sector * (npy_intp)in->n_point, by2[2] = {n, 2}, by3[2] = {n, 3};
+    if (!(in->kt = core_numbers(a, o->kt, "kt", 2, by2, BD_FINITE))) return 0;
+    if (!(in->kn = core_numbers(a, o->kn, "kn", 1, &n, BD_NON_NEGATIVE))) return 0;
+    if (!(in->mu = core_numbers(a, o->mu, "mu", 1, &n, BD_NON_NEGATIVE))) return 0;
+    if (!(in->n0 = core_numbers(a, o->n0, "n0", 1, &n, BD_FINITE))) return 0;
+    if (!(in->w = core_doubles(a, o->w, "w", 2, by2, BD_INPUT))) return 0;
+    if (!(in->law = core_array(a, o->law, "law", NPY_INT, "intc", 1, &n, BD_INPUT))) return 0;
+    if (!(in->load = core_numbers(a, o->load, "load", 1, &n, BD_FINITE))) return 0;
+    if (!(in->shift = core_numbers(a, o->shift, "shift", 2, by3, BD_FINITE))) return 0;
+    for (npy_intp p = 0; p < n; ++p)
+        if (!core_check_law(in->law[p], in->evaluation) || !core_check_slider(in->w + 2 * p, in->law[p])) return 0;
+    return 1;
+}
+
+/* Forces and scales of the unknowns. */
+static int read_forces(core_arguments *a, const wheel_objects *o, bd_wheel_input *in) {
+    npy_intp n = 0;
+    for (int c = 0; c < bd_n_coef(in->n_harm); ++c) n += in->active[c] != 0;
+    n *= (npy_intp)in->n_sector * (in->n_blade + in->n_damper);
+    if (n < 1) {
+        PyErr_SetString(PyExc_ValueError, "active: expected at least one coefficient, found none");
         return 0;
     }
-    const npy_intp n = PyArray_DIM((PyArrayObject *)object, 0), shape[3] = {n, 3, in->n_blade + in->n_damper};
-    in->n_point[g] = (int)n;
-    return (in->rows[g] = core_numbers(arguments, object, name, 3, shape, BD_FINITE)) != NULL;
-}
-
-static unsigned char *flags(core_arguments *arguments, PyObject *object, const char *name, npy_intp n) {
-    return core_array(arguments, object, name, NPY_BOOL, "bool", 1, &n, BD_INPUT);
+    if (!(in->force = core_numbers(a, o->force, "force", 1, &n, BD_FINITE))) return 0;
+    return (in->row_scale = core_numbers(a, o->row_scale, "row_scale", 1, &n, BD_POSITIVE)) != NULL;
 }
 
 static PyObject *Wheel_new(PyTypeObject *type, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"n_sector", "n_harm", "n_blade", "n_damper", "n_kept", "own", "next", "active", "pinned", NULL};
-    PyObject *own, *next, *active, *pinned;
+    static char *names[] = {"n_sector",
+                            "n_harm",
+                            "n_blade",
+                            "n_damper",
+                            "n_root",
+                            "n_kept",
+                            "n_point",
+                            "next",
+                            "rows",
+                            "active",
+                            "pinned",
+                            "stiffness",
+                            "mass",
+                            "disk_stiffness",
+                            "disk_mass",
+                            "damping",
+                            "damper_stiffness",
+                            "damper_mass",
+                            "damper_damping",
+                            "springs",
+                            "neutral",
+                            "home",
+                            "kt",
+                            "kn",
+                            "mu",
+                            "n0",
+                            "w",
+                            "law",
+                            "load",
+                            "shift",
+                            "force",
+                            "row_scale",
+                            "evaluation",
+                            "n_time",
+                            NULL};
+    wheel_objects o;
     bd_wheel_input in = {0};
-    core_arguments arguments = {0};
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiOOOO:Wheel", names, &in.n_sector, &in.n_harm, &in.n_blade,
-                                     &in.n_damper, &in.n_kept, &own, &next, &active, &pinned))
+    core_arguments a = {0};
+    int evaluation = BD_EXACT;
+    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "iiiiiiiOOOOOOOOOOOOOOOOOOOOOOOOO|ii:Wheel", names, &in.n_sector,
+                                     &in.n_harm, &in.n_blade, &in.n_damper, &in.n_root, &in.n_kept, &in.n_point, &o.next,
+                                     &o.rows, &o.active, &o.pinned, &o.stiffness, &o.mass, &o.disk_stiffness, &o.disk_mass,
+                                     &o.damping, &o.damper_stiffness, &o.damper_mass, &o.damper_damping, &o.springs,
+                                     &o.neutral, &o.home, &o.kt, &o.kn, &o.mu, &o.n0, &o.w, &o.law, &o.load, &o.shift,
+                                     &o.force, &o.row_scale, &evaluation, &in.n_time))
         return NULL;
-    if (!core_check_n_harm(in.n_harm)) return NULL;
-    if (in.n_sector < 3 || in.n_blade < 1 || in.n_damper < 0 || in.n_kept < 0 || in.n_kept > in.n_blade ||
-        in.n_kept + in.n_damper < 1 || in.n_sector > 10000 || in.n_blade + in.n_damper > 10000) {
-        PyErr_SetString(PyExc_ValueError,
-                        "n_sector, n_blade, n_damper, n_kept: expected at least 3 sectors, kept coordinates or "
-                        "dampers, and no more kept than the blade has");
-        return NULL;
-    }
-    if (!read_group(&arguments, own, "own", &in, 0) || !read_group(&arguments, next, "next", &in, 1)) return NULL;
-    if (!(in.active = flags(&arguments, active, "active", bd_n_coef(in.n_harm)))) return NULL;
-    if (!(in.pinned = flags(&arguments, pinned, "pinned", in.n_sector))) return NULL;
+    if (!core_check_kernel() || !check_sizes(&in) || !core_check_evaluation(evaluation, in.n_time, in.n_harm)) return NULL;
+    in.evaluation = (bd_evaluation)evaluation;
+    if (!read_structure(&a, &o, &in) || !read_points(&a, &o, &in) || !read_forces(&a, &o, &in)) return NULL;
     const core_state *state = PyType_GetModuleState(type);
-    WheelObject *self = (WheelObject *)type->tp_alloc(type, 0);
+    core_equations *self = core_equations_new(type, NULL);
     if (!self) return NULL;
-    self->lock = PyThread_allocate_lock();
-    if (!self->lock || !core_check_status(bd_wheel_create(&self->wheel, &in, &state->lapack))) {
-        if (!PyErr_Occurred()) PyErr_NoMemory();
+    if (!core_check_status(bd_wheel_create(&self->wheel, &in, &state->lapack))) {
         Py_DECREF(self);
         return NULL;
     }
+    self->equations = &self->wheel->base;
     return (PyObject *)self;
 }
 
-static PyObject *Wheel_factor(WheelObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"own", "next", "blade", "damping", "damper", "springs", "neighbour", NULL};
-    PyObject *own, *next, *blade, *damping, *damper, *springs, *neighbour;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "OOOOOOO:factor", names, &own, &next, &blade, &damping, &damper,
-                                     &springs, &neighbour))
-        return NULL;
-    const bd_wheel *w = &self->wheel;
-    const npy_intp N = w->n_sector, m = w->n_coef, l = (m + 1) / 2, b = w->n_blade, d = w->n_damper, k = w->n_kept;
-    const npy_intp first[5] = {N, w->n_point[0], 7, m, m}, second[5] = {N, w->n_point[1], 7, m, m},
-                   blades[4] = {l, N, b, b};
-    const npy_intp dampers[4] = {l, N, 2, d}, held[2] = {N, d}, near[3] = {l, k, k};
-    core_arguments a = {0};
-    bd_wheel_matrix matrix;
-    if (!(matrix.tangent[0] = core_numbers(&a, own, "own", 5, first, BD_FINITE))) return NULL;
-    if (!(matrix.tangent[1] = core_numbers(&a, next, "next", 5, second, BD_FINITE))) return NULL;
-    if (!(matrix.blade = core_numbers(&a, blade, "blade", 4, blades, BD_FINITE))) return NULL;
-    if (!(matrix.damping = core_numbers(&a, damping, "damping", 4, blades, BD_FINITE))) return NULL;
-    if (!(matrix.damper = core_numbers(&a, damper, "damper", 4, dampers, BD_FINITE))) return NULL;
-    if (!(matrix.springs = core_numbers(&a, springs, "springs", 2, held, BD_FINITE))) return NULL;
-    if (!(matrix.neighbour = core_numbers(&a, neighbour, "neighbour", 3, near, BD_FINITE))) return NULL;
-    long factored;
-    Py_BEGIN_ALLOW_THREADS;
-    PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    bd_wheel_factor(&self->wheel, &matrix);
-    factored = self->wheel.factored;
-    PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS;
-    return PyLong_FromLong(factored);
-}
-
-static PyObject *Wheel_solve(WheelObject *self, PyObject *args, PyObject *kwargs) {
-    static char *names[] = {"factored", "r", "x", NULL};
-    PyObject *r_object, *x_object;
-    long factored;
-    if (!PyArg_ParseTupleAndKeywords(args, kwargs, "lOO:solve", names, &factored, &r_object, &x_object)) return NULL;
-    const npy_intp shape[3] = {self->wheel.n_sector, self->wheel.n_coef, self->wheel.size};
-    core_arguments arguments = {0};
-    double *r, *x;
-    if (!(r = core_numbers(&arguments, r_object, "r", 3, shape, BD_FINITE))) return NULL;
-    if (!(x = core_doubles(&arguments, x_object, "x", 3, shape, BD_OUTPUT))) return NULL;
-    bd_status status;
-    long latest;
-    Py_BEGIN_ALLOW_THREADS;
-    PyThread_acquire_lock(self->lock, WAIT_LOCK);
-    status = bd_wheel_solve(&self->wheel, factored, r, x);
-    latest = self->wheel.factored;
-    PyThread_release_lock(self->lock);
-    Py_END_ALLOW_THREADS;
-    if (status == BD_OK) Py_RETURN_NONE;
-    PyErr_Format(PyExc_ValueError, "factored: expected the number of the matrix factored last, %ld (0 for none), found %ld",
-                 latest, factored);
-    return NULL;
-}
-
-static PyMethodDef Wheel_methods[] = {
-    {"factor", (PyCFunction)(void (*)(void))Wheel_factor, METH_VARARGS | METH_KEYWORDS,
-     "factor(own, next, blade, damping, damper, springs, neighbour) -> int\n\nEliminate the matrix of these tangents and "
-     "linear parts (csrc/bd_wheel.h); the number by which solve() is told it, 0 if it is singular."},
-    {"solve", (PyCFunction)(void (*)(void))Wheel_solve, METH_VARARGS | METH_KEYWORDS,
-     "solve(factored, r, x)\n\nFill x with the solution for the right-hand side r of the matrix of that number, which must "
-     "be the one factored last."},
-    {NULL, NULL, 0, NULL}};
-
-static PyType_Slot Wheel_slots[] = {{Py_tp_doc,
-                                     "Wheel(n_sector, n_harm, n_blade, n_damper, n_kept, own, next, active, pinned)\n--\n\n"
-                                     "Elimination of a wheel whose sectors meet next neighbours alone."},
-                                    {Py_tp_new, Wheel_new},
-                                    {Py_tp_dealloc, Wheel_dealloc},
-                                    {Py_tp_methods, Wheel_methods},
-                                    {0, NULL}};
+static PyType_Slot Wheel_slots[] = {
+    {Py_tp_new, Wheel_new},
+    {Py_tp_dealloc, core_equations_dealloc},
+    {Py_tp_methods, core_equations_methods},
+    {Py_tp_getset, core_equations_getset},
+    {Py_tp_doc,
+     "Harmonic balance equations of a whole wheel, built once from arrays (csrc/bd_wheel.h); the parameter is omega."},
+    {0, NULL}};
 
 PyType_Spec core_wheel_spec = {.name = "bdamper._core.Wheel",
-                               .basicsize = sizeof(WheelObject),
+                               .basicsize = sizeof(core_equations),
                                .flags = Py_TPFLAGS_DEFAULT | Py_TPFLAGS_IMMUTABLETYPE,
                                .slots = Wheel_slots};

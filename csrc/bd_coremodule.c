@@ -21,11 +21,6 @@ static PyMethodDef core_methods[] = {
      "evaluate_contact(x, kt, kn, mu, n0, w, F, J, law=0, evaluation=0, n_time=0, load=n0) -> (shares, segments)\n\n"
      "One contact point: fill force (3, n_coef) and tangent (3, n_coef, 3, n_coef); return the shares of the cycle and "
      "for each direction a list of (start, end, state)."},
-    {"evaluate_points", (PyCFunction)(void (*)(void))core_evaluate_points, METH_VARARGS | METH_KEYWORDS,
-     "evaluate_points(x, kt, kn, mu, n0, w, load, law, F, share, T=None, evaluation=0, n_time=0)\n\n"
-     "Many contact points, x (n_points, 3, n_coef): fill forces F of the same shape, shares (n_points, 5) as those of one "
-     "point, and if asked for tangents T (n_points, 7, n_coef, n_coef): dT1/du1, dT2/du2, dT1/dv, dT2/dv, dT1/du2, "
-     "dT2/du1, dN/dv."},
     {"kernels", kernels, METH_NOARGS,
      "kernels() -> tuple of str\n\nBuilds of the inner loops that this machine runs, fastest first."},
     {"kernel", kernel, METH_NOARGS,

@@ -228,7 +228,7 @@ static void destroy_sector(bd_equations *e) {
 }
 
 static const bd_equations_type SECTOR = {evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
-                                         destroy_sector};
+                                         NULL,            destroy_sector};
 
 bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack) {
@@ -294,7 +294,7 @@ static void destroy_eased(bd_equations *e) {
 }
 
 static const bd_equations_type EASED = {evaluate_eased, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
-                                        destroy_eased};
+                                        NULL,           destroy_eased};
 
 bd_status bd_eased_create(bd_equations **out, bd_sector *sector, double omega, const double *ramp, const double *support) {
     const size_t n = (size_t)sector->dense.base.n, n_support = support ? n * n : 0;

@@ -8,6 +8,22 @@ bd_status bd_evaluate(bd_equations *e, const double *y, int derivative) {
     return status;
 }
 
+bd_status bd_residual_beside(bd_equations *e, const double *y) {
+    const bd_status status = e->type->evaluate(e, y, 0);
+    if (status != BD_OK) e->stage = BD_EMPTY;
+    return status;
+}
+
+bd_status bd_product(bd_equations *e, int transposed, const double *x, double *out) {
+    if (e->stage < BD_DERIVED) return BD_BAD_STATE;
+    if (!e->J) return e->type->product(e, transposed, x, out);
+    const size_t n = (size_t)e->n;
+    for (size_t i = 0; i < n; ++i) out[i] = 0.0;
+    for (size_t i = 0; i < n; ++i)
+        for (size_t j = 0; j < n; ++j) out[transposed ? j : i] += e->J[i * n + j] * x[transposed ? i : j];
+    return BD_OK;
+}
+
 bd_status bd_factor(bd_equations *e, const bd_border *border) {
     if (e->stage < BD_DERIVED) return BD_BAD_STATE;
     e->stage = BD_DERIVED;

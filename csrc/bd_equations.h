@@ -10,7 +10,7 @@
  * solve: the functions bd_* below refuse any other with BD_BAD_STATE, and go back a stage where a step fails, so that no
  * half of an old factorisation is used.
  *
- * So far there are dense ones (bd_dense.h) with one parameter. */
+ * There are dense ones (bd_dense.h) and those of a whole wheel (bd_wheel.h), all with one parameter. */
 #ifndef BD_EQUATIONS_H
 #define BD_EQUATIONS_H
 
@@ -35,7 +35,9 @@ typedef struct {
     bd_status (*solve)(bd_equations *, double tolerance, double *b);        /* B x = b in place; an iterative one to the */
                                                                             /* tolerance */
     bd_status (*solve_transposed)(bd_equations *, double *b);               /* B^T x = b; NULL where there is none */
-    void (*destroy)(bd_equations *);                                        /* with the memory of the object itself */
+    bd_status (*product)(bd_equations *, int transposed, const double *x, double *out); /* J x or J^T x; NULL where J is */
+                                                                                        /* formed */
+    void (*destroy)(bd_equations *); /* with the memory of the object itself */
 } bd_equations_type;
 
 /* First member of each implementation, which allocates all of it when it is created. */
@@ -52,6 +54,9 @@ struct bd_equations {
 };
 
 bd_status bd_evaluate(bd_equations *equations, const double *y, int derivative);
+bd_status bd_residual_beside(bd_equations *equations,
+                             const double *y); /* r alone; factors stay those of the point before */
+bd_status bd_product(bd_equations *equations, int transposed, const double *x, double *out); /* (n) */
 bd_status bd_factor(bd_equations *equations, const bd_border *border);
 bd_status bd_solve_linear(bd_equations *equations, double tolerance, double *b);
 bd_status bd_solve_transposed(bd_equations *equations, double *b);

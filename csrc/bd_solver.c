@@ -27,6 +27,11 @@
 #include <math.h>
 #include <string.h>
 
+/* Tolerances of linear equations that are solved iteratively: for a Newton step, a tangent, and the step after a trial.  Where
+ * many steps do not halve the residual that of a step is made stricter: near sharp resonances the solution of loose ones is
+ * none. */
+static const double OF_STEP = 1e-2, OF_TANGENT = 1e-3, OF_TRIAL = 1.0, STRICTER = 0.03;
+
 /* One run of Newton's method. */
 typedef struct {
     bd_equations *equations;
@@ -41,6 +46,8 @@ typedef struct {
     double first_residual, residual_before, step_before; /* of the first and of the previous iteration */
     int stalls;
     int arrived;
+    double fraction;            /* of the latest step that was taken */
+    double linear;              /* tolerance of the equations of a step */
     double border;              /* of a linear condition: row . (z - z_predicted), carried along */
     double moved, slope_before; /* of a stationary one: the latest way along the tangent, and phi before it */
     int opposed;                /* how often phi went the other way along the curve */
@@ -95,7 +102,7 @@ static bd_status find_tangent(newton_run *run) {
     double *tangent = run->tangent;
     memset(tangent, 0, sizeof(double) * n1);
     tangent[n1 - 1] = 1.0;
-    bd_status status = bd_solve_linear(run->equations, 0.0, tangent);
+    bd_status status = bd_solve_linear(run->equations, OF_TANGENT, tangent);
     const double size = length(tangent, n1);
     if (status != BD_OK || !(size > 0.0) || !isfinite(size)) return BD_SINGULAR;
     for (size_t i = 0; i < n1; ++i) tangent[i] /= size;
@@ -112,7 +119,7 @@ static bd_status find_step(newton_run *run, int with_step, int with_tangent) {
     if (status == BD_OK && with_step) {
         for (size_t j = 0; j < n; ++j) run->step[j] = -e->r[j];
         run->step[n] = -run->border;
-        status = bd_solve_linear(e, 0.0, run->step);
+        status = bd_solve_linear(e, run->linear, run->step);
     }
     if (status == BD_OK && with_tangent) status = find_tangent(run);
     report->factored = e->factored;
@@ -144,13 +151,37 @@ static void search_line(newton_run *run) {
         if (now <= (1.0 - 1e-3 * fraction) * before) break;
     }
     move(run, best_fraction);
+    run->fraction = best_fraction;
+}
+
+/* Halves the step until the one that would follow with the same factors is shorter; takes the best fraction if none is.
+ * Contacts are stiff: their residuals say little on the way. */
+static void search_next(newton_run *run) {
+    bd_equations *e = run->equations;
+    const size_t n = (size_t)e->n;
+    const double whole = length(run->step, n + 1);
+    double *next = e->scratch + 2 * (n + 1), best = INFINITY, fraction = 1.0;
+    run->fraction = 1.0;
+    for (int i = 0; i < 8; ++i, fraction *= 0.5) {
+        move(run, fraction);
+        if (bd_residual_beside(e, run->y) != BD_OK) continue;
+        for (size_t j = 0; j < n; ++j) next[j] = -e->r[j];
+        next[n] = -(1.0 - fraction) * run->border;
+        const double now =
+            bd_solve_linear(e, fmin(OF_TRIAL, 100.0 * run->linear), next) == BD_OK ? length(next, n + 1) : INFINITY;
+        if (now < best) best = now, run->fraction = fraction;
+        if (now < (1.0 - 0.25 * fraction) * whole) break;
+    }
+    move(run, run->fraction);
 }
 
 static void advance_to_curve(newton_run *run) {
     const size_t n1 = (size_t)run->equations->n + 1;
     memcpy(run->y_old, run->y, sizeof(double) * n1);
     move(run, 1.0);
-    if (run->options->line_search) search_line(run);
+    run->fraction = 1.0;
+    if (run->options->line_search == 1) search_line(run);
+    if (run->options->line_search == 2) search_next(run);
     for (size_t j = 0; j < n1; ++j) run->border += run->normal[j] * (run->y[j] - run->y_old[j]) / run->scale[j];
 }
 
@@ -200,12 +231,23 @@ static bd_status iterate(newton_run *run) {
         if (i == 0) run->first_residual = report->residual;
         status = judge(run);
         if (status != BD_OK) return status;
+        if (i > 8 && report->residual > 0.5 * run->residual_before) run->linear = fmax(STRICTER * run->linear, 1e-12);
         run->arrived = report->residual <= run->options->tolerance && !stationary;
         if (run->arrived && !run->tangent) return BD_OK;
         status = find_step(run, !run->arrived, run->arrived || stationary);
         if (status == BD_OK && stationary) status = advance_along(run);
         if (status != BD_OK) return status;
-        if (!stationary && !run->arrived) advance_to_curve(run);
+        if (stationary || run->arrived) continue;
+        advance_to_curve(run);
+        if (run->fraction < 1.0 || report->last_step >= run->options->loose) continue;
+        if (run->tangent) status = find_tangent(run);
+        if (status == BD_OK) status = bd_evaluate(run->equations, run->y, 0);
+        if (status != BD_OK) return status;
+        report->residual = largest(run->equations);
+        if (run->options->rough == 0.0 || report->residual <= run->options->rough) {
+            ++report->iterations;
+            return BD_OK;
+        }
     }
     return BD_OK;
 }
@@ -220,6 +262,7 @@ bd_status bd_solve(bd_equations *equations, const bd_condition *condition, const
                       .scale = scale,
                       .tangent = tangent,
                       .report = report,
+                      .linear = OF_STEP,
                       .step = equations->scratch,
                       .y_old = equations->scratch + equations->n + equations->k};
     *report = (bd_solver_report){.residual = INFINITY,
@@ -255,7 +298,7 @@ static void explicit_part(const bd_condition *condition, const double *scale, co
 bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const double *scale, const double *y,
                       const double *tangent, double step, double *row, double *nu) {
     const size_t n = (size_t)e->n, n1 = n + 1;
-    double *a = e->scratch, *moved = a + n1;
+    double *a = e->scratch, *moved = a + n1, *product = moved + n1;
     bd_status status = bd_evaluate(e, y, 1);
     if (status == BD_OK) status = bd_factor(e, &(bd_border){.row = tangent, .scale = scale});
     if (status != BD_OK) return status;
@@ -267,11 +310,9 @@ bd_status bd_gradient(bd_equations *e, const bd_condition *condition, const doub
         for (size_t j = 0; j < n1; ++j) moved[j] = y[j] + side * step * tangent[j] * scale[j];
         status = bd_evaluate(e, moved, 1);
         if (status != BD_OK) return status;
-        for (size_t i = 0; i < n; ++i) {
-            const double share = side * nu[i] / (2.0 * step);
-            for (size_t j = 0; j < n; ++j) row[j] -= share * e->J[i * n + j] * scale[j];
-            row[n] -= share * e->C[i] * scale[n];
-        }
+        status = bd_product(e, 1, nu, product);
+        for (size_t j = 0; j < n; ++j) row[j] -= side / (2.0 * step) * product[j] * scale[j];
+        for (size_t j = 0; j < n; ++j) row[n] -= side / (2.0 * step) * nu[j] * e->C[j] * scale[n];
     }
     return BD_OK;
 }

@@ -1,348 +1,539 @@
-/* Elimination of a whole wheel whose sectors meet next neighbours alone.
+/* Harmonic balance of a whole wheel.
  *
- * Unknowns of sector n are the coefficients of the coordinates of blade n, e first and then a, and of damper n, y, which lies
- * between blades n and n + 1.  Only a meets the a of the sectors before and after (the disk), and y meets both its blades, so
+ * For every sector, with the coordinates of its blade and its damper and X_l = c_l - i s_l,
  *
- *     E_n e_n = r_n - B_n [a_n, y_n, y_(n-1)]
+ *     (K - (l omega)^2 M + i l omega C) X_l + P^T F_l - E_l = 0,
  *
- * is eliminated sector by sector, and leaves a ring of blocks [a, y],
- *
- *     L_n x_(n-1) + D_n x_n + U_n x_(n+1) = b_n,    n modulo N,
- *
- * which is eliminated in turn with the last sector as its border: W is what a sector couples to the last one, V what the last
- * one couples to it,
- *
- *     D_(n+1) -= L_(n+1) D_n^-1 U_n,  W_(n+1) = -L_(n+1) D_n^-1 W_n,  V_(n+1) = -V_n D_n^-1 U_n,  D_last -= V_n D_n^-1 W_n.
- *
- * Matrices are row-major; inverses are kept instead of factors, since products run several times faster than solutions. */
+ * K and M of the blade are its own, those of the disk and the damping C circulant: one matrix for each nodal diameter, applied
+ * by a real Fourier transform over the sectors.  Springs hold the mean of dampers at their place at rest. */
 #include "bd_wheel.h"
+
+#include "bd_clock.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* C (m, n) = beta C + alpha A B with A (m, k) or, if transposed, A (k, m). */
-static void multiply(const bd_wheel *w, int transposed, int m, int n, int k, double alpha, const double *A, int lda,
+enum { PLAIN, LEFT, RIGHT }; /* which factor of a product is transposed */
+
+/* C (m, n; ldc) = beta C + alpha A B, row-major, with A (m, k; lda) and B (k, n; ldb) or the transposed of one. */
+static void multiply(const bd_wheel *w, int which, int m, int n, int k, double alpha, const double *A, int lda,
                      const double *B, int ldb, double beta, double *C, int ldc) {
-    char plain = 'N', turned = 'T';
-    w->lapack.dgemm(&plain, transposed ? &turned : &plain, &n, &m, &k, &alpha, (double *)B, &ldb, (double *)A, &lda, &beta,
-                    C, &ldc);
+    char left = which == LEFT ? 'T' : 'N', right = which == RIGHT ? 'T' : 'N';
+    if (m > 0 && n > 0)
+        w->lapack.dgemm(&right, &left, &n, &m, &k, &alpha, (double *)B, &ldb, (double *)A, &lda, &beta, C, &ldc);
 }
 
-static int invert(bd_wheel *w, double *A, int n) {
-    int info = 0, size = n * 64;
-    w->lapack.dgetrf(&n, &n, A, &n, w->pivot, &info);
-    if (info == 0) w->lapack.dgetri(&n, A, &n, w->pivot, w->work, &size, &info);
-    return info == 0;
-}
+/* Coefficient c is one of the mean (0), a cosine (1) or a sine (-1). */
+static int phase(int c) { return c == 0 ? 0 : c % 2 ? 1 : -1; }
 
-/* ---- storage ---- */
+/* ---- layouts ---- */
 
-static double *numbers_create(size_t n) { return malloc(sizeof(double) * (n + 1)); }
-
-void bd_wheel_destroy(bd_wheel *w) {
-    if (!w) return;
-    double *all[] = {w->rows[0], w->rows[1],  w->inverse, w->back, w->couple, w->columns, w->lower, w->last, w->onward,
-                     w->fill,    w->diagonal, w->upper,   w->left, w->right,  w->Z,       w->seen,  w->work};
-    for (size_t i = 0; i < sizeof all / sizeof *all; ++i) free(all[i]);
-    free(w->active);
-    free(w->pinned);
-    free(w->pivot);
-    memset(w, 0, sizeof *w);
-}
-
-bd_status bd_wheel_create(bd_wheel *w, const bd_wheel_input *in, const bd_lapack *lapack) {
-    memset(w, 0, sizeof *w);
-    if (in->n_sector < 3 || in->n_harm < 1 || in->n_harm > BD_MAX_HARM || in->n_kept < 0 || in->n_kept > in->n_blade)
-        return BD_BAD_ARGUMENT;
-    const int nc = bd_n_coef(in->n_harm);
-    w->lapack = *lapack;
-    w->n_sector = in->n_sector, w->n_coef = nc, w->n_blade = in->n_blade, w->n_damper = in->n_damper,
-    w->n_kept = in->n_kept;
-    w->size = in->n_blade + in->n_damper;
-    w->n_own = nc * (in->n_blade - in->n_kept);
-    w->n_side = nc * in->n_damper;
-    w->n_ring = nc * in->n_kept + w->n_side;
-    const size_t N = (size_t)in->n_sector, e = (size_t)w->n_own, s = (size_t)w->n_ring, q = s + (size_t)w->n_side;
-    const size_t whole = (size_t)(nc * w->size), most = e > s ? e : s;
-    const int points = in->n_point[0] > in->n_point[1] ? in->n_point[0] : in->n_point[1];
-    int ok = 1;
-    for (int g = 0; g < 2; ++g) {
-        const size_t n = 3 * (size_t)in->n_point[g] * (size_t)w->size;
-        w->n_point[g] = in->n_point[g];
-        ok &= (w->rows[g] = numbers_create(n)) != NULL;
-        if (w->rows[g] && n) memcpy(w->rows[g], in->rows[g], sizeof(double) * n);
-    }
-    ok &= (w->active = malloc((size_t)nc)) && (w->pinned = malloc(N));
-    if (ok) memcpy(w->active, in->active, (size_t)nc), memcpy(w->pinned, in->pinned, N);
-    ok = ok && (w->inverse = numbers_create(N * e * e)) && (w->back = numbers_create(N * e * q)) &&
-         (w->couple = numbers_create(N * q * e)) && (w->lower = numbers_create(N * s * s)) &&
-         (w->last = numbers_create(N * s * s)) && (w->onward = numbers_create(N * s * s)) &&
-         (w->fill = numbers_create(N * s * s)) && (w->diagonal = numbers_create(N * s * s)) &&
-         (w->upper = numbers_create(N * s * s)) && (w->left = numbers_create(whole * whole)) &&
-         (w->right = numbers_create(whole * whole)) && (w->columns = numbers_create(e * q)) &&
-         (w->Z = numbers_create(3 * (size_t)points * (size_t)(nc * w->size))) &&
-         (w->seen = numbers_create(q * q + N * (e + 2 * q))) && (w->work = numbers_create(64 * most + 2 * whole)) &&
-         (w->pivot = malloc(sizeof(int) * (most + 1)));
-    if (ok) return BD_OK;
-    bd_wheel_destroy(w);
-    return BD_NO_MEMORY;
-}
-
-/* ---- one sector ---- */
-
-/* z (n_coef, size) = sum over c' of block (c, c') times the row of motion. */
-static void add_row(const bd_wheel *w, const double *block, const double *row, double *z) {
-    for (int d = 0; d < w->n_coef; ++d) {
-        const double t = block[d];
-        if (t == 0.0) continue;
-        double *to = z + d * w->size;
-        for (int j = 0; j < w->size; ++j) to[j] += t * row[j];
-    }
-}
-
-/* Tangents of a group of points on the coordinates of blade and damper: (n_coef, size, n_coef, size). */
-static void contact_matrix(bd_wheel *w, int g, const double *T, double *out) {
-    const int nc = w->n_coef, ns = w->size, wide = nc * ns, n = 3 * w->n_point[g];
+void bd_wheel_spread(const bd_wheel *w, const double *u, double *x) {
+    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef;
+    memset(x, 0, sizeof(double) * (size_t)w->whole);
     for (int c = 0; c < nc; ++c) {
-        memset(w->Z, 0, sizeof(double) * (size_t)(n * wide));
-        for (int p = 0; p < w->n_point[g]; ++p) {
-            const double *t = T + ((size_t)p * 7 * (size_t)nc + (size_t)c) * (size_t)nc, *r = w->rows[g] + 3 * p * ns;
-            const size_t nn = (size_t)(nc * nc);
-            double *z = w->Z + 3 * p * wide;
-            add_row(w, t, r, z), add_row(w, t + 2 * nn, r + 2 * ns, z), add_row(w, t + 4 * nn, r + ns, z);
-            z += wide;
-            add_row(w, t + nn, r + ns, z), add_row(w, t + 3 * nn, r + 2 * ns, z), add_row(w, t + 5 * nn, r, z);
-            add_row(w, t + 6 * nn, r + 2 * ns, z + wide);
-        }
-        multiply(w, 1, ns, wide, n, 1.0, w->rows[g], ns, w->Z, wide, 0.0, out + (size_t)(c * ns) * (size_t)wide, wide);
+        if (!w->in.active[c]) continue;
+        for (int n = 0; n < N; ++n, u += ns) memcpy(x + (n * nc + c) * ns, u, sizeof(double) * (size_t)ns);
     }
 }
 
-/* Linear parts of one sector on the diagonal blocks of `left`. */
-static void add_linear(bd_wheel *w, const bd_wheel_matrix *m, int n) {
-    const size_t nb = (size_t)w->n_blade, nd = (size_t)w->n_damper, ns = (size_t)w->size, wide = (size_t)w->n_coef * ns;
-    for (int c = 0; c < w->n_coef; ++c) {
-        const size_t l = (size_t)(c + 1) / 2;
-        double *here = w->left + (size_t)c * ns * wide + (size_t)c * ns;
-        if (!w->active[c]) {
-            for (size_t i = 0; i < ns; ++i) here[i * wide + i] = 1.0;
-            continue;
-        }
-        const size_t at = (l * (size_t)w->n_sector + (size_t)n) * nb * nb;
-        const double *K = m->blade + at, *C = m->damping + at;
-        const double *k = m->damper + 2 * (l * (size_t)w->n_sector + (size_t)n) * nd, *d = k + nd;
-        for (size_t i = 0; i < nb; ++i)
-            for (size_t j = 0; j < nb; ++j) here[i * wide + j] += K[i * nb + j];
-        for (size_t i = 0; i < nd; ++i) {
-            double *to = here + (nb + i) * wide + nb + i;
-            *to += k[i] + (c == 0 ? m->springs[(size_t)n * nd + i] : 0.0);
-            if (w->pinned[n]) *to = 1.0;
-        }
-        if (c == 0) continue;
-        double *other = c % 2 ? here + ns : here - ns;
-        const double sign = c % 2 ? 1.0 : -1.0;
-        for (size_t i = 0; i < nb; ++i)
-            for (size_t j = 0; j < nb; ++j) other[i * wide + j] += sign * C[i * nb + j];
-        for (size_t i = 0; i < nd && !w->pinned[n]; ++i) other[(nb + i) * wide + nb + i] += sign * d[i];
+void bd_wheel_collect(const bd_wheel *w, const double *x, double *u) {
+    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef;
+    for (int c = 0; c < nc; ++c) {
+        if (!w->in.active[c]) continue;
+        for (int n = 0; n < N; ++n, u += ns) memcpy(u, x + (n * nc + c) * ns, sizeof(double) * (size_t)ns);
     }
 }
 
-/* to (rows of group, columns of group; leading dimension ld) += the entries of a sector matrix that belong to coordinates
- * [i0, i1) and [j0, j1). */
-static void take(const bd_wheel *w, const double *from, int i0, int i1, int j0, int j1, double *to, int ld) {
-    const int wide = w->n_coef * w->size;
-    for (int c = 0; c < w->n_coef; ++c)
-        for (int i = i0; i < i1; ++i) {
-            const double *row = from + (size_t)(c * w->size + i) * (size_t)wide;
-            double *out = to + (size_t)(c * (i1 - i0) + i - i0) * (size_t)ld;
-            for (int d = 0; d < w->n_coef; ++d)
-                for (int j = j0; j < j1; ++j) out[d * (j1 - j0) + j - j0] += row[d * w->size + j];
-        }
+/* Blades' coordinates (n_sector, n_coef, n_blade) of a vector. */
+static void take_blades(const bd_wheel *w, const double *x, double *blade) {
+    const size_t nb = (size_t)w->in.n_blade, rows = (size_t)(w->in.n_sector * w->n_coef);
+    for (size_t i = 0; i < rows; ++i) memcpy(blade + i * nb, x + i * (size_t)w->size, sizeof(double) * nb);
 }
 
-/* Sum of both halves of the blade's own part, in `left`. */
-static void add_blade(bd_wheel *w) {
-    const size_t ns = (size_t)w->size, wide = (size_t)w->n_coef * ns, nb = (size_t)w->n_blade;
-    for (int c = 0; c < w->n_coef; ++c)
-        for (size_t i = 0; i < nb; ++i)
-            for (int d = 0; d < w->n_coef; ++d) {
-                const size_t at = ((size_t)c * ns + i) * wide + (size_t)d * ns;
-                for (size_t j = 0; j < nb; ++j) w->left[at + j] += w->right[at + j];
+/* ---- disk and damping ---- */
+
+/* y += A x, complex; A as bd_waves has it. */
+static void add_complex(int n, const double *A, const double *re, const double *im, double *restrict y,
+                        double *restrict turned) {
+    const double *B = A + (size_t)n * (size_t)n;
+    for (int j = 0; j < n; ++j) {
+        const double *a = A + (size_t)(j * n), *b = B + (size_t)(j * n), x = re[j], z = im[j];
+        for (int i = 0; i < n; ++i) {
+            y[i] += a[i] * x - b[i] * z;
+            turned[i] += a[i] * z + b[i] * x;
+        }
+    }
+}
+
+/* One wave of one coefficient of harmonic l: K x - (l omega)^2 M x + l omega C x', with x' of the other coefficient. */
+static void one_wave(const bd_wheel *w, const bd_waves *waves, int d, int l, double omega, double sense, const double *x[4],
+                     double *lin[2], double *rate[2], double *t) {
+    const int nb = w->in.n_blade, nr = w->in.n_root, root = nb - nr;
+    const double f = l * omega;
+    double *K[2] = {t + root, t + nb + root}, *M[2] = {K[0] + 2 * nb, K[1] + 2 * nb}, *C[2] = {t + 4 * nb, t + 5 * nb};
+    memset(t, 0, sizeof(double) * 6 * (size_t)nb);
+    add_complex(nr, waves->stiffness + (size_t)(2 * d * nr * nr), x[0] + root, x[1] + root, K[0], K[1]);
+    if (l > 0) {
+        add_complex(nr, waves->mass + (size_t)(2 * d * nr * nr), x[0] + root, x[1] + root, M[0], M[1]);
+        add_complex(nb, waves->damping + (size_t)(2 * d * nb * nb), x[2], x[3], C[0], C[1]);
+    }
+    for (int part = 0; part < 2; ++part) {
+        const double *k = t + part * nb, *m = k + 2 * nb, *c = k + 4 * nb;
+        for (int i = 0; i < nb; ++i) {
+            lin[part][i] = k[i] - f * f * m[i] + sense * f * c[i];
+            if (rate) rate[part][i] = sense * l * c[i] - 2.0 * l * f * m[i];
+        }
+    }
+}
+
+/* out (a vector) += circulant part times the blades' coordinates, and its derivative by omega added to `by`, if that is not
+ * NULL; of the transposed matrix where asked for. */
+void bd_wheel_add_waves(bd_wheel *w, const bd_waves *waves, double omega, int transposed, const double *blade, double *out,
+                        double *by) {
+    const int N = w->in.n_sector, D = w->n_wave, nb = w->in.n_blade, nc = w->n_coef, m = nc * nb;
+    const size_t apart = (size_t)(D * m);
+    double *in = w->hat, *lin = in + 2 * apart, *rate = lin + 2 * apart, *t = rate + 2 * apart;
+    multiply(w, PLAIN, D, m, N, 1.0, w->cosine, N, blade, m, 0.0, in, m);
+    multiply(w, PLAIN, D, m, N, -1.0, w->sine, N, blade, m, 0.0, in + apart, m);
+    memset(lin, 0, sizeof(double) * 4 * apart);
+    for (int d = 0; d < D; ++d) {
+        const double weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
+        for (int c = 0; c < nc; ++c) {
+            if (!w->in.active[c]) continue;
+            const size_t at = (size_t)(d * m + c * nb), other = (size_t)(d * m + (c + phase(c)) * nb);
+            const double *x[4] = {in + at, in + apart + at, in + other, in + apart + other};
+            double *to[2] = {lin + at, lin + apart + at}, *to_rate[2] = {rate + at, rate + apart + at};
+            one_wave(w, waves, d, (c + 1) / 2, omega, transposed ? -phase(c) : phase(c), x, to, by ? to_rate : NULL, t);
+        }
+        for (size_t i = (size_t)(d * m); i < (size_t)((d + 1) * m); ++i) {
+            lin[i] *= weight, lin[apart + i] *= weight;
+            rate[i] *= weight, rate[apart + i] *= weight;
+        }
+    }
+    for (int which = 0; which < (by ? 2 : 1); ++which) {
+        const double *wave = which ? rate : lin;
+        double *to = which ? by : out;
+        multiply(w, LEFT, N, m, D, 1.0, w->cosine, N, wave, m, 0.0, w->motion, m);
+        multiply(w, LEFT, N, m, D, -1.0, w->sine, N, wave + apart, m, 1.0, w->motion, m);
+        for (int i = 0; i < N * nc; ++i)
+            for (int j = 0; j < nb; ++j) to[(size_t)i * (size_t)w->size + (size_t)j] += w->motion[i * nb + j];
+    }
+}
+
+/* ---- linear parts ---- */
+
+/* out = linear part times x, by = its derivative by omega, if not NULL; of the transposed matrix where asked for. */
+static void linear_part(bd_wheel *w, double omega, int transposed, const double *x, double *out, double *by) {
+    const bd_wheel_input *in = &w->in;
+    const int N = in->n_sector, nb = in->n_blade, nd = in->n_damper, nc = w->n_coef, ns = w->size;
+    take_blades(w, x, w->blade);
+    multiply(w, PLAIN, N * nc, nb, nb, 1.0, w->blade, nb, in->mass, nb, 0.0, w->heavy, nb);
+    memset(out, 0, sizeof(double) * (size_t)w->whole);
+    if (by) memset(by, 0, sizeof(double) * (size_t)w->whole);
+    for (int n = 0; n < N; ++n) {
+        const size_t first = (size_t)(n * nc * ns);
+        multiply(w, PLAIN, nc, nb, nb, 1.0, w->blade + (size_t)(n * nc * nb), nb, in->stiffness + (size_t)(n * nb * nb), nb,
+                 0.0, out + first, ns);
+        for (int c = 0; c < nc; ++c) {
+            if (!in->active[c]) continue;
+            const int l = (c + 1) / 2;
+            const double f = l * omega, sense = transposed ? -phase(c) : phase(c);
+            double *to = out + first + c * ns, *rate = by ? by + first + c * ns : NULL;
+            const double *heavy = w->heavy + (size_t)((n * nc + c) * nb), *y = x + first + c * ns + nb;
+            const double *other = y + phase(c) * ns;
+            for (int i = 0; i < nb; ++i) {
+                to[i] -= f * f * heavy[i];
+                if (rate) rate[i] -= 2.0 * l * f * heavy[i];
             }
+            for (int i = 0; i < nd; ++i) {
+                const double mass = in->damper_mass[n * nd + i], damping = sense * in->damper_damping[i];
+                to[nb + i] = (in->damper_stiffness[i] - f * f * mass) * y[i] + (l ? f * damping * other[i] : 0.0);
+                if (rate && l) rate[nb + i] = l * damping * other[i] - 2.0 * l * f * mass * y[i];
+            }
+        }
+    }
+    bd_wheel_add_waves(w, &w->full, omega, transposed, w->blade, out, by);
 }
 
-/* Eliminates the blade coordinates of sector n and puts what is left into the blocks of the ring. */
-static int eliminate_blade(bd_wheel *w, int n) {
-    const int N = w->n_sector, e = w->n_blade - w->n_kept, nb = w->n_blade, ns = w->size;
-    const int E = w->n_own, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
-    double *inverse = w->inverse + (size_t)n * (size_t)E * (size_t)E, *back = w->back + (size_t)n * (size_t)E * (size_t)q;
-    double *couple = w->couple + (size_t)n * (size_t)q * (size_t)E, *S = w->seen;
-    double *columns = w->columns;
-    memset(inverse, 0, sizeof(double) * (size_t)E * (size_t)E);
-    memset(columns, 0, sizeof(double) * (size_t)E * (size_t)q);
-    memset(couple, 0, sizeof(double) * (size_t)q * (size_t)E);
-    memset(S, 0, sizeof(double) * (size_t)q * (size_t)q);
-    take(w, w->left, 0, e, 0, e, inverse, E);
-    take(w, w->left, 0, e, e, nb, columns, q);
-    take(w, w->left, 0, e, nb, ns, columns + A, q);
-    take(w, w->right, 0, e, nb, ns, columns + s, q);
-    take(w, w->left, e, nb, 0, e, couple, E);
-    take(w, w->left, nb, ns, 0, e, couple + (size_t)A * (size_t)E, E);
-    take(w, w->right, nb, ns, 0, e, couple + (size_t)s * (size_t)E, E);
-    take(w, w->left, e, nb, e, nb, S, q);
-    take(w, w->left, e, nb, nb, ns, S + A, q);
-    take(w, w->left, nb, ns, e, nb, S + (size_t)A * (size_t)q, q);
-    take(w, w->left, nb, ns, nb, ns, S + (size_t)A * (size_t)q + A, q);
-    take(w, w->right, e, nb, nb, ns, S + s, q);
-    take(w, w->right, nb, ns, e, nb, S + (size_t)s * (size_t)q, q);
-    take(w, w->right, nb, ns, nb, ns, S + (size_t)s * (size_t)q + s, q);
-    if (E > 0) {
-        if (!invert(w, inverse, E)) return 0;
-        multiply(w, 0, E, q, E, 1.0, inverse, E, columns, q, 0.0, back, q);
-        multiply(w, 0, q, q, E, -1.0, couple, E, back, q, 1.0, S, q);
-    }
-    const size_t ss = (size_t)s * (size_t)s;
-    double *D = w->diagonal + (size_t)n * ss, *before = w->diagonal + (size_t)((n + N - 1) % N) * ss;
-    double *L = w->lower + (size_t)n * ss, *U = w->upper + (size_t)((n + N - 1) % N) * ss;
-    for (int i = 0; i < s; ++i) {
-        const double *row = S + (size_t)i * (size_t)q;
-        for (int j = 0; j < s; ++j) D[(size_t)i * (size_t)s + (size_t)j] += row[j];
-        for (int j = 0; j < side; ++j) L[(size_t)i * (size_t)s + (size_t)(A + j)] += row[s + j];
-    }
-    for (int i = 0; i < side; ++i) {
-        const double *row = S + (size_t)(s + i) * (size_t)q;
-        const size_t at = (size_t)(A + i) * (size_t)s;
-        for (int j = 0; j < s; ++j) U[at + (size_t)j] += row[j];
-        for (int j = 0; j < side; ++j) before[at + (size_t)(A + j)] += row[s + j];
-    }
-    return 1;
+/* Rows of what is no unknown: out = x, by = 0. */
+static void keep_still(const bd_wheel *w, const double *x, double *out, double *by) {
+    const int N = w->in.n_sector, nc = w->n_coef, ns = w->size, nb = w->in.n_blade;
+    for (int n = 0; n < N; ++n)
+        for (int c = 0; c < nc; ++c) {
+            if (w->in.active[c] && !w->in.pinned[n]) continue;
+            for (int i = w->in.active[c] ? nb : 0; i < ns; ++i) {
+                const size_t at = (size_t)((n * nc + c) * ns + i);
+                out[at] = x[at];
+                if (by) by[at] = 0.0;
+            }
+        }
 }
 
-/* ---- the ring ---- */
+/* ---- contact ---- */
 
-static void add_disk(bd_wheel *w, const double *neighbour) {
-    const size_t k = (size_t)w->n_kept, s = (size_t)w->n_ring, ss = s * s;
-    for (size_t n = 0; n < (size_t)w->n_sector; ++n)
-        for (int c = 0; c < w->n_coef; ++c) {
-            if (!w->active[c]) continue;
-            const double *K = neighbour + (size_t)((c + 1) / 2) * k * k;
-            const size_t at = n * ss + (size_t)c * k * s + (size_t)c * k;
-            for (size_t i = 0; i < k; ++i)
-                for (size_t j = 0; j < k; ++j) {
-                    w->lower[at + i * s + j] += K[i * k + j];
-                    w->upper[at + i * s + j] += K[j * k + i];
+/* Blades of the sectors one further on beside the own dampers. */
+static void turn(const bd_wheel *w, const double *x, double *to) {
+    const int N = w->in.n_sector, nb = w->in.n_blade;
+    const size_t ns = (size_t)w->size, rows = (size_t)w->n_coef;
+    memcpy(to, x, sizeof(double) * (size_t)w->whole);
+    for (int n = 0; n < N; ++n)
+        for (size_t c = 0; c < rows; ++c)
+            memcpy(to + ((size_t)n * rows + c) * ns, x + ((size_t)((n + 1) % N) * rows + c) * ns,
+                   sizeof(double) * (size_t)nb);
+}
+
+/* Motion of all points (n_sector, n_point, 3, n_coef). */
+static void find_motion(bd_wheel *w, const double *x, double *X) {
+    const int rows = w->in.n_sector * w->n_coef, ns = w->size, nc = w->n_coef, *point = w->ring.point;
+    const double *R = w->ring.rows, *from = x;
+    for (int g = 0; g < 2; ++g) {
+        const int n = w->ring.n_group[g], wide = 3 * n;
+        if (g) turn(w, x, w->turned), from = w->turned;
+        multiply(w, RIGHT, rows, wide, ns, 1.0, from, ns, R, ns, 0.0, w->motion, wide);
+        for (int row = 0; row < rows; ++row)
+            for (int k = 0; k < wide; ++k) {
+                const int p = row / nc * w->in.n_point + point[k / 3];
+                X[(size_t)((3 * p + k % 3) * nc + row % nc)] = w->motion[row * wide + k];
+            }
+        R += wide * ns, point += n;
+    }
+}
+
+/* out += forces at the points (n_sector, n_point, 3, n_coef) on the coordinates. */
+static void add_forces(bd_wheel *w, const double *F, double *out) {
+    const int N = w->in.n_sector, ns = w->size, nc = w->n_coef, rows = N * nc, nb = w->in.n_blade, *point = w->ring.point;
+    const double *R = w->ring.rows;
+    for (int g = 0; g < 2; ++g) {
+        const int n = w->ring.n_group[g], wide = 3 * n;
+        for (int row = 0; row < rows; ++row)
+            for (int k = 0; k < wide; ++k) {
+                const int p = row / nc * w->in.n_point + point[k / 3];
+                w->motion[row * wide + k] = F[(size_t)((3 * p + k % 3) * nc + row % nc)];
+            }
+        double *to = g ? w->turned : out;
+        multiply(w, PLAIN, rows, ns, wide, 1.0, w->motion, wide, R, ns, g ? 0.0 : 1.0, to, ns);
+        R += wide * ns, point += n;
+    }
+    for (int row = 0; row < rows; ++row) {
+        const double *from = w->turned + (size_t)(row * ns);
+        double *blade = out + (size_t)((row + nc) % rows * ns), *damper = out + (size_t)(row * ns);
+        for (int i = 0; i < nb; ++i) blade[i] += from[i];
+        for (int i = nb; i < ns; ++i) damper[i] += from[i];
+    }
+}
+
+/* Forces and, if asked for, tangents of n <= BD_LANES points from the first. */
+static void evaluate_points(bd_wheel *w, int first, int n, int derivative) {
+    const size_t nc = (size_t)w->n_coef, nn = nc * nc;
+    bd_response out[BD_LANES];
+    for (int i = 0; i < n; ++i) {
+        out[i] = (bd_response){.F = w->F + 3 * nc * (size_t)(first + i)};
+        if (!derivative) continue;
+        double *block = w->T + 7 * nn * (size_t)(first + i);
+        for (int d = 0; d < 2; ++d) {
+            out[i].dT[d] = block + (size_t)d * nn;
+            out[i].dTv[d] = block + (size_t)(2 + d) * nn;
+            out[i].dTc[d] = block + (size_t)(4 + d) * nn;
+        }
+        out[i].dN = block + 6 * nn;
+    }
+    bd_contact_evaluate_many(n, w->element + first, w->X + 3 * nc * (size_t)first, out, w->share + first, &w->evaluator);
+    for (int i = 0; derivative && i < n; ++i) {
+        bd_element_write_blocks(w->element + first + i, w->in.n_harm, out + i);
+        double *block = w->T + 7 * nn * (size_t)(first + i);
+        for (size_t c = 0; c < nc; ++c) {
+            if (w->in.active[c]) continue;
+            for (size_t k = 0; k < 7; ++k)
+                for (size_t d = 0; d < nc; ++d) block[k * nn + c * nc + d] = block[k * nn + d * nc + c] = 0.0;
+        }
+    }
+}
+
+static void evaluate_contact(bd_wheel *w, int derivative) {
+    const int n = w->in.n_sector * w->in.n_point;
+    find_motion(w, w->x, w->X);
+    for (int i = 0; i < 3 * n; ++i) w->X[(size_t)(i * w->n_coef)] += w->in.shift[i];
+    for (int first = 0; first < n; first += BD_LANES)
+        evaluate_points(w, first, n - first < BD_LANES ? n - first : BD_LANES, derivative);
+}
+
+/* F = tangents times motions X, or transposed. */
+static void apply_tangents(const bd_wheel *w, int transposed, const double *X, double *F) {
+    static const int FORCE[7] = {0, 1, 0, 1, 0, 1, 2}, MOTION[7] = {0, 1, 2, 2, 1, 0, 2};
+    const int nc = w->n_coef, points = w->in.n_sector * w->in.n_point;
+    memset(F, 0, sizeof(double) * (size_t)(3 * points * nc));
+    const double *T = w->T;
+    for (int p = 0; p < points; ++p)
+        for (int k = 0; k < 7; ++k, T += nc * nc) {
+            const size_t force = (size_t)((3 * p + FORCE[k]) * nc), motion = (size_t)((3 * p + MOTION[k]) * nc);
+            for (int c = 0; c < nc; ++c)
+                for (int d = 0; d < nc; ++d) {
+                    if (transposed)
+                        F[motion + (size_t)d] += T[c * nc + d] * X[force + (size_t)c];
+                    else
+                        F[force + (size_t)c] += T[c * nc + d] * X[motion + (size_t)d];
                 }
         }
 }
 
-static int eliminate_ring(bd_wheel *w) {
-    const int N = w->n_sector, s = w->n_ring;
-    const size_t ss = (size_t)s * (size_t)s;
-    double *end = w->diagonal + (size_t)(N - 1) * ss;
-    memcpy(w->last, w->upper + (size_t)(N - 1) * ss, sizeof(double) * ss);
-    double *W = w->lower; /* of sector 0: its coupling to the last one */
-    for (int n = 0; n < N - 1; ++n) {
-        const size_t at = (size_t)n * ss;
-        double *D = w->diagonal + at, *V = w->last + at, *fill = w->fill + at, *onward = w->onward + at;
-        if (n == N - 2)
-            for (size_t i = 0; i < ss; ++i) V[i] += w->lower[at + ss + i], W[i] += w->upper[at + i];
-        if (!invert(w, D, s)) return 0;
-        multiply(w, 0, s, s, s, 1.0, D, s, W, s, 0.0, fill, s);
-        multiply(w, 0, s, s, s, -1.0, V, s, fill, s, 1.0, end, s);
-        if (n == N - 2) break;
-        const double *next = w->lower + at + ss;
-        multiply(w, 0, s, s, s, 1.0, D, s, w->upper + at, s, 0.0, onward, s);
-        multiply(w, 0, s, s, s, -1.0, next, s, onward, s, 1.0, D + ss, s);
-        multiply(w, 0, s, s, s, -1.0, V, s, onward, s, 0.0, V + ss, s);
-        W = w->upper + at; /* read for the last time above */
-        multiply(w, 0, s, s, s, -1.0, next, s, fill, s, 0.0, W, s);
+/* ---- equations ---- */
+
+static bd_status evaluate_wheel(bd_equations *e, const double *y, int derivative) {
+    bd_wheel *w = (bd_wheel *)e;
+    const size_t n = (size_t)e->n;
+    const int N = w->in.n_sector, nb = w->in.n_blade, nd = w->in.n_damper, nc = w->n_coef, ns = w->size;
+    double sum = 0.0;
+    for (size_t i = 0; i <= n; ++i) sum += y[i] * 0.0;
+    if (sum != 0.0) return BD_NOT_FINITE;
+    bd_wheel_spread(w, y, w->x);
+    double clock = bd_seconds(), *r = w->f;
+    evaluate_contact(w, derivative);
+    w->cost.contact += bd_seconds() - clock, clock = bd_seconds();
+    linear_part(w, y[n], 0, w->x, r, derivative ? w->C : NULL);
+    add_forces(w, w->F, r);
+    for (int k = 0; k < N; ++k)
+        for (int i = 0; i < nd; ++i) {
+            const size_t at = (size_t)(k * nc * ns + nb + i);
+            r[at] += w->in.springs[k * nd + i] * (w->x[at] - w->in.home[k * nd + i]);
+        }
+    keep_still(w, w->x, r, derivative ? w->C : NULL);
+    bd_wheel_collect(w, r, e->r);
+    if (derivative) {
+        w->omega = y[n];
+        bd_wheel_collect(w, w->C, e->C);
     }
-    return invert(w, end, s);
+    for (size_t i = 0; i < n; ++i) {
+        e->r[i] -= w->in.force[i];
+        sum += e->r[i] * 0.0;
+    }
+    w->cost.assembly += bd_seconds() - clock;
+    ++w->cost.n_evaluation;
+    w->cost.n_jacobian += derivative;
+    return sum == 0.0 ? BD_OK : BD_NOT_FINITE;
 }
 
-bd_status bd_wheel_factor(bd_wheel *w, const bd_wheel_matrix *m) {
-    const size_t N = (size_t)w->n_sector, all = sizeof(double) * N * (size_t)w->n_ring * (size_t)w->n_ring;
-    const size_t nn = (size_t)(w->n_coef * w->n_coef);
-    w->factored = 0;
-    memset(w->diagonal, 0, all), memset(w->lower, 0, all), memset(w->upper, 0, all);
-    for (size_t n = 0; n < N; ++n) {
-        contact_matrix(w, 0, m->tangent[0] + n * (size_t)w->n_point[0] * 7 * nn, w->left);
-        contact_matrix(w, 1, m->tangent[1] + (n + N - 1) % N * (size_t)w->n_point[1] * 7 * nn, w->right);
-        add_blade(w);
-        add_linear(w, m, (int)n);
-        if (!eliminate_blade(w, (int)n)) return BD_SINGULAR;
-    }
-    add_disk(w, m->neighbour);
-    if (!eliminate_ring(w)) return BD_SINGULAR;
-    w->factored = ++w->factorisations;
+/* out = J x, or J^T x, at the point whose derivatives were asked for last. */
+void bd_wheel_multiply(bd_wheel *w, int transposed, const double *x, double *out) {
+    const int N = w->in.n_sector, nb = w->in.n_blade, nd = w->in.n_damper, nc = w->n_coef, ns = w->size;
+    double *X = w->rest, *F = X + 3 * N * w->in.n_point * nc;
+    linear_part(w, w->omega, transposed, x, out, NULL);
+    find_motion(w, x, X);
+    apply_tangents(w, transposed, X, F);
+    add_forces(w, F, out);
+    for (int k = 0; k < N; ++k)
+        for (int i = 0; i < nd; ++i) out[k * nc * ns + nb + i] += w->springs[k * nd + i] * x[k * nc * ns + nb + i];
+    keep_still(w, x, out, NULL);
+}
+
+static bd_status product_wheel(bd_equations *e, int transposed, const double *x, double *out) {
+    bd_wheel *w = (bd_wheel *)e;
+    bd_wheel_spread(w, x, w->b);
+    bd_wheel_multiply(w, transposed, w->b, w->f);
+    bd_wheel_collect(w, w->f, out);
     return BD_OK;
 }
 
-/* ---- solution ---- */
+/* ---- life ---- */
 
-/* y (m) += alpha A x. */
-static void add_product(const bd_wheel *w, int m, int n, double alpha, const double *A, const double *x, double *y) {
-    char turned = 'T';
-    int one = 1;
-    double beta = 1.0;
-    if (m > 0 && n > 0) w->lapack.dgemv(&turned, &n, &m, &alpha, (double *)A, &n, (double *)x, &one, &beta, y, &one);
+static void destroy_wheel(bd_equations *e) {
+    bd_wheel *w = (bd_wheel *)e;
+    bd_ring_destroy(&w->ring);
+    bd_evaluator_destroy(&w->evaluator);
+    free(w->memory);
+    free(w->element);
+    free(w->share);
+    free((void *)w->in.next);
+    free(w);
 }
 
-/* Right-hand side b (N, s) of the ring becomes its solution. */
-static void solve_ring(bd_wheel *w, double *b) {
-    const int N = w->n_sector, s = w->n_ring;
-    const size_t ss = (size_t)s * (size_t)s;
-    double *t = w->work;
-    double *end = b + (size_t)(N - 1) * (size_t)s;
-    for (int n = 0; n < N; ++n) {
-        double *here = b + (size_t)n * (size_t)s;
-        memset(t, 0, sizeof(double) * (size_t)s);
-        add_product(w, s, s, 1.0, w->diagonal + (size_t)n * ss, here, t);
-        memcpy(here, t, sizeof(double) * (size_t)s);
-        if (n < N - 2) add_product(w, s, s, -1.0, w->lower + (size_t)(n + 1) * ss, here, here + s);
-        if (n < N - 1) add_product(w, s, s, -1.0, w->last + (size_t)n * ss, here, end);
-    }
-    for (int n = N - 2; n >= 0; --n) {
-        double *here = b + (size_t)n * (size_t)s;
-        add_product(w, s, s, -1.0, w->fill + (size_t)n * ss, end, here);
-        if (n < N - 2) add_product(w, s, s, -1.0, w->onward + (size_t)n * ss, here + s, here);
+static const bd_equations_type WHEEL = {evaluate_wheel, bd_wheel_factor, bd_wheel_solve, bd_wheel_solve_transposed,
+                                        product_wheel,  destroy_wheel};
+
+/* One array of the arena: where its address goes, how long it is, what it is filled with (NULL: nothing yet). */
+typedef struct {
+    double **to;
+    size_t n;
+    const double *from;
+} part;
+
+/* Real and imaginary part of waves of (n, n), column by column, from interleaved rows. */
+static void split_waves(const double *from, int waves, int n, double *to) {
+    const size_t nn = (size_t)(n * n);
+    for (size_t d = 0; d < (size_t)waves; ++d)
+        for (size_t i = 0; i < (size_t)n; ++i)
+            for (size_t j = 0; j < (size_t)n; ++j) {
+                to[2 * d * nn + j * (size_t)n + i] = from[2 * (d * nn + i * (size_t)n + j)];
+                to[(2 * d + 1) * nn + j * (size_t)n + i] = from[2 * (d * nn + i * (size_t)n + j) + 1];
+            }
+}
+
+/* Coupling (n, n) of a sector to the one `behind` sectors before it, and the waves without it and its transposed. */
+static void cut_waves(const bd_wheel *w, int n, int kept, int behind, double *waves, double *kernel) {
+    const int N = w->in.n_sector, first = n - kept;
+    const size_t nn = (size_t)(n * n);
+    memset(kernel, 0, sizeof(double) * (size_t)(kept * kept));
+    for (int pass = 0; pass < 2; ++pass)
+        for (int d = 0; d < w->n_wave; ++d) {
+            const double turn = BD_TWO_PI * d * behind / N, weight = (d == 0 || 2 * d == N ? 1.0 : 2.0) / N;
+            double *re = waves + 2 * (size_t)d * nn, *im = re + nn;
+            for (int i = 0; i < kept; ++i)
+                for (int j = 0; j < kept; ++j) {
+                    const size_t at = (size_t)((first + j) * n + first + i);
+                    double *to = kernel + i * kept + j;
+                    if (pass == 0) {
+                        *to += weight * (re[at] * cos(turn) - im[at] * sin(turn));
+                    } else {
+                        const double back = behind ? kernel[j * kept + i] : 0.0;
+                        re[at] -= (*to + back) * cos(turn);
+                        im[at] -= (back - *to) * sin(turn);
+                    }
+                }
+        }
+}
+
+/* What the elimination keeps of the circulant matrices, and what is left of them. */
+static void cut(bd_wheel *w) {
+    const bd_wheel_input *in = &w->in;
+    const size_t D = (size_t)w->n_wave, r = (size_t)in->n_root, b = (size_t)in->n_blade, first = b - r;
+    double *full[3] = {w->full.stiffness, w->full.mass, w->full.damping};
+    double *far[3] = {w->far.stiffness, w->far.mass, w->far.damping};
+    for (int k = 0; k < 3; ++k) {
+        const int n = k < 2 ? in->n_root : in->n_blade;
+        memcpy(far[k], full[k], sizeof(double) * 2 * D * (size_t)(n * n));
+        cut_waves(w, n, n, 0, far[k], w->hat);
+        memset(w->own[k], 0, sizeof(double) * b * b);
+        for (size_t i = 0; i < (size_t)n; ++i)
+            for (size_t j = 0; j < (size_t)n; ++j)
+                w->own[k][(i + (k < 2 ? first : 0)) * b + j + (k < 2 ? first : 0)] = w->hat[i * (size_t)n + j];
+        if (k < 2) cut_waves(w, n, in->n_kept, 1, far[k], w->near[k]);
     }
 }
 
-bd_status bd_wheel_solve(bd_wheel *w, long factored, const double *r, double *x) {
-    if (factored < 1 || factored != w->factored) return BD_BAD_STATE;
-    const int N = w->n_sector, nc = w->n_coef, ns = w->size, k = w->n_kept, e = w->n_blade - k, nd = w->n_damper;
-    const int E = w->n_own, s = w->n_ring, side = w->n_side, q = s + side, A = s - side;
-    double *own = w->seen, *b = own + (size_t)N * (size_t)E, *t = w->work; /* (N, E), (N, s), one sector */
-    memset(b, 0, sizeof(double) * (size_t)N * (size_t)s);
-    for (int n = 0; n < N; ++n) {
-        const double *from = r + (size_t)n * (size_t)(nc * ns);
-        double *to = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s,
-               *mine = own + (size_t)n * (size_t)E;
-        memset(mine, 0, sizeof(double) * (size_t)E);
-        for (int c = 0; c < nc; ++c) {
-            memcpy(t + c * e, from + c * ns, sizeof(double) * (size_t)e);
-            for (int i = 0; i < k; ++i) to[c * k + i] += from[c * ns + e + i];
-            for (int i = 0; i < nd; ++i) to[A + c * nd + i] += from[c * ns + e + k + i];
-        }
-        add_product(w, E, E, 1.0, w->inverse + (size_t)n * (size_t)E * (size_t)E, t, mine);
-        const double *couple = w->couple + (size_t)n * (size_t)q * (size_t)E;
-        add_product(w, s, E, -1.0, couple, mine, to);
-        add_product(w, side, E, -1.0, couple + (size_t)s * (size_t)E, mine, before + A);
+static bd_status arrays_create(bd_wheel *w, const bd_wheel_input *in, const part *parts, size_t n_part) {
+    size_t total = 1;
+    for (size_t i = 0; i < n_part; ++i) total += parts[i].n;
+    if (!(w->memory = malloc(sizeof(double) * total))) return BD_NO_MEMORY;
+#ifdef BD_POISON
+    for (size_t i = 0; i < total; ++i) w->memory[i] = NAN;
+#endif
+    double *p = w->memory;
+    for (size_t i = 0; i < n_part; p += parts[i++].n) {
+        *parts[i].to = p;
+        if (parts[i].from) memcpy(p, parts[i].from, sizeof(double) * parts[i].n);
     }
-    solve_ring(w, b);
-    for (int n = 0; n < N; ++n) {
-        const double *here = b + (size_t)n * (size_t)s, *before = b + (size_t)((n + N - 1) % N) * (size_t)s + A;
-        double *mine = own + (size_t)n * (size_t)E, *to = x + (size_t)n * (size_t)(nc * ns);
-        memcpy(t, here, sizeof(double) * (size_t)s);
-        memcpy(t + s, before, sizeof(double) * (size_t)side);
-        add_product(w, E, q, -1.0, w->back + (size_t)n * (size_t)E * (size_t)q, t, mine);
-        for (int c = 0; c < nc; ++c) {
-            memcpy(to + c * ns, mine + c * e, sizeof(double) * (size_t)e);
-            memcpy(to + c * ns + e, here + c * k, sizeof(double) * (size_t)k);
-            memcpy(to + c * ns + e + k, here + A + c * nd, sizeof(double) * (size_t)nd);
+    const int points = in->n_sector * in->n_point;
+    for (int i = 0; i < points; ++i)
+        w->element[i] = (bd_element){.law = (bd_law)in->law[i],
+                                     .kt = {in->kt[2 * i], in->kt[2 * i + 1]},
+                                     .kn = in->kn[i],
+                                     .mu = in->mu[i],
+                                     .n0 = in->n0[i],
+                                     .w = {in->w[2 * i], in->w[2 * i + 1]},
+                                     .load = in->load[i]};
+    split_waves(in->disk_stiffness, w->n_wave, in->n_root, w->full.stiffness);
+    split_waves(in->disk_mass, w->n_wave, in->n_root, w->full.mass);
+    split_waves(in->damping, w->n_wave, in->n_blade, w->full.damping);
+    for (int d = 0; d < w->n_wave; ++d)
+        for (int n = 0; n < in->n_sector; ++n) {
+            w->cosine[d * in->n_sector + n] = cos(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
+            w->sine[d * in->n_sector + n] = sin(BD_TWO_PI * ((d * n) % in->n_sector) / in->n_sector);
         }
-    }
+    for (int i = 0; i < in->n_sector * in->n_damper; ++i) w->springs[i] = in->springs[i] + in->neutral[i];
+    cut(w);
+    memset(w->scale, 0, sizeof(double) * ((size_t)w->whole + 1));
     return BD_OK;
+}
+
+/* Sizes and memory; the arrays of the input are copied, and those of `in` are the copies. */
+static bd_status parts_create(bd_wheel *w, const bd_wheel_input *in) {
+    const size_t N = (size_t)in->n_sector, H = (size_t)in->n_harm + 1, nc = (size_t)bd_n_coef(in->n_harm);
+    const size_t b = (size_t)in->n_blade, r = (size_t)in->n_root, k = (size_t)in->n_kept, d = (size_t)in->n_damper;
+    const size_t D = N / 2 + 1, ns = b + d, W = N * nc * ns, points = N * (size_t)in->n_point, Y = N * nc * b;
+    const size_t n = (size_t)w->base.n, n1 = n + 1, force = 3 * points * nc, most = W + 1 > 2 * force ? W + 1 : 2 * force;
+    const size_t M = BD_WHEEL_KRYLOV, hat = 6 * D * nc * b + 6 * b, kernel = b * b > hat ? b * b : hat;
+    bd_wheel_input *own = &w->in;
+    *own = *in;
+    w->n_coef = (int)nc, w->n_wave = (int)D, w->size = (int)ns, w->whole = (int)W;
+    const part parts[] = {
+        {(double **)&own->rows, 3 * (size_t)in->n_point * ns, in->rows},
+        {(double **)&own->stiffness, N * b * b, in->stiffness},
+        {(double **)&own->mass, b * b, in->mass},
+        {(double **)&own->damper_stiffness, d, in->damper_stiffness},
+        {(double **)&own->damper_mass, N * d, in->damper_mass},
+        {(double **)&own->damper_damping, d, in->damper_damping},
+        {(double **)&own->springs, N * d, in->springs},
+        {(double **)&own->home, N * d, in->home},
+        {(double **)&own->shift, 3 * points, in->shift},
+        {(double **)&own->force, n, in->force},
+        {&w->base.row_scale, n, in->row_scale},
+        {&w->base.r, n, NULL},
+        {&w->base.C, n, NULL},
+        {&w->base.scratch, 4 * n1, NULL},
+        {&w->full.stiffness, 2 * D * r * r, NULL},
+        {&w->full.mass, 2 * D * r * r, NULL},
+        {&w->full.damping, 2 * D * b * b, NULL},
+        {&w->far.stiffness, 2 * D * r * r, NULL},
+        {&w->far.mass, 2 * D * r * r, NULL},
+        {&w->far.damping, 2 * D * b * b, NULL},
+        {&w->own[0], b * b, NULL},
+        {&w->own[1], b * b, NULL},
+        {&w->own[2], b * b, NULL},
+        {&w->near[0], k * k, NULL},
+        {&w->near[1], k * k, NULL},
+        {&w->cosine, D * N, NULL},
+        {&w->sine, D * N, NULL},
+        {&w->X, force, NULL},
+        {&w->F, force, NULL},
+        {&w->T, 7 * points * nc * nc, NULL},
+        {&w->x, W, NULL},
+        {&w->turned, W, NULL},
+        {&w->motion, force > Y ? force : Y, NULL},
+        {&w->blade, Y, NULL},
+        {&w->heavy, Y, NULL},
+        {&w->hat, kernel, NULL},
+        {&w->matrices, 2 * H * b * b + 2 * H * N * d + H * k * k, NULL},
+        {&w->springs, N * d, NULL},
+        {&w->C, W + 1, NULL},
+        {&w->border, W + 1, NULL},
+        {&w->scale, W + 1, NULL},
+        {&w->column, W + 1, NULL},
+        {&w->b, 4 * (W + 1), NULL},
+        {&w->f, W + 1, NULL},
+        {&w->rest, most, NULL},
+        {&w->krylov, (M + 1) * Y + (M + 1) * M + 4 * M, NULL},
+    };
+    unsigned char *flags = malloc((size_t)in->n_point + nc + N);
+    own->next = flags;
+    w->element = malloc(sizeof(bd_element) * (points + 1));
+    w->share = malloc(sizeof(bd_status_share) * (points + 1));
+    if (!flags || !w->element || !w->share) return BD_NO_MEMORY;
+    own->active = flags + in->n_point, own->pinned = own->active + nc;
+    memcpy(flags, in->next, (size_t)in->n_point);
+    memcpy(flags + in->n_point, in->active, nc);
+    memcpy(flags + (size_t)in->n_point + nc, in->pinned, N);
+    return arrays_create(w, in, parts, sizeof parts / sizeof *parts);
+}
+
+bd_status bd_wheel_create(bd_wheel **out, const bd_wheel_input *in, const bd_lapack *lapack) {
+    *out = NULL;
+    bd_wheel *w = calloc(1, sizeof *w);
+    if (!w) return BD_NO_MEMORY;
+    int active = 0;
+    for (int c = 0; c < bd_n_coef(in->n_harm); ++c) active += in->active[c] != 0;
+    w->base =
+        (bd_equations){.type = &WHEEL, .n = active * in->n_sector * (in->n_blade + in->n_damper), .k = 1, .cost = &w->cost};
+    w->lapack = *lapack;
+    bd_status status = parts_create(w, in);
+    const bd_wheel_input *own = &w->in;
+    const bd_ring_input ring = {in->n_sector, w->n_coef, in->n_blade, in->n_damper, in->n_kept,
+                                in->n_point,  own->next, own->rows,   own->active,  own->pinned};
+    if (status == BD_OK) status = bd_ring_create(&w->ring, &ring, lapack);
+    if (status == BD_OK) status = bd_evaluator_create(&w->evaluator, in->evaluation, in->n_harm, in->n_time);
+    if (status == BD_OK)
+        *out = w;
+    else
+        destroy_wheel(&w->base);
+    return status;
 }

@@ -27,9 +27,9 @@ C_LEVELS = [
     {"bd_coulomb"},
     {"bd_contact"},
     {"bd_hbm"},
-    {"bd_equations", "bd_wheel", "bd_family"},
-    {"bd_dense", "bd_solver"},
-    {"bd_modes"},
+    {"bd_equations", "bd_wheel_ring", "bd_family"},
+    {"bd_dense", "bd_solver", "bd_wheel"},
+    {"bd_modes", "bd_wheel_linear"},
     {"bd_core"},
     {"bd_core_arguments", "bd_core_equations", "bd_core_sector", "bd_core_contact", "bd_core_time", "bd_core_wheel",
      "bd_coremodule"},
@@ -218,7 +218,7 @@ def test_only_plot_imports_matplotlib_and_pyvista():
 def test_only_the_equations_import_the_core():
     users = {module_name(path) for path in python_files() for name, _ in imports(path) if name == "_core"}
     assert users == {
-        "harmonic_balance.family", "harmonic_balance.many_points", "harmonic_balance.modes", "harmonic_balance.system",
+        "harmonic_balance.family", "harmonic_balance.modes", "harmonic_balance.system",
         "stability.time_integration",
     }  # fmt: skip
 
@@ -338,7 +338,7 @@ ONE_OF_EACH = {
         "effects.indicator", "harmonic_balance.family", "harmonic_balance.system", "io.calculix", "io.over_speed",
         "model.coupling", "model.local", "model.validation", "reduction.cyclic", "reduction.element_stress",
         "reduction.free_body", "reduction.local_coordinates", "reduction.patches", "stability.time_integration",
-        "wheel.condensation", "wheel.krylov",
+        "wheel.reduction",
     },
     # the Newton method of the core, and the elimination of a wheel
     r"\bcore\.(correct|peak|solve)$": {"harmonic_balance.system", "wheel.system"},
@@ -346,7 +346,7 @@ ONE_OF_EACH = {
     r"system\.(correct|correct_at|solve)$|^correct$": {
         "continuation.coverage", "continuation.events", "continuation.follower",
         "continuation.start", "effects.richer", "modes.flutter", "modes.mode", "peaks.highest", "peaks.newton",
-        "speed.line", "wheel.peak", "wheel.solution", "wheel.static", "wheel.track",
+        "speed.line", "wheel.search", "wheel.static", "wheel.track",
     },
     # HDF5
     r"create_dataset$|create_group$": {"io.model_file", "io.model_groups", "util.hdf5"},

@@ -127,11 +127,13 @@ class HarmonicFamily(HarmonicSystem):
         scale: NDArray,
         tolerance: float,
         max_iterations: int,
-        line_search: bool = False,
+        line_search: int = 0,
         reach: float = 0.0,
+        loose: float = 0.0,
+        rough: float = 0.0,
     ) -> Correction:
         """As of other equations; a peak of the response with its row as it is there is followed by secants to its own."""
-        c = super().solve(y, condition, scale, tolerance, max_iterations, line_search, reach)
+        c = super().solve(y, condition, scale, tolerance, max_iterations, line_search, reach, loose, rough)
         if not isinstance(condition, Peak):
             return c
         for _ in range(max_iterations):

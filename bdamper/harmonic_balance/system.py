@@ -40,6 +40,8 @@ STATUS_TEXT = {
     SINGULAR: "singular Jacobian",
     NOT_FINITE: "not finite",
 }
+WholeWheel = _core.Wheel
+"""Equations of all sectors of a wheel (``csrc/bd_wheel.h``), for :mod:`bdamper.wheel.system`."""
 LINE_SEARCH_TRIALS = 15
 """Most evaluations of an iteration with line search."""
 
@@ -151,7 +153,7 @@ class HarmonicSystem:
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
         self._fixed: dict[str, Any] = {"evaluation": mode, "n_time": n_time, "row_scale": self.row_scale}
-        self.core: _core.Sector | _core.Eased | _core.Modes = _core.Sector(**self.arrays, **self._fixed)
+        self.core: _core.Sector | _core.Eased | _core.Modes | _core.Wheel = _core.Sector(**self.arrays, **self._fixed)
         self.supported = False
         """Whether the parameter fades a support out (:meth:`supported_by`)."""
         self.most_evaluations = math.inf
@@ -200,9 +202,7 @@ class HarmonicSystem:
     def response(self, u: NDArray) -> NDArray:
         """(..., n_harmonics + 1) complex response amplitudes, the mean first."""
         u = np.asarray(u)
-        return np.stack(
-            [self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1
-        )
+        return np.stack([self.amplitudes(u, l) @ self.response_rows[l] for l in range(self.n_harmonics + 1)], axis=-1)
 
     def excitation_ramp(self, omega: float, support: NDArray | None = None) -> HarmonicSystem:
         """The same equations with a factor on the excitation of harmonics as the parameter, at fixed omega.
@@ -287,8 +287,10 @@ class HarmonicSystem:
         scale: NDArray,
         tolerance: float,
         max_iterations: int,
-        line_search: bool = False,
+        line_search: int = 0,
         reach: float = 0.0,
+        loose: float = 0.0,
+        rough: float = 0.0,
     ) -> Correction:
         """Newton's method to where the equations and one condition hold.
 
@@ -302,10 +304,15 @@ class HarmonicSystem:
         tolerance : float
             On the largest residual, relative to excitation and static load.
         max_iterations : int
-        line_search : bool
-            Halve a step that does not reduce the residual; for ``Plane`` and ``Fixed``.
+        line_search : {0, 1, 2}
+            1 halves a step that does not reduce the residual, 2 one that does not make the next one with the same factors
+            shorter; for ``Plane`` and ``Fixed``.
         reach : float
             It ends without having converged where a Newton step is longer, in scaled unknowns, if that is not 0.
+        loose : float
+            A whole Newton step shorter than this ends it as converged, for ``Plane`` and ``Fixed``,
+        rough : float
+            if the residual is then below this, or whatever it is if that is 0.
         """
         end_if_asked()
         y = np.array(y, float)
@@ -315,14 +322,16 @@ class HarmonicSystem:
         if self.most_evaluations < math.inf:
             left = int(self.most_evaluations) - self.core.cost.evaluations
             max_iterations = min(max_iterations, 1 + left // (LINE_SEARCH_TRIALS if line_search else 1))
-        c = self.core.solve(y, tangent, scale, tolerance, max_iterations, line_search, reach, **arguments)
+        c = self.core.solve(
+            y, tangent, scale, tolerance, max_iterations, int(line_search), reach, loose=loose, rough=rough, **arguments
+        )
         return Correction(
             c.status, y, tangent, c.iterations, c.residual, c.condition, len(y) - c.rank, c.shares, c.orientation, c.slope,
             c.curvature,
         )  # fmt: skip
 
     def correct_at(
-        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: bool = False
+        self, u: NDArray, omega: float, scale: NDArray, tolerance: float, max_iterations: int, line_search: int = 0
     ) -> Correction:
         """Newton at a fixed frequency."""
         return self.solve(np.append(u, omega), Fixed(), scale, tolerance, max_iterations, line_search)

@@ -408,7 +408,8 @@ def find_peak(
             top = search.newton(start.y, start.tangent, min(curvature, CURVED)) or search.uphill(start)
         else:
             search.reason = f"no solution near the guess: {search.reason}"
-    if top is None and start is not None and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST)):
+    exact = top is None and start is not None and options.tolerance < LOOSEST
+    if exact and start is not None and options.tolerance < (floor := min(rounding(system, start.y), LOOSEST)):
         return find_peak(
             system, guess, tangent=tangent, scale=scale, curvature=curvature, options=replace(options, tolerance=floor),
             parameter=parameter, reach=reach,

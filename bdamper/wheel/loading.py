@@ -9,8 +9,6 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.many_points import ManyPoints
-from bdamper.wheel.constants import Constants
 from bdamper.wheel.mistuning import DamperVariation
 from bdamper.wheel.static import static_wheel
 from bdamper.wheel.structure import Structure
@@ -64,11 +62,9 @@ class Loaded:
     Parameters
     ----------
     points : PointArrays
-        Of all sectors, with the sliders of the static state.
+        Of all sectors, with the sliders of the static state and the motion that the coordinates do not carry.
     load : (n_blades, n_sector) float
         Static forces.
-    shift : (n_blades, n_points, 3) float, m
-        Relative motion that the coordinates do not carry.
     mean : (n_blades, n_sector) float
         Of the static state.
     force : (n_blades, n_points, 3) float, N
@@ -77,7 +73,6 @@ class Loaded:
 
     points: PointArrays
     load: NDArray
-    shift: NDArray
     mean: NDArray
     force: NDArray
 
@@ -107,8 +102,9 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
     else:
         whole = static_wheel(structure, points, load, moved, constant, pinned, tuned.load_history)
         mean, slider, force = whole.q, whole.slider, whole.force
-    points = replace(points, slider=np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider))
-    return Loaded(points, load + constant, moved, mean, force.reshape(N, -1, 3))
+    slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
+    points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
+    return Loaded(points, load + constant, mean, force.reshape(N, -1, 3))
 
 
 def missing(structure: Structure, dampers: DamperVariation | None) -> NDArray:
@@ -116,26 +112,19 @@ def missing(structure: Structure, dampers: DamperVariation | None) -> NDArray:
     return np.zeros(structure.n_blades, bool) if dampers is None else dampers.missing
 
 
-def wheel_constants(structure: Structure, dampers: DamperVariation | None) -> Constants:
-    """What the equations have in common whatever the preload."""
-    tuned = structure.tuned
-    active = np.repeat([l in tuned.active_harmonics for l in range(tuned.harmonic_numbers[-1] + 1)], 2)[1:]
-    return Constants.of(structure, wheel_points(structure, dampers), active, missing(structure, dampers))
-
-
-def wheel_system(constants: Constants, state: Loaded, excitation: NDArray) -> WheelSystem:
+def wheel_system(
+    structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray, missing: NDArray
+) -> WheelSystem:
     """Equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N kg^-1/2."""
-    tuned, n = constants.structure.tuned, constants.structure.n
+    tuned = structure.tuned
     scale = float(np.abs(excitation).max())
-    contact = ManyPoints(state.points, constants.n_harmonics, tuned.evaluation)
-    system = WheelSystem(constants, contact, state.shift, state.load, excitation, (1.0, 1.0))
-    still = ((0, 0), (0, 0), (0, 0), (0, system.shape[1] - 1))
-    pressed = system.gathered(np.pad(state.force[..., None], still))
+    pressed = structure.gathered(state.force)
     largest = max(float(np.abs(state.load).max()), float(np.abs(pressed).max()), scale)
-    system.relate(largest, scale)
-    system.home = state.mean[:, n:]
+    shift = state.points.shift
     if not tuned.bias:
-        mean = np.zeros(system.shape)
-        mean[:, 0] = state.mean
-        system.shift = state.shift + system.motion(mean)[..., 0]
-    return system
+        shift = shift + structure.motion(state.mean).reshape(-1, 3)
+    return WheelSystem(
+        structure, replace(state.points, shift=shift), tuned.active_harmonics, state.load, excitation, response_row,
+        missing,
+        (largest, scale), state.mean, tuned.evaluation,
+    )  # fmt: skip

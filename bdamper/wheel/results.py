@@ -55,12 +55,16 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     residual : (n,) float
         Relative to excitation and static load.
     point_kind : tuple of str
-        "regular", "fold" (the first point beyond one) or "end".
+        "regular", "fold" (the first point beyond one), "drift" or "end".
     preload : float, N
     status, reason : str
-        "complete" if the curve leads from one end of the interval to the other.
+        "complete" if there are solutions at every frequency of the interval.
     springs : float
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
+    branch : (n,) int
+        Of each point; points of one branch follow each other.
+    left_out : tuple of str
+        Parts of the curve that were not followed, and why.
     """
 
     frequency: Hertz
@@ -72,13 +76,15 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
     status: Status
     reason: str
     springs: float = 0.0
+    branch: NDArray = field(default_factory=lambda: np.zeros(0, int))
+    left_out: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.frequency)
 
     @property
     def complete(self) -> bool:
-        """Whether the curve leads from one end of the interval to the other."""
+        """Whether there are solutions at every frequency of the interval."""
         return self.status == COMPLETE
 
     @property
@@ -175,8 +181,11 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     springs : float
         On the mean of dampers, relative to their stiffness when stuck; 0 where dampers are free.
     error : float
-        Estimate of how far the amplitude is from that with free dampers, relative, from what weaker springs have changed;
-        0 where dampers are free, and no peak that is found with held dampers alone may be higher by its own error.
+        Estimate of how much higher the highest peak with free dampers may be, relative: from what weaker springs have
+        changed, and what the reduced wheel of the search is off the whole one; 0 where dampers are free and no peak that
+        was not followed so far may be higher.
+    connected : {"yes", "no", "unknown"}
+        Whether the curve through the peak leads to an end of the band, as far as it was followed.
     interval : (low, high), Hz
         Band of the sweep.
     """
@@ -198,6 +207,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
     unknowns: NDArray
     springs: float = 0.0
     error: float = 0.0
+    connected: str = "unknown"
     interval: tuple[float, float] = (np.nan, np.nan)
 
     @property
@@ -246,6 +256,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
             Fact("amplification factor", self.amplification),
+            Fact("connected with an end of the band", self.connected),
         )
 
     def bottom_line(self) -> str:
@@ -254,5 +265,6 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         top = height(self.amplitude, self.frequency)
         tuned = f"{self.amplification:.3g} times the tuned wheel ({amount(self.tuned_amplitude, 'm')})"
         open_ = "" if self.converged else f" {self.status.capitalize()}: {self.reason}."
+        open_ += " It lies on a closed branch." if self.connected == "no" else ""
         head = f"Highest of {len(self.response)} blades at a preload of {amount(self.preload, 'N')}"
         return f"{head}: number {self.blade}, {top}, {tuned}.{open_}"

@@ -4,11 +4,10 @@ Wheel ``k`` has the deviations (and dampers) that are drawn with the seed ``(see
 standard deviation, so that wheels are the same at every preload and every standard deviation, and the same in a study with
 more harmonics.  A sample can be continued with more wheels in the same results file.
 
-**Audit.**  The highest peak is that of a coarse sweep and a few climbs (:mod:`bdamper.wheel.peak`), which can miss it.  So
-a share of the wheels, drawn by their numbers before any result is known, is tracked over whole curves, from
-both ends; and after the sample so is the same share of the highest wheels in each cell, since the tail is what is quoted.
-The interval of these curves is that of the sweep and a tenth more at each end, and the mean of dampers is held as in the
-sweep: what is audited is whether the search meets the highest peak, with the springs with which it searches.
+**Audit.**  The highest peak is that of a coarse sweep and some climbs (:mod:`bdamper.wheel.search`), which can miss it.  So
+a share of the wheels, drawn by their numbers before any result is known, is searched again with half the spacing and three
+times the climbs; and after the sample so is the same share of the highest wheels in each cell, since the tail is what is
+quoted.  Both searches free their dampers, and it is the freed peaks that are compared.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ import itertools
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing, nullcontext
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +37,6 @@ from bdamper.util.versions import HERE
 from bdamper.wheel.mistuning import DISTRIBUTIONS, DamperVariation, Mistuning
 from bdamper.wheel.peak import WheelPeakOptions
 from bdamper.wheel.sample_result import MistunedSample, highest_wheels
-from bdamper.wheel.solution import SPRINGS
 from bdamper.wheel.wheel import Wheel
 
 _AUDIT = 3
@@ -70,16 +68,18 @@ class _Job:
         return self.wheel.with_(**changes)
 
     def run(self, settings: Mapping[str, Any]) -> dict[str, Any]:
-        """Highest peak of one wheel at one preload, or its whole curve where an interval is given."""
+        """Highest peak of one wheel at one preload, by a thorough search where an interval is given."""
         status, cost = COMPLETE, Cost()
         values: dict[str, Any] = {}
         try:
             with LongWork() as work:
                 wheel = self.drawn(settings["wheel"], settings["standard_deviation"])
                 if "interval" in settings:
-                    values, cost = _whole_curve(wheel, settings["preload"], settings["interval"])
+                    values, cost = _highest(wheel, settings["preload"], settings["interval"], thorough(self.options))
                 else:
-                    values, cost = _highest(wheel, settings["preload"], self.frequency, self.options)
+                    values, cost = _highest(
+                        wheel, settings["preload"], self.frequency, replace(self.options, connected=False)
+                    )
             if work.interrupted:
                 raise KeyboardInterrupt
         except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
@@ -98,21 +98,12 @@ def _highest(wheel: Wheel, preload: float, frequency: Any, options: WheelPeakOpt
     }, peak.cost  # fmt: skip
 
 
-def _whole_curve(wheel: Wheel, preload: float, interval: Sequence[float]) -> tuple[dict[str, Any], Cost]:
-    beyond = 0.1 * (interval[1] - interval[0])
-    limits = interval[0] - beyond, interval[1] + beyond
-    curves = [wheel.track(preload, limits, from_high=from_high, springs=SPRINGS) for from_high in (False, True)]
-    left = [f"{c.status}: {c.reason}" for c in curves if not c.complete]
-    costs = [curve.cost for curve in curves]
-    cost = Cost(seconds=costs[0].seconds + costs[1].seconds, processor=costs[0].processor + costs[1].processor)
-    if len(left) == 2:
-        raise BdamperError("; ".join(left))
-    best = max((c for c in curves if len(c)), key=lambda c: c.envelope.max())
-    i, blade = best.highest
-    return {
-        "amplitude": float(best.amplitude[i, blade]), "frequency": float(best.frequency[i]), "blade": blade,
-        "points": sum(map(len, curves)), "folds": sum(len(c.folds) for c in curves), "left": "; ".join(left),
-    }, cost  # fmt: skip
+def thorough(options: WheelPeakOptions) -> WheelPeakOptions:
+    """A search with which another one is audited: half the spacing, three times the climbs."""
+    return replace(
+        options, spacing=0.5 * options.spacing, climbs=3 * options.climbs, least=2 * options.least, most=2 * options.most,
+        connected=False,
+    )  # fmt: skip
 
 
 def _checked_dampers(dampers: Any, n_blades: int) -> Mapping[str, Any] | None:
@@ -177,8 +168,8 @@ def mistuned_sample(
     frequency, options
         Of the search for each peak, as in ``Wheel.peak``.
     audit : float
-        Probability with which each wheel is drawn, before any result is known, to be tracked over its whole curves, and
-        share of the highest wheels that are.
+        Probability with which each wheel is drawn, before any result is known, to be searched thoroughly, and share of the
+        highest wheels that are.
     seed : int
         Equal seeds give equal wheels.
     executor, resume, progress
@@ -241,7 +232,7 @@ class _Asked:
 def _header(job: _Job, asked: _Asked) -> dict[str, Any]:
     """What identifies a sample in its results file."""
     return {
-        "format": "bdamper-wheel-sample", "version": 3, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
+        "format": "bdamper-wheel-sample", "version": 4, **HERE.attributes(), "study": study_fingerprint(job.wheel.study),
         **_drawn(job), "standard_deviation": asked.deviations.tolist(), "preload": asked.preloads.tolist(),
         "frequency": job.frequency, "options": repr(job.options),
     }  # fmt: skip
@@ -258,7 +249,7 @@ def _drawn(job: _Job) -> dict[str, Any]:
 def _records(
     job: _Job, asked: _Asked, executor: Executor | None, store: ResultsFile | None, progress: bool
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Records of all peaks and of the whole curves, empty where none was asked for."""
+    """Records of all peaks and of the thorough searches, empty where none was asked for."""
     points = asked.points()
     names = [" ".join(str(value) for value in point.values()) for point in points]
     peaks = run_stored(job, points, names, executor, store, progress, "wheels", "peak")
@@ -270,7 +261,7 @@ def _records(
     at = [int(i) for i in np.flatnonzero(whole) if "interval" in peaks[i]["values"]]
     audited = [points[i] | {"interval": peaks[i]["values"]["interval"]} for i in at]
     for i, record in zip(
-        at, run_stored(job, audited, [f"curve {names[i]}" for i in at], executor, store, progress, "audit", "curve")
+        at, run_stored(job, audited, [f"audit {names[i]}" for i in at], executor, store, progress, "audit", "search")
     ):
         curves[i] = record
     return peaks, curves
@@ -305,7 +296,7 @@ def _result(job: _Job, asked: _Asked, peaks: list[dict[str, Any]], curves: list[
 
 
 def _left(record: Mapping[str, Any]) -> str:
-    """What an audit leaves open at a wheel: nothing, why one direction has not come through, or why there is no curve."""
+    """What an audit leaves open at a wheel: nothing, or why the thorough search has no peak."""
     if not record:
         return "not asked"
-    return record["values"].get("left") or record["status"]
+    return str(record["status"])

@@ -32,19 +32,21 @@ def highest_wheels(height: NDArray, audit: float) -> NDArray:
 @brief
 @dataclass(frozen=True)
 class Audit:
-    """Highest peaks of a search beside those of whole curves of the same wheels, tracked from both ends.
+    """Highest peaks of a search beside those of one with three times the climbs on the same wheels, dampers freed in both.
 
     Parameters
     ----------
     kind : {"drawn before any result", "highest wheels"}
     wheel : (n,) int
     standard_deviation, preload : (n,) float
-    search, curve : (n,) float, m
-        Highest amplitude of any blade by either, the mean of dampers held as in the sweep; NaN where it is not known.
+    search, thorough : (n,) float, m
+        Highest amplitude of any blade by either; NaN where it is not known.
+    error : (n,) float
+        What the search says of its own (:class:`~bdamper.wheel.results.WheelPeak`).
     tolerance : float
-        A peak is missed if the curve is higher by more than this share.
+        A peak is missed if the thorough search is higher by more than this share.
     status : tuple of str
-        "complete" if curves came through in both directions, or why not, or why the search has no peak.
+        "complete", or why one of the searches has no peak.
     """
 
     kind: str
@@ -52,25 +54,31 @@ class Audit:
     standard_deviation: NDArray
     preload: NDArray
     search: NDArray
-    curve: NDArray
+    thorough: NDArray
+    error: NDArray
     tolerance: float
     status: tuple[str, ...]
 
     @property
     def missed(self) -> NDArray:
-        """(n,) bool: where a curve, be it a part of one, is higher than the search has found."""
-        return np.asarray(self.curve > (1.0 + self.tolerance) * self.search)
+        """(n,) bool: where the thorough search has found a higher peak."""
+        return np.asarray(self.thorough > (1.0 + self.tolerance) * self.search)
+
+    @property
+    def covered(self) -> NDArray:
+        """(n,) bool: where the error that the search has named, or the tolerance, covers the higher peak."""
+        return np.asarray(self.thorough <= (1.0 + np.maximum(self.error, self.tolerance)) * self.search)
 
     @property
     def undecided(self) -> NDArray:
-        """(n,) bool: where no peak is missed, and curves did not come through in both directions."""
+        """(n,) bool: where one of the searches has no peak."""
         return ~self.missed & (np.array(self.status) != COMPLETE)
 
     @property
     def share(self) -> Interval:
         """Share of wheels of which a peak was missed anywhere, with its binomial interval of 95 %.
 
-        Of the wheels that are decided: a peak is missed, or both curves came through wherever they were asked for.
+        Of the wheels that are decided: a peak is missed, or both searches have one wherever they were asked.
         """
         missed = np.unique(self.wheel[self.missed])
         open_still = np.setdiff1d(self.wheel[self.undecided], missed)
@@ -78,19 +86,20 @@ class Audit:
 
     @property
     def largest(self) -> float:
-        """Largest relative excess of a curve."""
-        return float(np.nanmax(self.curve / self.search, initial=0.0)) - 1.0
+        """Largest relative excess of the thorough search."""
+        return float(np.nanmax(self.thorough / self.search, initial=0.0)) - 1.0
 
     def __str__(self) -> str:
         n, missed = len(np.unique(self.wheel)), self.missed
         found = self.share
         lines = [
-            f"audit of {n} wheels ({self.kind}), {len(self.wheel)} whole curves from both ends: "
+            f"audit of {n} wheels ({self.kind}), {len(self.wheel)} searches with three times the climbs: "
             f"{100.0 * found.value:.3g} % of the wheels ({100.0 * found.low:.3g} to {100.0 * found.high:.3g} %) missed by "
-            f"more than {100.0 * self.tolerance:g} %, {int(self.undecided.sum())} curves not decided"
+            f"more than {100.0 * self.tolerance:g} %, {int((missed & ~self.covered).sum())} beyond their error, "
+            f"{int(self.undecided.sum())} not decided"
         ]
         for i in np.flatnonzero(missed | self.undecided):
-            excess = f"{100.0 * (self.curve[i] / self.search[i] - 1.0):+.2f} %" if missed[i] else self.status[i]
+            excess = f"{100.0 * (self.thorough[i] / self.search[i] - 1.0):+.2f} %" if missed[i] else self.status[i]
             lines.append(
                 f"  wheel {self.wheel[i]}, {100.0 * self.standard_deviation[i]:g} %, {self.preload[i]:g} N: {excess}"
             )
@@ -168,10 +177,10 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
     audit_share : float
         Probability with which they were, and share of the highest wheels that are audited.
     curve_amplitude : float, m
-        Highest amplitude on whole curves, of the wheels that were audited, with the mean of dampers held as in the sweep.
+        By the thorough search, of the wheels that were audited; in files before 0.7 that of whole curves with dampers held.
     curve_status : tuple of str
     processor, curve_processor : float, s
-        Spent on the peaks and on the whole curves.
+        Spent on the peaks and on the audit.
     drawn : mapping
         Distribution, treatment of the mean, modes, variations of the dampers and seed.
     settings : mapping
@@ -208,7 +217,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
 
     @property
     def complete(self) -> bool:
-        """Whether there is an answer for every wheel, and a whole curve of each that was to be audited."""
+        """Whether there is an answer for every wheel, and a thorough one of each that was to be audited."""
         return all_complete(self.status) and all(s in (COMPLETE, "not asked") for s in self.curve_status)
 
     @property
@@ -283,7 +292,7 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         )  # fmt: skip
 
     def audit(self, tail: bool = False, tolerance: float = 0.01) -> Audit:
-        """The search beside whole curves: of the wheels drawn before any result, or of the highest of each cell."""
+        """The search beside a thorough one: of the wheels drawn before any result, or of the highest of each cell."""
         chosen = np.broadcast_to(np.isin(self.wheels, self.audited)[:, None, None], self.amplitude.shape)
         chosen = highest_wheels(self.amplitude, self.audit_share) if tail else chosen
         status = [s if word(s) == FAILED else c for s, c in zip(self.status, self.curve_status)]
@@ -292,9 +301,9 @@ class MistunedSample(Plottable, Tabular, Storable, kind="bdamper-wheel-sample", 
         i, j, k = np.unravel_index(flat, chosen.shape)
         kind = "highest wheels" if tail else "drawn before any result"
         return Audit(
-            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.held_amplitude.ravel()[flat],
-            self.curve_amplitude.ravel()[flat], validate.number("tolerance", tolerance, above=0.0),
-            tuple(status[n] for n in flat),
+            kind, self.wheels[i], self.standard_deviation[j], self.preload[k], self.amplitude.ravel()[flat],
+            self.curve_amplitude.ravel()[flat], self.error.ravel()[flat],
+            validate.number("tolerance", tolerance, above=0.0), tuple(status[n] for n in flat),
         )  # fmt: skip
 
     def plot_tail(self, *arguments: Any, **options: Any) -> Any:

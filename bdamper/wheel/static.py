@@ -1,7 +1,7 @@
 """Quasi-static contact analysis of a whole wheel whose dampers differ.
 
-The law is that of :mod:`bdamper.contact.preload`, and so is the way: the load grows in steps, and every step starts from
-the sliders of the step before.  The equations of a step are those of the mean alone, solved as those of the vibration are.
+The load grows in steps, and every step starts from the sliders of the step before.  The equations of a step are those of
+the wheel without harmonics: contacts at rest follow the law of :mod:`bdamper.contact.preload`.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC
 from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.system import OK
 from bdamper.util.errors import SettingError, StaticError
-from bdamper.wheel.constants import Constants
-from bdamper.wheel.newton import TOLERANCE, correct, walked
-from bdamper.wheel.static_points import StaticPoints
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
 
 STEPS = 8
+LEFT = 1e-10
+"""On the residual, relative to the load."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,28 +67,23 @@ def static_wheel(
     """
     if (points.law == LAW_CUBIC).any():
         raise SettingError("dampers: expected all alike in a model with cubic springs, found dampers that differ")
-    constants = Constants.of(structure, points, np.array([True, False, False]), pinned)
     scale = max(float(np.abs(load).max() + np.abs(constant).max()), 1e-300)
     touching = np.where(points.n0 < 0.0, 0.0, points.n0)
     scale = max(scale, 1e-9 * float(np.abs(touching).max(initial=0.0)))
-    X = np.zeros((structure.n_blades, 3, structure.n_sector))
-    start, done = replace(points, slider=np.zeros_like(points.slider)), 0.0
-    force = np.zeros((len(points.kn), 3))
-
-    def system_at(factor: float, points: PointArrays) -> WheelSystem:
-        still, weight = np.zeros(load.shape, complex), factor * load + constant
-        return WheelSystem(constants, StaticPoints(points), factor * shift, weight, still, (scale, scale))
-
+    still, u, done = np.zeros(load.shape, complex), np.zeros(load.size), 0.0
+    slider, force = np.zeros((len(points.kn), 2)), np.zeros((len(points.kn), 3))
     for target in history:
         step = (target - done) / STEPS
         least = abs(step) / 64.0
         while done != target:
             now = target if abs(target - done) <= 1.000001 * abs(step) else done + step
-            system = system_at(now, start)
-            found = correct(system, X, 0.0, tolerance=0.1 * TOLERANCE, most=40, line_search=True)
-            if not found.converged:
-                found = walked(system, X, 0.0, tolerance=0.1 * TOLERANCE)
-            if not found.converged:
+            at = replace(points, slider=slider, shift=now * shift.reshape(-1, 3))
+            system = WheelSystem(
+                structure, at, (0,), now * load + constant, still, np.zeros(structure.n), pinned, (scale, scale),
+                0.0 * load,
+            )  # fmt: skip
+            found = system.correct_at(u, 1.0, np.full(len(u) + 1, max(float(np.abs(u).max()), 1e-9)), LEFT, 60, 2)
+            if found.status != OK:
                 step *= 0.5
                 if abs(step) < least:
                     raise StaticError(
@@ -96,13 +91,9 @@ def static_wheel(
                         f"(residual {found.residual:.2g})"
                     )
                 continue
-            X, done = found.X, now
-            x = system.motion(X)
-            x[..., 0] += system.shift
-            u = x.reshape(-1, *x.shape[2:])
-            force = system.contact.forces(u, False)[0][..., 0]
-            stiff = np.where(points.kt > 0.0, points.kt, 1.0)
-            slider = np.where(points.kt > 0.0, u[:, :2, 0] - force[:, :2] / stiff, u[:, :2, 0])
+            u, done = found.y[:-1], now
+            motion, forces, _ = system.contact(u)
+            force, moved = forces[..., 0], motion[..., :2, 0]
+            slider = np.where(points.kt > 0.0, moved - force[:, :2] / np.where(points.kt > 0.0, points.kt, 1.0), moved)
             slider[points.law == LAW_BONDED] = 0.0
-            start = replace(start, slider=slider)
-    return WheelState(X[:, 0], start.slider, force)
+    return WheelState(u.reshape(load.shape), slider, force)

@@ -80,6 +80,27 @@ class Structure:
         return len(self.mass)
 
     @property
+    def n_root(self) -> int:
+        """The last coordinates of a blade, which the disk couples."""
+        return self.disk_stiffness.shape[1]
+
+    @property
+    def damping_ratio(self) -> float:
+        """The least of the tuned wheel's modes."""
+        ratio = self.tuned.damping_ratio
+        return float(np.min(self.local.damping_ratio if ratio is None else ratio))
+
+    def motion(self, x: NDArray) -> NDArray:
+        """(n_blades, n_points, 3) motion of the points by coordinates (n_blades, n_sector)."""
+        ahead = np.concatenate([np.roll(x[:, : self.n], -1, axis=0), x[:, self.n :]], axis=1)
+        return np.where(self.sector[:, None] == 1, *(np.einsum("pij,nj->npi", self.rows, z) for z in (ahead, x)))
+
+    def gathered(self, force: NDArray) -> NDArray:
+        """(n_blades, n_sector) forces on the coordinates of those at the points (n_blades, n_points, 3)."""
+        own, ahead = (np.einsum("pij,npi->nj", self.rows[of], force[:, of]) for of in (self.sector == s for s in (0, 1)))
+        return own + np.concatenate([np.roll(ahead[:, : self.n], 1, axis=0), ahead[:, self.n :]], axis=1)
+
+    @property
     def n_sector(self) -> int:
         """Coordinates of a blade and a damper."""
         return self.n + self.n_damper
@@ -143,6 +164,24 @@ class Structure:
     def with_damper_mass(self, factor: NDArray) -> Structure:
         """The same wheel with dampers (n_blades,) times as heavy."""
         return replace(self, damper_mass=self.damper_mass[:1] * factor[:, None])
+
+    def reduced(self, shapes: NDArray) -> Structure:
+        """The same wheel with its blades moving in shapes (n, m) of their coordinates; the disk couples all of these."""
+        both = (self.n - self.n_root, 0)
+        disk = (np.pad(m, ((0, 0), both, both)) for m in (self.disk_stiffness, self.disk_mass))
+        T = shapes.T
+        return replace(
+            self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
+            disk_stiffness=(of := [T @ m @ shapes for m in disk])[0], disk_mass=of[1],
+            rows=np.concatenate([self.rows[..., : self.n] @ shapes, self.rows[..., self.n :]], axis=2),
+        )  # fmt: skip
+
+    def elastic_forces(self, x: NDArray) -> NDArray:
+        """(n_blades, n) static forces that blades and disk take at coordinates (n_blades, n)."""
+        out = np.einsum("nij,nj->ni", self.stiffness, x)
+        wave = np.fft.fft(x[:, self.n - self.n_root :], axis=0)
+        out[:, self.n - self.n_root :] += np.fft.ifft(np.einsum("dij,dj->di", self.disk_stiffness, wave), axis=0).real
+        return out
 
     def location_rows(self, location: str, direction: str | Sequence[float], what: str) -> NDArray:
         """(n,) motion of a location on the blade along a direction, by its coordinates."""

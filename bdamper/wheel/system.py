@@ -1,423 +1,197 @@
-r"""Harmonic balance of a whole wheel: residual, its derivative, and an approximate inverse of that.
+r"""Harmonic balance of a whole wheel, as equations of the engine.
 
-Unknowns are an array (n_blades, n_coefficients, n_sector): for every sector the coefficients [mean, c1, s1, c2, s2, ...]
-of the coordinates of its blade and its damper (:mod:`bdamper.wheel.structure`).  With :math:`X_l = c_l - i s_l` the
-residual is
+For every sector, with the coordinates of its blade and its damper (:mod:`bdamper.wheel.structure`) and
+:math:`X_l = c_l - i s_l`, the residual is
 
 .. math::
     (K - (l\omega)^2 M + i l \omega C) X_l + P^T F_l - E_l ,
 
 in which the disk and the damping C of the tuned wheel act by a Fourier transform over the sectors and everything else
-sector by sector.  Contact forces F and their tangents are those of the study, point by point.
+sector by sector.  Residual, products and linear equations are those of the core (``csrc/bd_wheel.c``); unknowns are laid
+out as those of a sector, the mean of all sectors first, so that whoever solves or follows equations serves a wheel as well.
 
-**Linear equations.**  The Jacobian is P + R, but for a hundredth.  P has the couplings of the disk cut to next neighbours,
-those of the damping to the own sector, and contacts that move but a part of each blade's coordinates
-(:mod:`bdamper.wheel.condensation`): those left are eliminated sector by sector, then the ring of dampers and root shapes
-(csrc/bd_wheel.c).  R is the rest of disk and damping between root shapes, a Fourier transform away.  With y the part
-of x of the root shapes,
-
-.. math:: (1 + P^{-1} R) \, y = P^{-1} b, \qquad x = P^{-1} (b - R \, y),
-
-is solved iteratively for y alone (GMRES), and the whole, where more than a hundredth is asked for, again for what is left
-of b (:func:`bdamper.wheel.newton.solved`).
-
-**Eased equations** (:class:`Ease`) have more damping, :math:`C + \delta\omega M`, and springs that hold the mean of
-dampers at its static place.  Their solutions lead to those of the wheel itself (:mod:`bdamper.wheel.solution`).
+**Springs** that hold the mean of dampers at its static place make the equations easier: a damper that slips fully is free
+along its axis.  Their solutions lead to those of the wheel itself (:mod:`bdamper.wheel.peak`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+import math
+from collections.abc import Collection
+from copy import copy
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.harmonic_balance.many_points import PAIRS, Elimination, ManyPoints
-from bdamper.wheel.condensation import Condensed, pair
-from bdamper.wheel.constants import Constants
-from bdamper.wheel.static_points import StaticPoints
+from bdamper.contact.laws import Sampled
+from bdamper.contact.points import PointArrays
+from bdamper.harmonic_balance.system import HarmonicSystem, WholeWheel, evaluation_code
+from bdamper.wheel.structure import Structure
 
 NEUTRAL = 1e-8
-"""Springs on the mean of a damper's coordinates in the Jacobian, relative to its stiffness when stuck: a damper that slips
-fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
+"""Springs on the mean of a damper's coordinates in the Jacobian alone, relative to its stiffness when stuck: a damper that
+slips fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
+KEPT = 8
+"""Shapes of the root, the most important ones, whose coupling to neighbours the elimination keeps.  On the shipped disk (9
+points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2; with three harmonics 16, 8 and 6
+take 29, 36 and 104 to 1e-4.  The cost of the ring falls with the third power of their number."""
+
+WIDTHS = 10.0
+"""Of the narrowest resonance: the unit of frequency along a curve.  With that of the interval the first step of a curve of
+a lumped wheel of six blades passes over all its resonances."""
+DENSE = 2000
+"""Unknowns up to which the whole matrix is formed where it is asked for: 32 MB."""
 
 
-@dataclass(frozen=True)
-class Ease:
-    """What makes the equations of a wheel easier to solve.
-
-    Parameters
-    ----------
-    damping : float
-        Loss of all masses, relative to their inertia; the width of a resonance, relative to its frequency.
-    springs : float
-        On the mean of dampers, relative to their stiffness when stuck.
-    """
-
-    damping: float = 0.0
-    springs: float = 0.0
-
-
-PLAIN = Ease()
-
-
-class WheelSystem:
-    """Equations of one wheel at one preload.
+class WheelSystem(HarmonicSystem):
+    """Equations of one wheel at one preload; the response is that of one blade (:meth:`of_blade`).
 
     Parameters
     ----------
-    constants : Constants
-    contact : ManyPoints or StaticPoints
-        All points of the wheel, sector by sector.
-    shift : (n_blades, n_points, 3) float, m
-        Part of the relative motion that the coordinates do not carry.
+    structure : Structure
+    points : PointArrays
+        Of all sectors, sector by sector, with the part of the relative motion that the coordinates do not carry.
+    harmonics : collection of int
+        That are unknowns.
     load : (n_blades, n_sector) float
         Static forces.
     excitation : (n_blades, n_sector) complex
         Forces of the first harmonic.
+    response_row : (n,) float
+        Blade coordinates to the response.
+    missing : (n_blades,) bool
+        Dampers that are not there; their coordinates stay zero.
     force_scale : (2,) float
         Forces of the mean and of the harmonics to which the residual is related.
+    mean : (n_blades, n_sector) float
+        Of the static state, where springs on dampers are at rest.
+    evaluation : {"exact"} or Sampled
 
     Attributes
     ----------
-    home : (n_blades, n_damper) float
-        Static place of the dampers.
+    at_rest : (n_unknowns,) float
+        The static state.
+    holding : float
+        Springs on the mean of dampers, relative to their stiffness when stuck.
     """
 
     def __init__(
         self,
-        constants: Constants,
-        contact: ManyPoints | StaticPoints,
-        shift: NDArray,
+        structure: Structure,
+        points: PointArrays,
+        harmonics: Collection[int],
         load: NDArray,
         excitation: NDArray,
+        response_row: NDArray,
+        missing: NDArray,
         force_scale: tuple[float, float],
+        mean: NDArray,
+        evaluation: str | Sampled = "exact",
     ) -> None:
-        structure = constants.structure
-        self.constants = constants
-        self.structure = structure
-        self.contact = contact
-        self.shift = shift
-        self.n_harmonics = constants.n_harmonics
-        n_coef = 2 * self.n_harmonics + 1
-        self.shape = (structure.n_blades, n_coef, structure.n_sector)
-        self.force = np.zeros(self.shape)
-        self.force[:, 0] = load
-        self.force[:, 1], self.force[:, 2] = excitation.real, -excitation.imag
-        self.order = np.repeat(np.arange(self.n_harmonics + 1), 2)[1:]
-        self.still = np.zeros(self.shape, bool)
-        self.still[:, ~constants.active] = True
-        self.still[constants.pinned, :, structure.n :] = True
-        self.relate(*force_scale)
-        self.force[self.still] = 0.0
-        self.home = np.zeros((structure.n_blades, structure.n_damper))
-        self.evaluations = self.factorisations = self.iterations = 0
+        N, size = structure.n_blades, structure.n_sector
+        self.structure, self.points, self.evaluation = structure, points, evaluation
+        self.n_harmonics = max(1, *harmonics)
+        self.n_mode = np.array([N * size * (l in harmonics) for l in range(self.n_harmonics + 1)], np.intc)
+        self.active = np.repeat(self.n_mode > 0, 2)[1:]
+        self.n_mean, self.n_unknowns = int(self.n_mode[0]), int(self.active.sum()) * N * size
+        self.shape = (N, 2 * self.n_harmonics + 1, size)
+        self.evaluation_code = evaluation_code(evaluation, self.n_harmonics, np.asarray(points.law))
+        self.exact, self.n_points = self.evaluation_code[0] == 0, len(points.kn)
+        self.supported, self.most_evaluations, self.watched = False, math.inf, []
+        self.response_row, self.holding = response_row, 0.0
+        self.narrowest = 2.0 * structure.damping_ratio
+        force = np.zeros(self.shape)
+        force[:, 0] = load
+        force[:, 1], force[:, 2] = excitation.real, -excitation.imag
+        force[missing, :, structure.n :] = 0.0
+        self.force = self.flat(force)
+        self.at_rest = self.flat(np.pad(mean[:, None], ((0, 0), (0, self.shape[1] - 1), (0, 0))))
+        self.force_scale = force_scale
+        self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
+        self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
+        self.stuck = _stuck_springs(structure, points)
+        half, kept = N // 2 + 1, min(KEPT, structure.n_root)
+        n, n_root = structure.n, structure.n_root
+        self.arrays = {
+            "n_sector": N, "n_harm": self.n_harmonics, "n_blade": n, "n_damper": structure.n_damper, "n_root": n_root,
+            "n_kept": kept, "n_point": len(structure.sector), "next": structure.sector == 1, "rows": structure.rows,
+            "active": self.active, "pinned": missing, "stiffness": structure.stiffness, "mass": structure.mass,
+            "disk_stiffness": structure.disk_stiffness[:half], "disk_mass": structure.disk_mass[:half],
+            "damping": structure.damping[:half], "damper_stiffness": structure.damper_stiffness,
+            "damper_mass": structure.damper_mass, "damper_damping": structure.damper_damping,
+            "springs": 0.0 * self.stuck, "neutral": NEUTRAL * self.stuck, "home": mean[:, n:], "kt": points.kt,
+            "kn": points.kn,
+            "mu": points.mu, "n0": points.n0, "w": points.slider, "load": points.n0 if points.load is None else points.load,
+            "shift": points.shift, "force": self.force, "row_scale": self.row_scale, "law": points.law,
+        }  # fmt: skip
+        self._make()
+        self._at_blade(0)
 
-    def relate(self, mean: float, harmonics: float) -> None:
-        """Forces of the mean and of the harmonics to which the residual is related."""
-        self.row_scale = np.full(self.shape, 1.0 / harmonics)
-        self.row_scale[:, 0] = 1.0 / mean
+    def _make(self) -> None:
+        """The core's equations, from arrays of the types that it asks for."""
+        kinds: dict[str, type] = {"law": np.intc, "next": bool, "active": bool, "pinned": bool}
+        kinds |= {"disk_stiffness": complex, "disk_mass": complex, "damping": complex}
+        given: dict[str, Any] = {
+            k: np.ascontiguousarray(v, kinds.get(k, float)) if np.ndim(v) else v for k, v in self.arrays.items()
+        }
+        self.core = WholeWheel(**given, evaluation=self.evaluation_code[0], n_time=self.evaluation_code[1])
 
-    # ---- linear part ----
+    def _at_blade(self, blade: int) -> None:
+        row = np.zeros((self.shape[0], self.shape[2]))
+        row[blade, : self.structure.n] = self.response_row
+        self.response_rows = [row.ravel() * (n > 0) if n else np.zeros(0) for n in self.n_mode]
 
-    def _parts(self, X: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-        """K x, M x, and C x turned by a quarter period, each without the factor of the frequency."""
-        s, n, r = self.structure, self.structure.n, self.structure.local.n_interface
-        K, M, C = np.empty_like(X), np.empty_like(X), np.zeros_like(X)
-        U = X[..., :n]
-        K[..., :n] = U @ s.stiffness.transpose(0, 2, 1)
-        M[..., :n] = U @ s.mass.T
-        K[..., n:], M[..., n:] = s.damper_stiffness * X[..., n:], s.damper_mass[:, None] * X[..., n:]
-        wave = self.waves(U)
-        root = wave[..., n - r :]
-        for out, disk in ((K, s.disk_stiffness), (M, s.disk_mass)):
-            self.add_amplitudes(out[..., n - r : n], np.fft.ifft(root @ disk.transpose(0, 2, 1), axis=0))
-        self.add_amplitudes(C[..., :n], 1j * np.fft.ifft(wave @ s.damping.transpose(0, 2, 1), axis=0))
-        C[..., n:] = turned(s.damper_damping * X[..., n:])
-        C[:, 0] = 0.0
-        return K, M, C
-
-    @staticmethod
-    def waves(U: NDArray) -> NDArray:
-        """(n_blades, n_harmonics + 1, n) complex amplitudes of every nodal diameter."""
-        amplitude = np.empty((U.shape[0], U.shape[1] // 2 + 1, U.shape[2]), complex)
-        amplitude[:, 0] = U[:, 0]
-        amplitude[:, 1:] = U[:, 1::2] - 1j * U[:, 2::2]
-        return np.fft.fft(amplitude, axis=0)
-
-    @staticmethod
-    def add_amplitudes(out: NDArray, amplitude: NDArray) -> None:
-        """Adds complex amplitudes (n_blades, n_harmonics + 1, n) to coefficients."""
-        out[:, 0] += amplitude[:, 0].real
-        out[:, 1::2] += amplitude[:, 1:].real
-        out[:, 2::2] -= amplitude[:, 1:].imag
-
-    def linear(self, X: NDArray, omega: float, damping: float = 0.0) -> NDArray:
-        """(K - (l omega)^2 M + i l omega (C + damping omega M)) x."""
-        K, M, C = self._parts(X)
-        w = (self.order * omega)[:, None]
-        return K - w**2 * M + w * (C + damping * omega * turned(M) if damping else C)
-
-    # ---- contact ----
-
-    def motion(self, X: NDArray) -> NDArray:
-        """(n_blades, n_points, 3, n_coefficients) relative motion without the constant part."""
-        s = self.structure
-        x = np.empty((self.shape[0], len(s.sector), 3, self.shape[1]))
-        for which, points in enumerate(self.constants.groups):
-            z = X if which == 0 else np.concatenate([np.roll(X[..., : s.n], -1, axis=0), X[..., s.n :]], axis=2)
-            v = z @ s.rows[points].reshape(-1, self.shape[2]).T
-            x[:, points] = v.transpose(0, 2, 1).reshape(self.shape[0], len(points), 3, self.shape[1])
-        return x
-
-    def gathered(self, F: NDArray) -> NDArray:
-        """Forces at the points (n_blades, n_points, 3, n_coefficients) on the coordinates."""
-        s = self.structure
-        out = np.zeros(self.shape)
-        for which, points in enumerate(self.constants.groups):
-            f = F[:, points].reshape(self.shape[0], -1, self.shape[1]).transpose(0, 2, 1)
-            z = f @ s.rows[points].reshape(-1, self.shape[2])
-            out[..., s.n :] += z[..., s.n :]
-            out[..., : s.n] += np.roll(z[..., : s.n], which, axis=0)
+    def held(self, springs: float) -> Self:
+        """The same equations with springs on the mean of dampers, relative to their stiffness when stuck."""
+        out = copy(self)
+        out.holding, out.arrays = springs, self.arrays | {"springs": springs * self.stuck}
+        out._make()
         return out
 
-    def forces(self, X: NDArray, tangent: bool = False) -> tuple[NDArray, NDArray, NDArray | None]:
-        """Contact forces (n_blades, n_points, 3, n_coefficients), shares (n_blades, n_points, 5), tangents."""
-        x = self.motion(X)
-        x[..., 0] += self.shift
-        F, shares, T = self.contact.forces(x.reshape(-1, *x.shape[2:]), tangent)
-        self.evaluations += 1
-        active = self.constants.active
-        F[..., ~active] = 0.0
-        if T is not None:
-            T[..., ~active, :] = 0.0
-            T[..., ~active] = 0.0
-            T = T.reshape(*x.shape[:2], *T.shape[1:])
-        return F.reshape(x.shape), shares.reshape(*x.shape[:2], 5), T
-
-    # ---- residual ----
-
-    def residual(self, X: NDArray, omega: float, ease: Ease = PLAIN) -> NDArray:
-        """Residual of the equations, eased or as they are."""
-        return self._residual(X, self.linear(X, omega, ease.damping), self.forces(X)[0], ease)
-
-    def _residual(self, X: NDArray, linear: NDArray, F: NDArray, ease: Ease) -> NDArray:
-        r = linear + self.gathered(F) - self.force
-        if ease.springs:
-            n = self.structure.n
-            r[:, 0, n:] += ease.springs * self.constants.damper_springs * (X[:, 0, n:] - self.home)
-        r[self.still] = X[self.still]
-        return r
-
-    def linearised(self, X: NDArray, omega: float, ease: Ease = PLAIN, held: float = NEUTRAL) -> Linearised:
-        """Residual with its derivatives at a point, the mean of dampers held by springs of so much of their stiffness."""
-        K, M, C = self._parts(X)
-        l = self.order[:, None]
-        F, shares, T = self.forces(X, True)
-        assert T is not None
-        by_omega = -2.0 * l**2 * omega * M + l * C
-        if ease.damping:
-            lost = ease.damping * omega * turned(M)
-            C, by_omega = C + lost, by_omega + 2.0 * l * lost
-        r = self._residual(X, K - (l * omega) ** 2 * M + l * omega * C, F, ease)
-        by_omega[self.still] = 0.0
-        return Linearised(
-            self, omega, r, by_omega, T, shares, (held + ease.springs) * self.constants.damper_springs, ease.damping
-        )
-
-    def size(self, r: NDArray) -> float:
-        """Largest entry of a residual, relative to excitation and static load."""
-        return float(np.abs(r * self.row_scale).max())
-
-
-def turned(x: NDArray) -> NDArray:
-    """Coefficients of i times the amplitudes; none of the mean."""
-    out = np.zeros_like(x)
-    out[:, 1::2], out[:, 2::2] = x[:, 2::2], -x[:, 1::2]
-    return out
-
-
-@dataclass(frozen=True, eq=False)
-class Linearised:
-    """Residual and derivatives at a point.
-
-    Parameters
-    ----------
-    system : WheelSystem
-    omega : float, rad/s
-    residual, by_omega : (n_blades, n_coefficients, n_sector) float
-    tangents : (n_blades, n_points, 7, n_coefficients, n_coefficients) float
-    shares : (n_blades, n_points, 5) float
-    springs : (n_blades, n_damper) float
-        On the mean of dampers.
-    damping : float
-        Of eased equations.
-    """
-
-    system: WheelSystem
-    omega: float
-    residual: NDArray
-    by_omega: NDArray
-    tangents: NDArray
-    shares: NDArray
-    springs: NDArray
-    damping: float = 0.0
-
-    @cached_property
-    def _dense(self) -> NDArray:
-        """(n_blades, n_points, 3 n_coefficients, 3 n_coefficients) tangents."""
-        N, P, _, m, _ = self.tangents.shape
-        out = np.zeros((N, P, 3, m, 3, m))
-        for k, (a, b) in enumerate(PAIRS):
-            out[:, :, a, :, b] = self.tangents[:, :, k]
-        return out.reshape(N, P, 3 * m, 3 * m)
-
-    def product(self, X: NDArray) -> NDArray:
-        """Jacobian times a change of the unknowns."""
-        system = self.system
-        x = system.motion(X)
-        F = np.matmul(self._dense, x.reshape(*x.shape[:2], -1, 1)).reshape(x.shape)
-        r = system.gathered(F)
-        self._add_linear(X, r)
-        r[:, 0, system.structure.n :] += self.springs * X[:, 0, system.structure.n :]
-        r[system.still] = X[system.still]
-        return r
-
-    @cached_property
-    def _waves(self) -> NDArray:
-        """(n_blades, n_harmonics + 1, n, n) complex matrices of disk and damping, transposed, of every nodal diameter."""
-        s, n, r = self.system.structure, self.system.structure.n, self.system.structure.local.n_interface
-        w = self.omega * np.arange(self.system.n_harmonics + 1)[:, None, None]
-        out = 1j * w * s.damping[:, None]
-        out[..., n - r :, n - r :] += s.disk_stiffness[:, None] - (w**2 - 1j * w * self.lost) * s.disk_mass[:, None]
-        return out.transpose(0, 1, 3, 2)
-
-    @property
-    def lost(self) -> float:
-        """Damping of eased equations, relative to the mass (1/s)."""
-        return self.damping * self.omega
-
-    def _add_linear(self, X: NDArray, r: NDArray) -> None:
-        """Adds (K - (l omega)^2 M + i l omega (C + lost M)) x, as :meth:`WheelSystem.linear` does."""
-        system, s = self.system, self.system.structure
-        n, w = s.n, (system.order * self.omega)[:, None]
-        U, Y = X[..., :n], X[..., n:]
-        inertia = U @ s.mass
-        r[..., :n] += U @ s.stiffness.transpose(0, 2, 1) - w**2 * inertia
-        r[..., n:] += (s.damper_stiffness - w**2 * s.damper_mass[:, None]) * Y
-        r[..., n:] += w * turned((s.damper_damping + self.lost * s.damper_mass[:, None]) * Y)
-        if self.damping:
-            r[..., :n] += w * self.lost * turned(inertia)
-        wave = np.matmul(system.waves(U)[:, :, None], self._waves)[:, :, 0]
-        system.add_amplitudes(r[..., :n], np.fft.ifft(wave, axis=0))
-
-    def inverse(self) -> Inverse:
-        """The approximate inverse of the Jacobian here; its memory is that of any other made before in this thread.
-
-        Raises
-        ------
-        FloatingPointError
-            If a block of it is singular.
-        """
-        system, s, k = self.system, self.system.structure, self.system.constants.kept
-        system.factorisations += 1
-        near_k, near_m = (near[-k:, -k:] for near in system.constants.kernel[3:])
-        of, core = system.constants.condensation(self.omega)
-        condensed = of.at(self.omega, system.n_harmonics, self.lost)
-        w = self.omega * np.arange(system.n_harmonics + 1)
-        squares = (w**2)[:, None, None]
-        lost = w[:, None, None] * (s.damper_damping + self.lost * s.damper_mass)
-        own, following = (np.ascontiguousarray(self.tangents[:, g]) for g in system.constants.groups)
-        factored = core.factor(
-            own,
-            following,
-            condensed.stiffness,
-            condensed.damping,
-            np.stack([s.damper_stiffness - squares * s.damper_mass, lost], axis=2),
-            np.ascontiguousarray(self.springs),
-            near_k - squares * near_m,
-        )
-        if not factored:
-            raise FloatingPointError("a sector of the wheel has a singular matrix")
-        return Inverse(self, condensed, core, factored)
-
-
-@dataclass(frozen=True, eq=False)
-class Inverse:
-    """An approximate inverse P of the Jacobian of a system, and what it leaves out (module's docstring).
-
-    It serves until the next one is made in the same thread; the core refuses it afterwards.
-
-    Parameters
-    ----------
-    at : Linearised
-        Where it was made.
-    condensed : Condensed
-    core : Elimination
-        In the C core.
-    factored : int
-        By which the core knows its factors.
-    """
-
-    at: Linearised
-    condensed: Condensed
-    core: Elimination
-    factored: int
-
-    def __call__(self, r: NDArray) -> NDArray:
-        """P^-1 r, (n_blades, n_coefficients, n_sector)."""
-        system, n = self.at.system, self.at.system.structure.n
-        on_b, on_z = self.condensed.forces(r[..., :n])
-        on_b = np.concatenate([on_b, r[..., n:]], axis=2)
-        x = np.empty_like(on_b)
-        self.core.solve(self.factored, on_b, x)
-        left = x.shape[2] - system.structure.n_damper
-        out = np.concatenate([self.condensed.motion(x[..., :left], on_z), x[..., left:]], axis=2)
-        out[system.still] = r[system.still]
+    def of_blade(self, blade: int) -> Self:
+        """The same equations with the response of another blade."""
+        out = copy(self)
+        out._at_blade(blade)
         return out
 
-    @cached_property
-    def by_omega(self) -> NDArray:
-        """P^-1 times the derivative of the residual by the frequency."""
-        return self(self.at.by_omega)
+    def parts_at(self, omega: float) -> tuple[NDArray, NDArray]:
+        """As those of a sector, of the blade that is the response."""
+        return self._parts(np.asarray(self.response_rows[1]))
 
-    def on_root(self, r: NDArray) -> NDArray:
-        """Root shapes' part of P^-1 r, with r on these alone; both (n_blades, n_coefficients, n_root)."""
-        system, k = self.at.system, self.at.system.constants.kept
-        shapes, flexibility = self._condensed_root
-        left, less = shapes.shape[3], r.shape[2] - k
-        on_b, out = np.zeros((*r.shape[:2], left + system.structure.n_damper)), np.empty_like(r)
-        on_b[..., left - k : left] = r[..., less:]
-        for l, Q in enumerate(shapes):
-            on_b[:, pair(l), :left] += r[:, pair(l), :less] @ Q
-        x = np.empty_like(on_b)
-        self.core.solve(self.factored, on_b, x)
-        out[..., less:] = x[..., left - k : left]
-        for l, (Q, F) in enumerate(zip(shapes, flexibility, strict=True)):
-            out[:, pair(l), :less] = x[:, pair(l), :left] @ Q.transpose(0, 2, 1) + r[:, pair(l), :less] @ F
-        return out
+    def evaluate_at(self, y: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+        """As that of a sector; the matrix of a large wheel is not formed."""
+        if self.n_unknowns > DENSE:
+            raise FloatingPointError("the matrix of a large wheel is not formed")
+        return super().evaluate_at(y)
 
-    @cached_property
-    def _condensed_root(self) -> tuple[NDArray, NDArray]:
-        """Condensed root shapes by what is left, and their own flexibility, of the mean and every harmonic."""
-        of, system = self.condensed.of, self.at.system
-        less = slice(system.constants.root.start, system.constants.root.stop - system.constants.kept)
-        rest = of.rest[:, less]
-        shapes = rest @ self.condensed.follow
-        shapes[..., : of.contact.shape[1]] += of.contact[less]
-        return shapes, (rest * self.condensed.flexibility[:, :, None]) @ rest.transpose(0, 2, 1)
+    def flat(self, X: NDArray) -> NDArray:
+        """(n_unknowns,) those of (n_blades, n_coefficients, n_sector)."""
+        return np.ascontiguousarray(X.transpose(1, 0, 2)[self.active]).ravel()
 
-    @cached_property
-    def _far(self) -> NDArray:
-        """(n_blades, n_harmonics + 1, n_root, n_root) complex, transposed, of every nodal diameter."""
-        stiffness, mass, eased, damping = (m[:, None] for m in self.at.system.constants.far)
-        w = self.at.omega * np.arange(self.at.system.n_harmonics + 1)[:, None, None]
-        return (stiffness - w**2 * mass + 1j * w * (damping + self.at.lost * eased)).transpose(0, 1, 3, 2)
+    def array(self, u: NDArray) -> NDArray:
+        """(n_blades, n_coefficients, n_sector) of unknowns (n_unknowns,)."""
+        out = np.zeros((self.shape[1], self.shape[0], self.shape[2]))
+        out[self.active] = u.reshape(-1, self.shape[0], self.shape[2])
+        return out.transpose(1, 0, 2)
 
-    def left_out(self, y: NDArray) -> NDArray:
-        """R y, on root shapes (n_blades, n_coefficients, n_root)."""
-        out = np.zeros_like(y)
-        wave = np.matmul(self.at.system.waves(y)[:, :, None], self._far)[:, :, 0]
-        self.at.system.add_amplitudes(out, np.fft.ifft(wave, axis=0))
-        return out
+    def units(self, y: NDArray, vibration: float, width: float) -> NDArray:
+        """As those of a sector, with no more for the frequency than some widths of the narrowest resonance."""
+        return super().units(y, vibration, min(width, WIDTHS * self.narrowest * y[-1] or width))
+
+    def units_about(self, y: NDArray, width: float) -> NDArray:
+        """Units of a point that may be at rest, with that of the frequency (rad/s) as it is."""
+        least = max(1e-3 * float(np.abs(y[: self.n_mean]).max(initial=0.0)), 1e-12)
+        return super().units(y, max(self.vibration(y), least), width)
+
+    def responses(self, u: NDArray) -> NDArray:
+        """(n_blades, n_harmonics + 1) complex response of all blades, the mean first."""
+        x = self.array(u)[..., : self.structure.n] @ self.response_row
+        return np.column_stack([x[:, 0], x[:, 1::2] - 1j * x[:, 2::2]])
+
+
+def _stuck_springs(structure: Structure, points: PointArrays) -> NDArray:
+    """(n_blades, n_damper) stiffness of the stuck contacts of each damper against its own coordinates."""
+    k = np.concatenate([points.kt, points.kn[:, None]], axis=1).reshape(structure.n_blades, -1)
+    springs = k @ structure.rows[..., structure.n :].reshape(k.shape[1], -1) ** 2
+    return np.maximum(springs, 1e-6 * springs.max(initial=1e-300))

@@ -16,8 +16,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-from bdamper.wheel.constants import Constants
-from bdamper.wheel.loading import Loaded, loaded, wheel_constants, wheel_system
+from bdamper.wheel.loading import Loaded, loaded, missing, wheel_system
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
@@ -114,33 +113,28 @@ class WheelProblem:
         place = self.structure.tuned.response_location
         return self.structure.location_rows(place.location, place.direction, "response")
 
-    def response(self, X: NDArray) -> NDArray:
-        """(n_blades, n_harmonics + 1) complex response of unknowns."""
-        x = X[..., : self.structure.n] @ self.response_row
-        out = np.empty((x.shape[0], x.shape[1] // 2 + 1), complex)
-        out[:, 0] = x[:, 0]
-        out[:, 1:] = x[:, 1::2] - 1j * x[:, 2::2]
-        return out
-
     def damper_shares(self, shares: NDArray) -> NDArray:
-        """(n_blades, 3) stick, slip and open of every damper, from those of all points (n_blades, n_points, 5)."""
-        rub = self.structure.tuned.friction > 0.0
+        """(n_blades, 3) stick, slip and open of every damper, from those of all points (n_blades n_points, 5)."""
+        shares, rub = shares.reshape(self.n_blades, -1, 5), self.structure.tuned.friction > 0.0
         part = shares[:, rub] if rub.any() else np.full((len(shares), 1, 5), np.nan)
         stick, slip = 0.5 * (part[..., 0] + part[..., 2]), 0.5 * (part[..., 1] + part[..., 3])
         return np.stack([stick, slip, part[..., 4]], axis=-1).mean(axis=1)
 
-    @cached_property
-    def constants(self) -> Constants:
-        """What the equations have in common whatever the preload, and memory for their elimination."""
-        return wheel_constants(self.structure, self.dampers)
+    @property
+    def missing(self) -> NDArray:
+        """(n_blades,) bool: dampers that are not there."""
+        return missing(self.structure, self.dampers)
 
-    def system(self, preload: float) -> tuple[WheelSystem, NDArray]:
-        """Equations at a preload (N), with counts of their own, and the mean motion (n_blades, n_sector) at rest."""
+    def state(self, preload: float) -> Loaded:
+        """The static state under a preload (N)."""
         preload = self.tuned().check_preload(preload)
         if preload not in self._states:
             self._states[preload] = loaded(self.structure, preload, self.dampers)
-        state = self._states[preload]
-        return wheel_system(self.constants, state, self.excitation), state.mean
+        return self._states[preload]
+
+    def system(self, preload: float) -> WheelSystem:
+        """Equations at a preload (N), with counts of their own."""
+        return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row, self.missing)
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:

@@ -1,103 +1,50 @@
-"""Contract of the core's elimination of a wheel: its inputs, and that no answer depends on the call before."""
+"""Contract of the core's equations of a wheel: what they refuse."""
 
 import numpy as np
 import pytest
 
 from bdamper import _core
-
-SHAPE = 4, 3, 3  # sectors, coefficients, two coordinates of a blade and one of a damper
-
-
-def wheel(**changes):
-    rng = np.random.default_rng(0)
-    own, following = rng.normal(size=(2, 3, 3)), rng.normal(size=(1, 3, 3))
-    arguments = {
-        "n_sector": 4, "n_harm": 1, "n_blade": 2, "n_damper": 1, "n_kept": 1, "own": own, "next": following,
-        "active": np.ones(3, bool), "pinned": np.zeros(4, bool),
-    }  # fmt: skip
-    return _core.Wheel(**(arguments | changes))
+from tests.core.test_conformance import wheel_arrays
 
 
-def matrix(seed=1):
-    rng = np.random.default_rng(seed)
-    blade = np.tile(4.0 * np.eye(2), (2, 4, 1, 1)) + 0.1 * rng.normal(size=(2, 4, 2, 2))
-    return {
-        "own": 0.1 * rng.normal(size=(4, 2, 7, 3, 3)),
-        "next": 0.1 * rng.normal(size=(4, 1, 7, 3, 3)),
-        "blade": blade,
-        "damping": 0.1 * rng.normal(size=(2, 4, 2, 2)),
-        "damper": 3.0 + rng.random((2, 4, 2, 1)),
-        "springs": rng.random((4, 1)),
-        "neighbour": 0.1 * rng.normal(size=(2, 1, 1)),
-    }
+def arrays(**changes):
+    return wheel_arrays(np.random.default_rng(0)) | changes
 
 
-def solution(core, number, seed=2):
-    r, x = np.random.default_rng(seed).normal(size=SHAPE), np.full(SHAPE, np.nan)
-    core.solve(number, r, x)
-    return x
-
-
-def test_no_solution_before_a_matrix():
-    for number in (0, 1, -1):
-        with pytest.raises(ValueError, match=rf"^factored: expected .* factored last, 0 \(0 for none\), found {number}$"):
-            solution(wheel(), number)
-
-
-def test_no_solution_with_the_matrix_of_another_object():
-    one, other = wheel(), wheel()
-    one.factor(**matrix())
-    two = [other.factor(**matrix(seed)) for seed in (1, 2)]
-    assert two == [1, 2]
-    with pytest.raises(ValueError, match=r"^factored: "):
-        solution(one, two[1])
-
-
-def test_the_solution_is_that_of_the_object_whatever_was_done_before():
-    fresh, used = wheel(), wheel()
-    number = fresh.factor(**matrix())
-    expected = solution(fresh, number)
-    assert np.isfinite(expected).all() and np.abs(expected).max() > 0.01
-    solution(used, used.factor(**matrix(5)), 6)
-    singular = {name: np.zeros_like(array) for name, array in matrix().items()}
-    assert used.factor(**singular) == 0
-    number = used.factor(**matrix())
-    solution(used, number, 7)
-    np.testing.assert_array_equal(solution(used, number), expected)
-
-
-def test_a_singular_matrix_has_no_number_and_takes_that_of_the_one_before():
-    core = wheel()
-    number = core.factor(**matrix())
-    assert core.factor(**{name: np.zeros_like(array) for name, array in matrix().items()}) == 0
-    with pytest.raises(ValueError, match=r"^factored: "):
-        solution(core, number)
-    with pytest.raises(ValueError, match=r"^factored: "):
-        solution(core, 0)
-
-
-@pytest.mark.parametrize("name", list(matrix()))
+@pytest.mark.parametrize("name", [k for k, v in arrays().items() if np.ndim(v) and v.dtype.kind in "fc" and k != "w"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_every_entry_of_a_matrix_is_finite(name, bad):
-    core, arrays = wheel(), matrix()
-    number = core.factor(**arrays)
-    expected = solution(core, number)
-    arrays[name].flat[-1] = bad
-    with pytest.raises(ValueError, match=f"^{name}: expected finite numbers, found {bad} at flat index"):
-        core.factor(**arrays)
-    np.testing.assert_array_equal(solution(core, number), expected)  # refused before anything was touched
+def test_every_number_is_finite(name, bad):
+    wrong = arrays()[name].copy()
+    wrong.flat[-1] = bad
+    with pytest.raises(ValueError, match=f"^{name}: expected "):
+        _core.Wheel(**arrays(**{name: wrong}))
 
 
-@pytest.mark.parametrize("name", ["own", "next"])
-def test_every_row_is_finite(name):
-    rows = np.full((2 if name == "own" else 1, 3, 3), np.inf)
-    with pytest.raises(ValueError, match=f"^{name}: expected finite numbers"):
-        wheel(**{name: rows})
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"n_sector": 2}, "at least 3 sectors"),
+        ({"n_kept": 2}, "no more kept"),
+        ({"n_root": 3}, "no more root coordinates"),
+        ({"active": np.array([True, True, False])}, "cosine and sine of a harmonic together"),
+        ({"active": np.zeros(3, bool)}, "at least one coefficient"),
+        ({"law": np.full(6, 3, np.intc)}, "law"),
+        ({"rows": np.zeros((2, 3, 4))}, "^rows: expected"),
+        ({"n_harm": 0}, "number of harmonics"),
+    ],
+)
+def test_sizes_fit_together(changes, why):
+    with pytest.raises(ValueError, match=why):
+        _core.Wheel(**arrays(**changes))
 
 
-def test_the_right_hand_side_is_finite():
-    core = wheel()
-    number, r = core.factor(**matrix()), np.zeros(SHAPE)
-    r[1, 1, 1] = np.nan
-    with pytest.raises(ValueError, match=r"^r: expected finite numbers"):
-        core.solve(number, r, np.zeros(SHAPE))
+def test_a_wheel_keeps_what_it_was_given():
+    given = arrays()
+    core, y = _core.Wheel(**given), np.append(0.1 * np.arange(27.0), 0.5)
+    r, again = np.empty(27), np.empty(27)
+    core.evaluate(y, r)
+    for value in given.values():
+        if np.ndim(value):
+            value[...] = 0
+    core.evaluate(y, again)
+    np.testing.assert_array_equal(again, r)

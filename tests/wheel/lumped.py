@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import bdamper as bd
+from bdamper.harmonic_balance.conditions import Fixed
 from bdamper.model.local import LocalBasis
 from tests.models import wedge_model
 
@@ -65,3 +66,14 @@ def lumped_study(n_blades=6, engine_order=1, harmonics=1, n_points=4, constraint
         model, bd.Excitation("tip", amplitude=1.0), engine_order, harmonics=harmonics, contact_stiffness=2e6,
         constraints=constraints, blade_modes=local.n, **settings,
     )  # fmt: skip
+
+
+def solution(system, omega, start=None, tolerance=1e-11):
+    """Newton's method with shortened steps at one frequency, from the static state or from unknowns."""
+    y = np.append(system.at_rest if start is None else start, omega)
+    return system.solve(y, Fixed(), system.units_about(y, 1.0), tolerance, 60, 2)
+
+
+def size(system, r):
+    """Largest entry of a residual, relative to excitation and static load."""
+    return float(np.abs(r * system.row_scale).max())

@@ -16,10 +16,9 @@ from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.util.cost import CostMeter
 from bdamper.wheel import Mistuning
-from bdamper.wheel.newton import correct
-from bdamper.wheel.newton import solved as solve_step
 from bdamper.wheel.wheel import Wheel
 from tests.annulus import Annulus, small_sector, small_wheel
+from tests.wheel.lumped import size, solution
 from tests.wheel.test_symmetry import assert_same, turned
 
 PRELOAD, ZETA = 100.0, 2e-3
@@ -45,19 +44,20 @@ def wheel_of(n_blades, harmonics, engine_order=1):
 
 def slip_and_separation(wheel, system, X):
     """Share of the cycle in slip, and of friction points that open and close."""
-    shares = system.forces(X)[1][:, wheel.tuned().friction > 0.0]
+    shares = system.contact(system.flat(X))[2].reshape(len(X), -1, 5)[:, wheel.tuned().friction > 0.0]
     return 0.5 * shares[..., [1, 3]].sum(axis=-1).mean(), ((shares[..., 4] > 0.02) & (shares[..., 4] < 0.98)).mean()
 
 
 def solved(wheel, frequency):
     """A solution from the wave of the tuned wheel, and the equations."""
-    system, _ = wheel.system(PRELOAD)
+    system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * frequency
     y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
-    found = correct(system, wheel.structure.wave(y[:-1]), omega, most=40, line_search=True, tolerance=1e-11)
-    assert found.converged
-    assert min(slip_and_separation(wheel, system, found.X)) > 0.1
-    return found, system
+    found = solution(system, omega, system.flat(wheel.structure.wave(y[:-1])))
+    assert found.status == 0
+    X = system.array(found.y[:-1])
+    assert min(slip_and_separation(wheel, system, X)) > 0.1
+    return X, system
 
 
 class Ring:
@@ -102,9 +102,10 @@ class Ring:
         x = self.all_coordinates(X)
         blades = len(self.K)
         motion = np.einsum("spcj,lj->spcl", self.G, x)
-        motion[..., 0] += self.system.shift
-        F = self.system.contact.forces(motion.reshape(-1, *motion.shape[2:]), False)[0].reshape(motion.shape)
-        out = np.einsum("spcj,spcl->lj", self.G, F) - self.all_coordinates(self.system.force)
+        own, F, _ = (part.reshape(motion.shape[:2] + part.shape[1:]) for part in self.system.contact(self.system.flat(X)))
+        motion[..., 0] += self.system.points.shift.reshape(motion.shape[:3])
+        np.testing.assert_allclose(own, motion, rtol=0, atol=1e-9 * np.abs(motion).max())
+        out = np.einsum("spcj,spcl->lj", self.G, F) - self.all_coordinates(self.system.array(self.system.force))
         u = x[:, :blades]
         out[:, :blades] += u @ self.K
         for l in range(1, len(x) // 2 + 1):
@@ -130,33 +131,35 @@ def test_a_mistuned_wheel_solves_the_equations_of_the_annulus(n_blades):
     wheel = wheel_of(n_blades, 3)
     frequency = AT[n_blades][2]
     found, system = solved(wheel, frequency)
-    ring, omega = Ring(annulus(n_blades), wheel, system), found.omega
-    X = found.X + 0.3 * np.abs(found.X).max(axis=(0, 2), keepdims=True) * np.random.default_rng(1).normal(size=system.shape)
-    X[system.still] = 0.0
+    ring, omega = Ring(annulus(n_blades), wheel, system), 2.0 * np.pi * frequency
+    X = found + 0.3 * np.abs(found).max(axis=(0, 2), keepdims=True) * np.random.default_rng(1).normal(size=system.shape)
     assert min(slip_and_separation(wheel, system, X)) > 0.1
-    exact, own = ring.residual(X, omega), ring.all_coordinates(system.residual(X, omega))
-    np.testing.assert_allclose(own, exact, rtol=0, atol=1e-11 * np.abs(exact).max())
-    amplitude = np.abs(wheel.response(found.X)[:, 1])
+    own = system.array(system.residual(np.append(system.flat(X), omega)))
+    exact = ring.residual(X, omega)
+    np.testing.assert_allclose(ring.all_coordinates(own), exact, rtol=0, atol=1e-9 * np.abs(exact).max())
+    amplitude = np.abs(system.responses(system.flat(found))[:, 1])
     assert amplitude.max() > 1.5 * amplitude.min()
     # the annulus' equations solved by themselves, from a motion that is off by a ten-thousandth
-    X = (1.0 + 1e-4 * np.sin(np.arange(found.X.size)).reshape(found.X.shape)) * found.X
+    X = (1.0 + 1e-4 * np.sin(np.arange(found.size)).reshape(found.shape)) * found
     for _ in range(30):
-        r = ring.of_sectors(ring.residual(X, omega))
-        if system.size(r) < 1e-11:
+        r = system.flat(ring.of_sectors(ring.residual(X, omega)))
+        if size(system, r) < 1e-11:
             break
-        at = system.linearised(X, omega)
-        X = X + solve_step(at, at.inverse(), None, 1e-8, (-r, 0.0))[0]
-    assert system.size(r) < 1e-11
-    assert_same(X, found.X, 1e-7)
+        y = np.append(system.flat(X), omega)
+        step = system.solve_linear(y, np.eye(len(y))[-1], np.ones(len(y)), -np.append(r, 0.0)[None])[0]
+        X = X + system.array(step[:-1])
+    assert size(system, r) < 1e-11
+    assert_same(X, found, 1e-7)
 
 
 @pytest.mark.slow
 def test_a_tuned_wheel_has_the_wave_of_its_study():
     wheel = wheel_of(8, 3).with_(mistuning=None)
-    system, _ = wheel.system(PRELOAD)
+    system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * AT[8][2]
     y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    assert system.size(system.residual(wheel.structure.wave(y[:-1]), omega)) < 1e-7
+    wave = system.flat(wheel.structure.wave(y[:-1]))
+    assert size(system, system.residual(np.append(wave, omega))) < 1e-7
 
 
 def test_directions_of_a_wheel_of_finite_elements():
@@ -164,11 +167,11 @@ def test_directions_of_a_wheel_of_finite_elements():
     frequency = 330.0
     forward = wheel_of(5, 1)
     pattern, backward = forward.mistuning, wheel_of(5, 1, engine_order=4)
-    found, _ = solved(forward, frequency)
+    found, system = solved(forward, frequency)
     other, _ = solved(forward.with_(mistuning=pattern.turned()), frequency)
-    assert_same(other.X, turned(found.X), 1e-7)
-    height = np.abs(forward.response(found.X)[:, 1])
+    assert_same(other, turned(found), 1e-7)
+    height = np.abs(system.responses(system.flat(found))[:, 1])
     for mistuning, places in ((pattern.mirrored(), -np.arange(5)), (pattern, np.arange(5))):
-        back, _ = solved(backward.with_(mistuning=mistuning), frequency)
-        ratio = np.abs(backward.response(back.X)[:, 1])[places] / height
+        back, system = solved(backward.with_(mistuning=mistuning), frequency)
+        ratio = np.abs(system.responses(system.flat(back))[:, 1])[places] / height
         assert np.abs(ratio - 1.0).max() > 1e-3

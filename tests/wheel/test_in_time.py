@@ -5,8 +5,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.wheel import DamperVariation, Mistuning, Wheel
-from bdamper.wheel.newton import correct
-from tests.wheel.lumped import lumped_study
+from tests.wheel.lumped import lumped_study, solution
 
 N, H, PRELOAD, STEPS = 8, 7, 300.0, 600
 """Blades, harmonics, preload (N) and steps of time in a period."""
@@ -40,10 +39,10 @@ class March:
                 b = (a + onward) % N
                 G[a, p, :, b * n : (b + 1) * n] = s.rows[p, :, :n]
                 G[a, p, :, blades + a * nd : blades + (a + 1) * nd] = s.rows[p, :, n:]
-        self.G, self.points, self.shift = G.reshape(-1, total), system.contact.points, system.shift.ravel()
-        inverse = np.linalg.inv(M)
+        self.G, self.points, self.shift = G.reshape(-1, total), system.points, system.points.shift.ravel()
+        inverse, force = np.linalg.inv(M), system.array(system.force)
         self.K, self.C, self.contact = inverse @ K, inverse @ C, inverse @ self.G.T
-        self.mean, self.cosine, self.sine = (inverse @ self.flat(system.force[:, c], n) for c in range(3))
+        self.mean, self.cosine, self.sine = (inverse @ self.flat(force[:, c], n) for c in range(3))
         self.omega, self.n, self.blades = omega, n, blades
 
     @staticmethod
@@ -88,16 +87,14 @@ def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
     study = study.with_(excitation=bd.Excitation("tip", amplitude=100.0), contact_stiffness=3e5, damper_damping_ratio=0.05)
     dampers = DamperVariation.drawn(N, friction_coefficient=0.2, seed=seed) if seed == 3 else None
     wheel = Wheel(study, Mistuning.drawn(N, 0.05, seed=seed), dampers)
-    system, mean = wheel.system(PRELOAD)
-    X, omega = np.zeros(system.shape), 2.0 * np.pi * 190.0
-    X[:, 0] = mean
-    found = correct(system, X, omega, most=60, line_search=True, tolerance=1e-10)
-    assert found.converged
-    shares = found.at.shares[:, wheel.tuned().friction > 0.0]
+    system, omega = wheel.system(PRELOAD), 2.0 * np.pi * 190.0
+    found = solution(system, omega, tolerance=1e-10)
+    assert found.status == 0
+    shares = system.contact(found.y[:-1])[2].reshape(N, -1, 5)[:, wheel.tuned().friction > 0.0]
     assert 0.5 * shares[..., [1, 3]].sum(axis=-1).mean() > 0.2
-    amplitude = np.abs(wheel.response(found.X)[:, 1])
+    amplitude = np.abs(system.responses(found.y[:-1])[:, 1])
     assert amplitude.max() > 1.2 * amplitude.min()
-    marched = np.abs(March(system, omega).run(found.X, 40) @ wheel.response_row)
+    marched = np.abs(March(system, omega).run(system.array(found.y[:-1]), 40) @ wheel.response_row)
     assert abs(marched[0] / amplitude - 1.0).max() > 0.05, "sliders at rest are not those of the vibration"
     assert np.ptp(marched[-10:], axis=0).max() < 1e-3 * amplitude.max(), "steady"
     np.testing.assert_allclose(marched[-1], amplitude, rtol=0.01)

@@ -5,26 +5,27 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bdamper.wheel import Wheel
-from bdamper.wheel import peak as module
+from bdamper.wheel import Wheel, WheelPeakOptions
+from bdamper.wheel.band import band as band_of
+from bdamper.wheel.search import Search
 from tests.wheel.test_symmetry import PATTERN, study
 
 
 @pytest.mark.parametrize("hidden", [(433.0, 447.0), (470.0, 600.0)])
 def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, hidden):
     wheel = Wheel(study(), mistuning=PATTERN)
-    band, options = (425.0, 480.0), module.WheelPeakOptions(least=12, most=12, climbs=1)
+    band, options = (425.0, 480.0), WheelPeakOptions(least=12, most=12, climbs=1)
     whole = wheel.peak(2000.0, band, options=options)
     assert whole.converged and whole.reason == "1 peaks climbed from 12 of 12 points", whole.reason
     assert whole.sweep_frequency[0] == pytest.approx(band[0]) and whole.sweep_frequency[-1] == pytest.approx(band[1])
 
     assert whole.interval == band
-    own = module.solution
+    own = Search.sweep
 
-    def lost(system, X, omega, *arguments):
-        return None if hidden[0] < omega / (2.0 * np.pi) < hidden[1] else own(system, X, omega, *arguments)
+    def lost(search, omega):
+        return [None if hidden[0] < y[-1] / (2.0 * np.pi) < hidden[1] else y for y in own(search, omega)]
 
-    monkeypatch.setattr(module, "solution", lost)
+    monkeypatch.setattr(Search, "sweep", lost)
     part = wheel.peak(2000.0, band, options=options)
     assert not part.converged and part.status == "incomplete" and part.blade == whole.blade
     assert part.amplitude == pytest.approx(whole.amplitude, rel=1e-5)
@@ -33,7 +34,7 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
     assert hidden[0] < low < hidden[0] + step and min(hidden[1], band[1] + 1e-9) - step < high < hidden[1]
     assert "no solution found between" in part.reason
     assert (np.diff(part.sweep_frequency) > 0.0).all()
-    ends = module.band(wheel, 2000.0)
+    ends = band_of(wheel, 2000.0)
     hidden = ends[0] + 0.3 * (ends[1] - ends[0]), ends[0] + 0.6 * (ends[1] - ends[0])
     left = wheel.optimal_curve([2000.0], options=options)
     assert left.status == ("incomplete",)
@@ -42,13 +43,13 @@ def test_a_part_of_the_band_without_solutions_leaves_a_lower_bound(monkeypatch, 
 
 def test_peaks_beyond_the_band_do_not_count():
     wheel = Wheel(study(), mistuning=PATTERN)
-    top = wheel.peak(2000.0, (170.0, 215.0), options=module.WheelPeakOptions(least=12, most=12, climbs=1))
+    top = wheel.peak(2000.0, (170.0, 215.0), options=WheelPeakOptions(least=12, most=12, climbs=1))
     assert top.status == "not found" and np.isnan(top.amplitude) and top.blade == -1 and np.isnan(top.error)
 
 
 def test_candidates_are_of_different_blades_or_frequencies_and_gaps_part_neighbours():
-    wheel = SimpleNamespace(n_blades=2, response=lambda X: X)
     heights = [[1.0, 1.0], [9.0, 8.5], [7.0, 2.0], None, [6.0, 1.0], [3.0, 5.0], [1.0, 1.0]]
-    swept = [h and SimpleNamespace(X=np.array([[0.0, a] for a in h]), omega=float(i)) for i, h in enumerate(heights)]
-    found = [(at.omega, blade) for at, blade in module._candidates(wheel, swept, 5)]
-    assert found == [(1.0, 0), (1.0, 1), (4.0, 0)]
+    system = SimpleNamespace(shape=(2, 3, 1), responses=lambda u: np.column_stack([0.0 * u, u]))
+    swept = [None if h is None else np.array([*h, float(i)]) for i, h in enumerate(heights)]
+    found = [(at[-1], blade) for at, blade in Search(system, 1.0, (0.0, 9.0)).candidates(swept, 5)]
+    assert found == [(1.0, 0), (1.0, 1), (4.0, 0), (5.0, 1)]

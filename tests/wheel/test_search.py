@@ -1,0 +1,136 @@
+"""The search for the highest blade: springs that hold dampers, which peaks are freed, errors, what is connected."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bdamper.wheel import Mistuning, Wheel, WheelPeakOptions
+from bdamper.wheel.band import band
+from bdamper.wheel.search import TOLERANCE, Climbed, Search, uphill
+from tests.wheel.lumped import size, solution
+from tests.wheel.test_symmetry import PATTERN, N, study
+
+FEW = WheelPeakOptions(least=12, most=12, climbs=2)
+SIX = np.array([0.001, -0.001, 0.0, 0.0, 0.002, 0.0])
+"""Deviations of a wheel whose curve at 300 N goes on through some ninety folds beyond its first maximum."""
+
+
+def test_a_held_peak_solves_the_equations_with_its_springs():
+    wheel = Wheel(study(), PATTERN)
+    top = wheel.peak(300.0, options=FEW)
+    assert top.status == "held" and top.found and not top.converged and top.springs > 0.0 and top.error >= 0.06
+    system = wheel.system(300.0)
+    y = np.append(system.flat(top.unknowns), 2.0 * np.pi * top.frequency)
+    assert size(system, system.held(top.springs).residual(y)) <= TOLERANCE
+    assert size(system, system.residual(y)) > 1e-6
+
+
+def test_held_peaks_have_facts_and_pictures():
+    wheel = Wheel(study(), PATTERN)
+    top = wheel.peak(300.0, options=FEW)
+    assert {"highest amplitude", "error by dampers held"} <= {fact.name for fact in top.facts()}
+    top.plot()
+    curve = wheel.optimal_curve([300.0, 2000.0], options=FEW)
+    assert curve.status == ("held", "complete") and list(curve.error > 0.0) == [True, False]
+    assert "dampers held, with error" in [text.get_text() for text in curve.plot().get_legend().get_texts()]
+
+
+@pytest.mark.parametrize(("seed", "preload"), [(9, 300.0), (6, 1000.0), (1, 2000.0)])
+def test_the_peak_is_that_of_its_highest_blade(seed, preload):
+    wheel = Wheel(study(), Mistuning.drawn(N, 0.03, seed=seed))
+    top = wheel.peak(preload)
+    system = wheel.system(preload).held(top.springs)
+    heights = np.abs(top.response[:, 1])
+    assert top.blade == heights.argmax() and top.amplitude == heights.max()
+    width, omega = 2.0 * np.pi * band(wheel, preload)[2], 2.0 * np.pi * top.frequency
+    y = np.append(system.flat(top.unknowns), omega)
+    again = uphill(system.of_blade(top.blade), y, None, system.units_about(y, width))
+    assert np.abs(system.responses(again.y[:-1])).max() == pytest.approx(top.amplitude, rel=1e-4)
+    for aside in (-2e-3 * width, 2e-3 * width):  # on either side that blade is lower
+        found = solution(system, omega + aside, y[:-1])
+        assert found.status == 0
+        assert np.abs(system.responses(found.y[:-1])[top.blade, 1]) < (1.0 + 1e-6) * top.amplitude
+
+
+def test_the_first_maximum_of_a_wheel_with_many_folds_is_connected():
+    """It is the one that a blade keeps (test_in_time); no search may put one further along the curve in its place."""
+    top = Wheel(study(), SIX).peak(300.0)
+    assert top.status == "complete" and top.connected == "yes"
+    assert top.amplitude == pytest.approx(2.248e-3, rel=1e-3) and top.frequency == pytest.approx(235.35, abs=0.01)
+    assert {fact.name: fact.text for fact in top.facts()}["connected with an end of the band"] == "yes"
+
+
+def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
+    top = Wheel(study()).peak(300.0, options=WheelPeakOptions(least=3, most=3))
+    assert top.amplification == pytest.approx(1.0, abs=1e-4)
+
+
+def climbed(blade, springs, heights, **more):
+    return Climbed(None, blade, springs, heights, **more)
+
+
+@pytest.mark.parametrize(
+    ("heights", "order"),
+    [
+        ({0: (8.6, 8.8), 1: (10.0, 6.0), 2: (9.4, 9.5)}, [1, 2, 0]),  # the highest falls, and with it what may be above it
+        ({0: (9.5, 10.5), 1: (10.0, 10.0), 2: (8.9, 20.0)}, [1, 0]),
+    ],
+)
+def test_what_may_be_the_highest_is_freed_next(monkeypatch, heights, order):
+    asked = []
+
+    def weakened(_, peak):
+        asked.append(peak.blade)
+        return climbed(peak.blade, (0.1, 0.0), heights[peak.blade])
+
+    monkeypatch.setattr(Search, "weakened", weakened)
+    held = [climbed(blade, (0.1,), height[:1]) for blade, height in heights.items()]
+    freed = Search(None, 0.0, (0.0, 0.0)).freed(held)
+    assert asked == order
+    assert [peak.height for peak in freed] == [height[blade in order] for blade, height in heights.items()]
+
+
+def test_from_weak_springs_on_only_near_rivals_are_freed_further():
+    far, near = (climbed(k, (0.1, 0.01), (9.9, height)) for k, height in enumerate((9.6, 9.75)))
+    assert far.below == near.below == 0.03 and climbed(0, (0.1,), (1.0,)).below == 0.1
+    asked = []
+    search = SimpleNamespace(weakened=lambda p: asked.append(p.blade) or replace(p, last=True))
+    Search.freed(search, [far, near, climbed(2, (0.1, 0.0), (10.0, 10.0))])
+    assert asked == [1]
+
+
+def test_the_error_of_held_peaks_covers_what_freeing_changes(monkeypatch):
+    seen, own = [], Search.freed
+    monkeypatch.setattr(Search, "freed", lambda self, peaks: seen.extend(own(self, peaks)) or seen)
+    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(500.0, options=FEW)
+    highest = max(seen, key=lambda peak: peak.height)
+    assert top.converged and top.error == 0.0 and top.held_amplitude == max(peak.heights[0] for peak in seen)
+    assert highest.heights[0] > 1.1 * top.amplitude  # springs of a tenth
+    for n in range(1, len(highest.heights)):
+        part = replace(highest, springs=highest.springs[:n], heights=highest.heights[:n])
+        assert abs(top.amplitude / part.height - 1.0) <= part.error < 0.6
+
+
+def test_a_peak_carries_the_error_of_a_rival_that_could_not_be_freed(monkeypatch):
+    own = Search.freed
+
+    def freed(self, peaks):
+        free = max(own(self, peaks), key=lambda peak: peak.height)
+        return [free, replace(free, springs=(0.1,), heights=(0.99 * free.height,), last=True)]
+
+    monkeypatch.setattr(Search, "freed", freed)
+    top = Wheel(study(), PATTERN).peak(2000.0, options=FEW)
+    assert top.status == "complete" and abs(top.error - (0.99 * 1.2 - 1.0)) < 1e-4
+
+
+def test_a_climb_that_never_arrives_is_no_peak(monkeypatch):
+    monkeypatch.setattr("bdamper.wheel.search.uphill", lambda *arguments: None)
+    top = Wheel(study(), Mistuning.drawn(N, 0.03, seed=0)).peak(2000.0, options=FEW)
+    assert top.status == "not found" and np.isnan(top.amplitude) and top.connected == "unknown"
+
+
+def test_a_peak_that_is_never_a_solution_is_none(monkeypatch):
+    monkeypatch.setattr(Search, "settled", lambda self, peak, y=None: None)
+    assert Wheel(study(), PATTERN).peak(2000.0, options=FEW).status == "not found"
