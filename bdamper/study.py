@@ -45,6 +45,7 @@ from bdamper.problem.problem import Problem
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
+from bdamper.stability import kept as in_time
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -183,6 +184,7 @@ class Study(Problem, Comparable):
     verify = verification.verify
     settle = steady_state.settle
     sweep_in_time = time_sweep.sweep_in_time
+    kept = in_time.kept
 
     # peaks and the optimal curve
     @validate.spelt

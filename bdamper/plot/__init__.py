@@ -18,6 +18,7 @@ from bdamper.plot.contact import (
     plot_stiffness,
 )
 from bdamper.plot.curves import (
+    mark_kept,
     mark_settled,
     plot_curve,
     plot_curves,
@@ -54,6 +55,7 @@ __all__ = [
     "animate_damper",
     "colours",
     "damper_picture",
+    "mark_kept",
     "mark_settled",
     "new_axes",
     "plot_accuracy",

@@ -24,6 +24,7 @@ from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.kept import Kept
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label as label_of
 from bdamper.util.text import amount, percent
@@ -40,6 +41,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
     "down": {"color": "tab:blue", "linewidth": 3.0, "alpha": 0.35},
 }
 """Lines of slow sweeps, laid over their curve."""
+KEPT: dict[str, Any] = {
+    "fmt": "D", "color": "tab:green", "markersize": 4.0, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
+    "label": "kept in time, mean and range",
+}  # fmt: skip
+"""Point and bar of what a blade keeps."""
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -425,6 +431,15 @@ def mark_settled(settled: SettledResponse, ax: Axes) -> Axes:
     with drawing(ax, legend=7.0):
         ax.errorbar(settled.frequency, settled.mean, yerr=bar, fmt="s", color="k", markersize=3.0, markerfacecolor="w",
                     capsize=2.0, linewidth=0.8, label=None if known else label)  # fmt: skip
+    return ax
+
+
+@draws(Kept, "mark")
+def mark_kept(kept: Kept, ax: Axes) -> Axes:
+    """Mean and range of what a blade keeps as a point with a bar over response curves."""
+    bar = [[kept.mean - kept.lowest], [kept.highest - kept.mean]]
+    with drawing(ax, legend=7.0):
+        ax.errorbar(kept.frequency, kept.mean, yerr=bar, **KEPT)
     return ax
 
 

@@ -1,0 +1,240 @@
+"""What a blade keeps: a march in time that walks along the upper branch toward its tip until the motion falls.
+
+A peak of the harmonic balance says where a periodic solution is highest, and not whether a motion stays there.  Where
+contacts open, or where a fold is near, it often does not: motions beat, and fall to a lower level before the tip or beyond
+it.  So a march starts beside the tip, where no lower solution exists at the same frequency, and goes toward it in quarters
+of the half width of the resonance, each step from the motion before.  After each step the motion *stays* if the mean of its
+last periods is nearer to this branch than to the next lower solution and does not drift.  Where it falls the last step is
+halved twice.  The highest mean of the motions that stay is what a blade keeps; it is marched again in steps of half the
+length, since coarse steps damp beats.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bdamper.continuation.curve import Curve
+from bdamper.continuation.track import check_curve
+from bdamper.problem.problem import Problem
+from bdamper.stability.disturbances import TWO_PI
+from bdamper.stability.march import March
+from bdamper.stability.time_integration import STEPS, Motion, Ring, ring_of
+from bdamper.util import validate
+from bdamper.util.blas import one_thread
+from bdamper.util.cost import Cost, Stopwatch
+from bdamper.util.errors import SettingError
+from bdamper.util.kept import Kept
+from bdamper.util.progress import LongWork
+from bdamper.util.status import COMPLETE, INTERRUPTED, NOT_FOUND, because
+
+WINDOW = 40
+"""Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20."""
+PERIODS = 3 * WINDOW
+"""Least number of periods at a frequency at which the motion can fall to another solution."""
+MOST = 10 * WINDOW
+"""Periods after which a mean that still drifts is taken as it is."""
+DRIFT = 0.03
+"""Relative change between two means above which a motion has not settled."""
+GRID = 400
+"""Frequencies at which levels are looked up, from the tip to an end of the curve."""
+LOWER = 0.9
+"""Another solution below this part of the amplitude is another level, and no ripple of the branch."""
+DROP = 0.7
+"""Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none."""
+
+
+class Place(NamedTuple):
+    """What was found at one frequency (Hz): amplitudes (m) of the last periods, whether the motion stays, where it is."""
+
+    frequency: float
+    amplitude: NDArray
+    stays: bool
+    motion: Motion
+
+    @property
+    def mean(self) -> float:
+        return float(self.amplitude.mean())
+
+
+class Levels:
+    """The amplitudes (m) of a tracking curve over frequency, branches that close on themselves aside."""
+
+    def __init__(self, curve: Curve) -> None:
+        points = np.flatnonzero(~np.isin(curve.branch, curve.closed))
+        self.frequency, self.amplitude, self.branch, self.unknowns = (
+            np.asarray(x)[points] for x in (curve.frequency, curve.amplitude, curve.branch, curve.unknowns)
+        )
+        self.top = int(np.argmax(self.amplitude))
+
+    def at(self, frequency: float) -> NDArray:
+        """All solutions at a frequency, the highest first."""
+        f, a = self.frequency - frequency, self.amplitude
+        across = np.flatnonzero((f[:-1] * f[1:] <= 0.0) & (f[:-1] != f[1:]) & (np.diff(self.branch) == 0))
+        share = f[across] / (f[across] - f[across + 1])
+        return np.sort(a[across] + share * (a[across + 1] - a[across]))[::-1]
+
+    def start(self, frequency: float) -> NDArray:
+        """Unknowns of the point of the highest level next to a frequency."""
+        high = np.flatnonzero(self.amplitude >= LOWER * self.at(frequency)[0])
+        return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
+
+    def lower(self, frequency: float, own: float) -> float:
+        """The next solution below a level, 0 without one."""
+        return float(max((a for a in self.at(frequency) if a < LOWER * own), default=0.0))
+
+    def side(self, sign: float) -> tuple[float, float]:
+        """Half width (Hz, with its sign) on one side of the tip, and the first frequency half of it away where the branch
+        is alone; NaN where it ends before."""
+        tip, height = self.frequency[self.top], self.amplitude[self.top]
+        end = self.frequency.max() if sign > 0.0 else self.frequency.min()
+        width, before = np.nan, height
+        for f in np.linspace(tip, end, GRID)[1:-1]:
+            own = float(max(self.at(f), default=0.0))
+            if own < DROP * before:
+                break
+            if np.isnan(width) and own <= height / np.sqrt(2.0):
+                width = f - tip
+            if not np.isnan(width):
+                away = np.linspace(tip + 0.5 * width, end, GRID)[:-1]
+                alone = (x for x in away if len(self.at(x)) and not self.lower(x, self.at(x)[0]))
+                return width, float(next(alone, np.nan))
+            before = own
+        return width, np.nan
+
+
+class Walk:
+    """A march along a branch toward its tip and on until the motion falls; the places that were found.
+
+    Parameters
+    ----------
+    ring : Ring
+    levels : Levels
+    steps : int
+        Of a period.
+    """
+
+    def __init__(self, ring: Ring, levels: Levels, steps: int) -> None:
+        self.ring, self.levels, self.steps = ring, levels, steps
+        self.places: list[Place] = []
+        self.fall = float("nan")
+        self.periods = 0
+
+    def visit(self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1) -> Place:
+        """March at one frequency until a motion near the level ``own`` (m) stays or has fallen."""
+        march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
+        lower = self.levels.lower(frequency, own)
+        limit = max(0.5 * (own + lower) if lower else 0.0, DROP * own)
+        while True:
+            march.run(len(march.harmonics) + WINDOW // 2)
+            self.periods += WINDOW // 2
+            n, amplitude = len(march.harmonics), march.amplitude
+            if march.overflowed or n >= MOST:
+                break
+            if n < 2 * WINDOW:
+                continue
+            last, before = float(amplitude[-WINDOW:].mean()), float(amplitude[-2 * WINDOW : -WINDOW].mean())
+            fallen = last < limit and before < limit
+            if fallen or ((n >= PERIODS or not lower) and abs(last / before - 1.0) <= DRIFT):
+                break
+        kept = amplitude[-(2 if finer > 1 else 1) * WINDOW :]
+        return Place(float(frequency), kept, bool(kept.mean() >= limit), march.motion)
+
+    def go(self, start: float, step: float) -> None:
+        """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
+        own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
+        here = self.visit(start, self.levels.start(start), own)
+        while here.stays:
+            self.places.append(here)
+            beyond = (here.frequency - tip) * np.sign(step) > 0.0
+            low = here.mean < LOWER * max(p.mean for p in self.places)
+            following = here.frequency + step
+            if (beyond and low) or not ends.min() <= following <= ends.max():
+                return
+            here = self.follow(here, following)
+        self.fall = here.frequency
+        for _ in range(2 * bool(self.places)):
+            last = self.places[-1]
+            here = self.follow(last, 0.5 * (last.frequency + self.fall))
+            if here.stays:
+                self.places.append(here)
+            else:
+                self.fall = here.frequency
+
+    def follow(self, last: Place, frequency: float) -> Place:
+        """From one place to the next, where the motion is expected to change as the curve does, by a quarter at most."""
+        now, then = (float(max(self.levels.at(f), default=last.mean)) for f in (frequency, last.frequency))
+        return self.visit(frequency, last.motion, last.mean * float(np.clip(now / then, 0.8, 1.25)))
+
+    def best(self) -> Place | None:
+        """The highest motion that stays in steps of half the length, too."""
+        for place in sorted(self.places, key=lambda p: -p.mean):
+            found = self.visit(place.frequency, place.motion._replace(a=None), place.mean, finer=2)
+            if found.stays:
+                return found
+        return None
+
+
+@one_thread
+def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None) -> Kept:
+    """The highest amplitude that a blade keeps at the preload of a tracking curve.
+
+    All sectors that the engine order tells apart are marched, with all nodal diameters that the model carries, whatever
+    the harmonics of the study (:mod:`bdamper.stability.kept`).  Where contacts stay closed and no fold lies within a half
+    width of the peak nothing is marched: the peak is kept.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : Curve
+        Tracked with this problem, from one flank of the resonance to the other.
+    steps_per_period : int, optional
+        256 by default; what is kept is marched again with twice as many.
+
+    Returns
+    -------
+    Kept
+        After Ctrl-C the highest motion so far that stays; "not found" where none does.
+
+    Raises
+    ------
+    SettingError
+        If the curve has no peak, or the settings describe something else than a structure in time.
+    """
+    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    check_curve(problem, curve)
+    if curve.peak_at_end:
+        raise SettingError(f"kept: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")
+    watch, levels, top = Stopwatch(), Levels(curve), curve.peak
+    sides = [levels.side(sign) for sign in (1.0, -1.0)]
+    width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
+    near = np.abs(curve.frequency - top.frequency) <= width
+    found = Kept(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude)
+    if not (np.asarray(curve.shares)[near, 2] > 0.0).any() and not any(near[f.index] for f in curve.folds):
+        return replace(found, cost=Cost(**watch.read()))
+    none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
+    ways = [side for side in sides if np.isfinite(side[1])]
+    if not ways:
+        return replace(none, status=because(NOT_FOUND, "the branch is alone nowhere beside its tip; follow more of it"))
+    step, start = min(ways, key=lambda side: abs(side[1] - top.frequency))
+    ring = ring_of(problem, curve.preload)
+    walk, best = Walk(ring, levels, STEPS if steps_per_period is None else steps_per_period), None
+    with LongWork() as work:
+        walk.go(start, -step / 4.0)
+        best = walk.best()
+    if work.interrupted and best is None:
+        best = max(walk.places, key=lambda p: p.mean, default=None)
+    carried, all_ = len(ring.nodal_diameters), ring.n // 2 + 1
+    short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
+    cost = replace(ring.cost, **watch.read())
+    none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
+    if best is None:
+        return replace(none, status=INTERRUPTED if work.interrupted else because(NOT_FOUND, "no motion stays"))
+    return replace(
+        none, mean=best.mean, lowest=float(best.amplitude.min()), highest=float(best.amplitude.max()), fall=walk.fall,
+        frequency=best.frequency, direction="up" if step < 0.0 else "down",
+        status=INTERRUPTED if work.interrupted else because(COMPLETE, short),
+    )  # fmt: skip

@@ -1,0 +1,95 @@
+"""What a blade keeps: the highest motion that the march in time stays at, as a result carries it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from bdamper.util.cost import Cost
+from bdamper.util.plotting import Fact, draw
+from bdamper.util.repr import brief
+from bdamper.util.status import COMPLETE
+from bdamper.util.text import amount
+
+
+@brief
+@dataclass(frozen=True)
+class Kept:
+    """The highest amplitude that a blade keeps at one preload, by a march in time toward the tip of the response.
+
+    Parameters
+    ----------
+    mean, lowest, highest : float, m
+        Amplitude of the harmonic of the excitation: mean over the last periods, and of single periods among them.
+    frequency, preload : float, Hz, N
+    balance : float, m
+        Highest peak of the harmonic balance, from beside which the march came.
+    fall : float, Hz
+        Where the motion fell to another level; NaN where it did not.
+    direction : {"down", "up", ""}
+        Way of the frequency; empty where nothing had to be marched.
+    periods : int
+        Marched in all.
+    diameters : tuple of int
+        Nodal diameters that took part.
+    status : str
+        "complete", "interrupted", or "incomplete: " with the reason.
+    cost : Cost
+    """
+
+    mean: float
+    lowest: float
+    highest: float
+    frequency: float
+    preload: float
+    balance: float
+    fall: float = float("nan")
+    direction: str = ""
+    periods: int = 0
+    diameters: tuple[int, ...] = ()
+    status: str = COMPLETE
+    cost: Cost = field(default_factory=Cost)
+
+    @property
+    def marched(self) -> bool:
+        """Whether anything had to be marched."""
+        return self.periods > 0
+
+    @property
+    def factor(self) -> float:
+        """Highest period over the amplitude of the balance, by which stress of the balance is scaled."""
+        return self.highest / self.balance
+
+    @property
+    def text(self) -> str:
+        """Mean and range: "55 µm (53 to 58)"."""
+        mean = amount(self.mean, "m")
+        scale = float(mean.split()[0]) / self.mean
+        return f"{mean} ({scale * self.lowest:.3g} to {scale * self.highest:.3g})"
+
+    def mark(self, ax: object) -> object:
+        """Draw mean and range as one point with a bar over response curves (:func:`bdamper.plot.mark_kept`)."""
+        return draw(self, "mark", ax)
+
+    def facts(self) -> tuple[Fact, ...]:
+        """Amplitude with its range, and where the motion falls."""
+        return (
+            Fact("a blade keeps", self.mean, "m"),
+            Fact("lowest period", self.lowest, "m"),
+            Fact("highest period", self.highest, "m"),
+            Fact("at the frequency", self.frequency, "Hz"),
+            Fact("falls at", self.fall, "Hz"),
+            Fact("periods marched", self.periods),
+            Fact("kept is", self.status),
+        )
+
+    def __str__(self) -> str:
+        head = f"at {self.preload:g} N a blade keeps {self.text} at {self.frequency:.6g} Hz, {self.status}"
+        if not self.marched:
+            if self.mean != self.mean:
+                return f"at {self.preload:g} N what a blade keeps is {self.status}"
+            return f"{head}\n  contacts stay closed and no fold is near: the peak of the harmonic balance is kept"
+        fall = f", falls at {self.fall:.6g} Hz" if self.fall == self.fall else ", does not fall"
+        return (
+            f"{head}\n  marched {self.direction}{fall}; the balance has {amount(self.balance, 'm')}; {self.periods} "
+            f"periods, nodal diameters {', '.join(map(str, self.diameters))}\n  {self.cost}"
+        )

@@ -1,0 +1,120 @@
+"""What a blade keeps at one preload, by the walk of ``study.kept``: the shipped disk, and drawn scenes beside slow sweeps.
+
+``python -m benchmarks kept`` computes what ``results/kept.json`` does not have yet and prints two tables: the cases of
+``docs/measured.md`` at the default step and at half of it, and scenes that are drawn before any of them is marched (seed
+:data:`SEED`), each beside a sweep of ``study.sweep_in_time`` down or up along the same branch, from far.
+``python -m benchmarks.bench_kept NAME ...`` computes single ones, ``show`` none.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import bdamper as bd
+
+RESULTS = Path(__file__).parent / "results" / "kept.json"
+SEED, SCENES = 38, 20
+BAND = {5: (285.0, 380.0), 10: (285.0, 380.0), 13: (285.0, 380.0)}
+CASES = {
+    "residual modes, mu 0.4, 103.5 N": ("residual_modes", 0.4, 103.5, 55.0),
+    "residual modes, mu 0.4, 125 N": ("residual_modes", 0.4, 125.0, 58.0),
+    "residual modes, mu 0.4, 500 N": ("residual_modes", 0.4, 500.0, 155.0),
+    "unit tractions, mu 0.4, 125 N": ("unit_traction", 0.4, 125.0, 97.0),
+    "unit tractions, mu 0.4, 500 N": ("unit_traction", 0.4, 500.0, 151.0),
+    "residual modes, mu 0.23, 78.6 N": ("residual_modes", 0.23, 78.6, 29.0),
+}
+"""Contact stiffness, friction coefficient, preload (N), and the mean (\u00b5m) that an independent march has kept."""
+
+
+def study(stiffness: str, friction: float, engine_order: int = 5) -> bd.Study:
+    return bd.Study(
+        bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), engine_order, friction_coefficient=friction,
+        contact_stiffness=stiffness,
+    )  # fmt: skip
+
+
+def scenes() -> dict[str, tuple[str, float, int, float]]:
+    """Contact stiffness, friction coefficient, engine order and preload (N) of the scenes, by name."""
+    rng, out = np.random.default_rng(SEED), {}
+    for k in range(SCENES):
+        stiffness, order = ("residual_modes", "unit_traction")[int(rng.integers(2))], (5, 10)[int(rng.integers(2))]
+        friction = round(float(rng.uniform(0.1, 0.6)), 2)
+        preload = round(float(60.0 / np.sqrt(friction) * np.exp(rng.uniform(0.0, np.log(8.0)))), 1)
+        out[f"scene {k}"] = stiffness, friction, order, preload
+    return out
+
+
+def walked(name: str, steps: int) -> dict[str, Any]:
+    """A case at so many steps a period."""
+    stiffness, friction, preload, expected = CASES[name]
+    of = study(stiffness, friction)
+    curve = of.track(preload, BAND[5])
+    return {**record(of.kept(curve, steps_per_period=steps)), "expected": expected}
+
+
+def record(kept: Any) -> dict[str, Any]:
+    return {
+        "mean": 1e6 * kept.mean, "lowest": 1e6 * kept.lowest, "highest": 1e6 * kept.highest, "frequency": kept.frequency,
+        "fall": kept.fall, "balance": 1e6 * kept.balance, "direction": kept.direction, "periods": kept.periods,
+        "status": kept.status, "processor": kept.cost.processor,
+    }  # fmt: skip
+
+
+def beside_a_sweep(name: str) -> dict[str, Any]:
+    """What is kept in a scene, and the highest mean over a memory of a slow sweep from far along the same way."""
+    stiffness, friction, order, preload = scenes()[name]
+    of = study(stiffness, friction, order)
+    curve = of.track(preload, BAND[order])
+    found = of.kept(curve)
+    out = {"scene": [stiffness, friction, order, preload], **record(found)}
+    if not found.marched or not np.isfinite(found.mean):
+        return out
+    tip, away = found.frequency, 8.0
+    ends = (tip - away, tip + away / 2.0) if found.direction == "up" else (tip - away / 2.0, tip + away)
+    sweep = of.sweep_in_time(preload, ends, up=found.direction == "up", rate=4.0, check=False, start=curve)
+    window = 80
+    means = np.convolve(sweep.amplitude, np.ones(window) / window, "valid")
+    k = int(means.argmax())
+    return {**out, "sweep": 1e6 * float(means[k]), "sweep_at": float(sweep.frequency[k + window // 2]),
+            "sweep_processor": sweep.cost.processor}  # fmt: skip
+
+
+def main() -> None:
+    """Compute what is missing, and print the tables."""
+    known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    asked = sys.argv[1:] if sys.argv[0].endswith("bench_kept.py") else []
+    jobs = {f"{name}/{steps}": (walked, name, steps) for steps in (256, 512) for name in CASES}
+    jobs |= {name: (beside_a_sweep, name) for name in scenes()}
+    for name, (function, *arguments) in jobs.items():
+        if name not in known and (not asked or name in asked):
+            begin = time.process_time()
+            known[name] = {**function(*arguments), "seconds": round(time.process_time() - begin, 1)}
+            RESULTS.write_text(json.dumps(known, indent=1) + "\n")
+            print(name, known[name], flush=True)
+    print("| preload | peak of the balance (\u00b5m) | kept, 256 steps | at half the step | independent march |")
+    print("|---|---|---|---|---|")
+    for name in CASES:
+        both = [known.get(f"{name}/{steps}") for steps in (256, 512)]
+        cells = [f"{r['mean']:.1f} ({r['lowest']:.0f} to {r['highest']:.0f}) at {r['frequency']:.1f} Hz, "
+                 f"{r['processor']:.0f} s" if r else "" for r in both]  # fmt: skip
+        if both[0]:
+            print(f"| {name} | {both[0]['balance']:.1f} | {' | '.join(cells)} | {both[0]['expected']:g} |")
+    print("\n| scene | peak of the balance (\u00b5m) | kept | slow sweep | difference |\n|---|---|---|---|---|")
+    for name in scenes():
+        r = known.get(name, {})
+        if "sweep" in r:
+            off = 100.0 * (r["mean"] / r["sweep"] - 1.0)
+            print(f"| {', '.join(map(str, r['scene']))} | {r['balance']:.1f} | {r['mean']:.1f} ({r['lowest']:.0f} to "
+                  f"{r['highest']:.0f}) | {r['sweep']:.1f} | {off:+.1f} % |")  # fmt: skip
+        elif r:
+            print(f"| {', '.join(map(str, r['scene']))} | {r['balance']:.1f} | {r['mean']:.1f} | not marched | |")
+
+
+if __name__ == "__main__":
+    main()

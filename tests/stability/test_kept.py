@@ -1,0 +1,120 @@
+"""What a blade keeps: levels of a curve, the walk to the fall of one mass, the reference disk."""
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.stability import kept as room
+from bdamper.stability.kept import Levels
+from tests.stability.test_march import structure
+from tests.stability.test_time_sweep import F0, W0, one_mass
+
+
+@pytest.fixture(scope="module")
+def bent():
+    """A spring that is pressed on opens at large amplitudes: the resonance bends to lower frequencies and folds."""
+    study = one_mass(normal=0, kn=0.5 * W0**2, preload=5.0)
+    return study, study.with_(harmonics=5).track(0.0, (9.0, 14.0))
+
+
+@pytest.fixture(scope="module")
+def walked(bent):
+    study, curve = bent
+    return study.with_(harmonics=5).kept(curve)
+
+
+def test_levels_and_sides_of_a_curve(bent):
+    _, curve = bent
+    levels, (low, high) = Levels(curve), sorted(fold.frequency for fold in curve.folds)
+    assert len(levels.at(0.5 * (low + high))) == 3 and len(levels.at(high + 0.1)) == 1
+    middle = levels.at(0.5 * (low + high))
+    assert list(middle) == sorted(middle, reverse=True)
+    assert levels.lower(0.5 * (low + high), middle[0]) == middle[1] and levels.lower(high + 0.1, 1.0) < 1.0
+    width, start = levels.side(1.0)
+    assert (
+        width > 0.0
+        and start > high
+        and levels.at(curve.peak.frequency + width)[0] == pytest.approx(curve.peak.amplitude / np.sqrt(2.0), rel=0.05)
+    )
+    assert np.isnan(levels.side(-1.0)[1]), "to the other side the branch ends at its fold"
+
+
+def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
+    """Its motion is periodic: what is kept is the branch of five harmonics, and it falls at the fold of that."""
+    _, curve = bent
+    assert walked.status == "complete" and walked.direction == "down" and walked.diameters == (0,)
+    low = min(fold.frequency for fold in curve.folds)
+    assert low - 0.15 < walked.fall < walked.frequency and walked.frequency == pytest.approx(low, abs=0.25)
+    on = Levels(curve).at(walked.frequency)
+    assert walked.mean == pytest.approx(on[0], rel=0.02) and walked.highest < 1.01 * walked.mean
+    assert walked.balance == curve.peak.amplitude and 0.9 < walked.factor <= 1.01
+    assert "falls at" in str(walked) and walked.text in str(walked)
+
+
+def test_a_kept_motion_marks_a_picture(bent, walked):
+    ax = walked.mark(bent[1].plot())
+    assert "kept in time, mean and range" in ax.get_legend_handles_labels()[1]
+    plt.close("all")
+
+
+def test_where_contacts_stay_closed_the_peak_is_kept():
+    study = one_mass(tangential=0, kt=1e-3, mu=0.3, preload=1e3)
+    curve = study.track(0.0, (9.5, 10.5))
+    found = study.kept(curve)
+    assert not found.marched and found.mean == found.highest == curve.peak.amplitude and found.factor == 1.0
+    assert "the peak of the harmonic balance is kept" in str(found)
+
+
+def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent):
+    study, _ = bent
+    curve = study.with_(harmonics=5).track(0.0, (9.0, 10.6))
+    if curve.peak_at_end:
+        with pytest.raises(bd.SettingError, match=r"^kept: expected a curve with a peak"):
+            study.with_(harmonics=5).kept(curve)
+    else:
+        assert study.with_(harmonics=5).kept(curve).status.startswith("not found: the branch is alone nowhere")
+
+
+def test_an_interruption_keeps_the_highest_motion_so_far(bent, monkeypatch):
+    study, curve = bent
+    visit, calls = room.Walk.visit, []
+
+    def stopped(walk, *arguments, **options):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return visit(walk, *arguments, **options)
+
+    monkeypatch.setattr(room.Walk, "visit", stopped)
+    found = study.with_(harmonics=5).kept(curve)
+    assert found.status == "interrupted" and found.frequency > F0 and np.isfinite(found.mean)
+
+
+def test_every_nodal_diameter_that_the_model_carries_is_marched():
+    from bdamper.stability.time_integration import every_diameter, ring_of
+
+    study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4, harmonics=3)
+    ring = ring_of(study, 125.0)
+    assert ring.n == 13 and ring.nodal_diameters == (0, 5, 10, 15, 20, 25, 30)
+    # harmonics 6 and 7 share a diameter, each with residual modes of its own: one set is turned to the other
+    wide = ring_of(study.with_(harmonics=8), 125.0)
+    assert wide.nodal_diameters == ring.nodal_diameters and wide.n_coordinates == ring.n_coordinates
+    for l, basis in enumerate(wide.wide.bases):
+        own, reversed_ = wide._family(l)
+        G = np.asarray(wide.wide.bases[own].G).reshape(-1, len(basis.omega2))
+        mine = np.asarray(basis.G).reshape(G.shape)
+        turned = G @ wide._turns[l]
+        np.testing.assert_allclose(turned, mine.conj() if reversed_ else mine, atol=1e-6 * np.abs(mine).max())
+    assert every_diameter(study.with_(single_basis=True)).harmonic_numbers == (1, 2, 3)
+    assert structure().n_harmonics == 3
+
+
+@pytest.mark.slow
+def test_the_reference_disk_beside_an_independent_march():
+    """Unit tractions at 125 N: 97 \u00b5m, and falls between 308 and 311 Hz."""
+    study = bd.Study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5, friction_coefficient=0.4,
+                     contact_stiffness="unit_traction")  # fmt: skip
+    found = study.kept(study.track(125.0, (285.0, 380.0)))
+    assert found.mean == pytest.approx(97e-6, rel=0.05) and 308.0 < found.fall < 312.0
+    assert found.lowest < 0.97 * found.mean < 1.03 * found.mean < found.highest
