@@ -12,6 +12,7 @@ from bdamper.fe import Geometry, MeshDensity, SectorFE
 from bdamper.fe.assemble import Discretisation, local_order
 from bdamper.fe.geometry import turn
 from bdamper.io import ContactFaces, FEBody, read_calculix
+from bdamper.io.calculix import read_frd_stress
 from bdamper.io.fe_body import UNITS
 from examples.calculix.decks import blade_sets, damper_sets, run_job
 
@@ -21,6 +22,8 @@ EDGES = {
     8: ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)),
 }
 """Pairs of corners with a node between them, in the order of CalculiX and Abaqus."""
+OUTPUT = ["*NODE FILE", "U", "*EL FILE", "S", "*END STEP"]
+_HEXAHEDRON = ((0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0))
 _TETRAHEDRA = [(0, a, b, 6) for a, b in ((1, 2), (2, 3), (3, 7), (7, 4), (4, 5), (5, 1))]
 _WEDGES = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
 
@@ -48,14 +51,28 @@ def deck(kind: str, nodes: np.ndarray, elements: np.ndarray, young: float, nu: f
     lines = ["*NODE, NSET=ALL"]
     lines += [f"{k}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(nodes, 1)]
     lines.append(f"*ELEMENT, TYPE={kind}, ELSET=BODY")
-    for k, element in enumerate((elements + 1).tolist(), 1):
-        words = [str(k), *map(str, element)]
-        lines += [", ".join(words[i : i + 11]) + ("," if len(words) > i + 11 else "") for i in range(0, len(words), 11)]
+    lines += _element_lines(elements)
     lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", f"{young:.12e}, {nu}", "*DENSITY", f"{density:.12e}"]
     lines += ["*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"]
     for name, members in dict(sets).items():
         lines += [f"*NSET, NSET={name}", *(f"{n + 1}," for n in members)]
     return "\n".join(lines)
+
+
+def _element_lines(elements: np.ndarray, before: int = 0) -> list[str]:
+    lines = []
+    for k, element in enumerate((elements + 1).tolist(), before + 1):
+        words = [str(k), *map(str, element)]
+        lines += [", ".join(words[i : i + 11]) + ("," if len(words) > i + 11 else "") for i in range(0, len(words), 11)]
+    return lines
+
+
+def _surface(elements: np.ndarray, nodes: np.ndarray) -> list[str]:
+    """Faces of elements (tetrahedra or hexahedra) all of whose corners are among nodes."""
+    n_corner = {4: 4, 10: 4}.get(elements.shape[1], 8)
+    faces = {4: ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0))}.get(n_corner, _HEXAHEDRON)
+    inside = np.isin(elements[:, :n_corner], nodes)
+    return [f"{e + 1}, S{k}" for k, face in enumerate(faces, 1) for e in np.flatnonzero(inside[:, face].all(axis=1))]
 
 
 @dataclass
@@ -127,6 +144,33 @@ class OwnSector:
         text = deck(self.kind, nodes, elements, m.youngs_modulus * scale[0], m.poisson_ratio, m.density * scale[1], planes)
         return text, planes, nodes
 
+    def steps_of_modes(self, nodal_diameter: int, n_modes: int) -> list[str]:
+        """A step for modes of one nodal diameter, each of which comes twice, with their stress."""
+        select = f"*SELECT CYCLIC SYMMETRY MODES, NMIN={nodal_diameter}, NMAX={nodal_diameter}"
+        return ["*STEP", "*FREQUENCY", f"{2 * n_modes},", select, *OUTPUT]
+
+    def cyclic(self, steps: list[str], bonded: bool = False) -> str:
+        """The sector with its faces tied, and with its damper bonded to both blades, and steps."""
+        text, sets, nodes = self.text("sector")
+        elements = self.mesh(self.fe.blade, blade_sets(self.fe))[1]
+        lines, first, near = [text, "*BOUNDARY", "BORE, 1, 3"], len(nodes), 1e-3 / UNITS[self.units].length
+        dependent, independent = [np.setdiff1d(sets["HIGH"], sets["BORE"])], ["LOW"]
+        if bonded:
+            own, solids, faces = self.mesh(self.fe.damper.body, damper_sets(self.fe))
+            lines += ["*NODE", *(f"{k}, {x:.12e}, {y:.12e}, {z:.12e}" for k, (x, y, z) in enumerate(own, first + 1))]
+            lines += [f"*ELEMENT, TYPE={self.kind}, ELSET=DAMPER", *_element_lines(solids + first, len(elements))]
+            lines += ["*SOLID SECTION, ELSET=DAMPER, MATERIAL=STEEL"]
+            lines += ["*SURFACE, NAME=LEFT, TYPE=NODE", *(f"{n + 1 + first}," for n in faces["LEFT"])]
+            lines += ["*SURFACE, NAME=UNDER", *_surface(elements, sets["RIGHT_UNDERSIDE"])]
+            lines += [f"*TIE, NAME=BOND, POSITION TOLERANCE={near:g}, ADJUST=NO", "LEFT, UNDER"]
+            dependent.append(faces["RIGHT"] + first)
+            independent.append("LEFT_UNDERSIDE")  # of the next blade
+        lines += ["*SURFACE, NAME=DEPENDENT, TYPE=NODE", *(f"{n + 1}," for n in np.concatenate(dependent))]
+        lines += ["*SURFACE, NAME=INDEPENDENT", *(line for name in independent for line in _surface(elements, sets[name]))]
+        lines += [f"*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE={near:g}", "DEPENDENT, INDEPENDENT"]
+        lines += [f"*CYCLIC SYMMETRY MODEL, N={self.geometry.n_blades}, NGRAPH=1, TIE=CYCLE"]
+        return "\n".join([*lines, "0., 0., 0., " + ", ".join(map(str, self.axis)), *steps, ""])
+
     def write_and_run(self, folder: Path) -> None:
         """Both decks with stored matrices, in ``folder``."""
         for name in ("sector", "damper"):
@@ -137,6 +181,16 @@ class OwnSector:
     def read(self, folder: Path) -> tuple[FEBody, FEBody]:
         """Sector and damper."""
         return read_calculix(folder / "sector"), read_calculix(folder / "damper")
+
+    def stress_of(self, path: Path, k: int = 0, name: str = "FILLET") -> np.ndarray:
+        """Stress (n, 6), Pa, of step or mode ``k`` of a result file at a set of the sector, in the axes of the model."""
+        numbers, stress = read_frd_stress(path)[k]
+        found = stress[np.searchsorted(numbers, self.text("sector")[1][name] + 1)]
+        full = np.empty((len(found), 3, 3), found.dtype)
+        for c, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
+            full[:, i, j] = full[:, j, i] = found[:, c]
+        turned = np.einsum("ai,nab,bj->nij", self.axes, full, self.axes) * UNITS[self.units].mass / UNITS[self.units].length
+        return turned[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
 
     @property
     def settings(self) -> dict:

@@ -14,14 +14,14 @@ from bdamper.fe.contact_points import wedge_patches
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.stress import blade_points
 from bdamper.io import build_model
-from bdamper.io.calculix import read_frd_stress, read_inp
+from bdamper.io.calculix import read_inp
 from bdamper.io.contact_faces import lay_contacts
 from bdamper.io.prepare import PreparedBody, placement
 from bdamper.reduction.element_stress import von_mises_size
 from bdamper.util.errors import BdamperError
 from examples.calculix.decks import run_job
 from tests.fe_bodies import FIRST_NUMBER, SPARSE, contacts, sector_and_damper
-from tests.own_sector import OwnSector
+from tests.own_sector import OUTPUT, OwnSector
 
 STEEL = (2.1e11, 0.3)
 SETTINGS = {
@@ -141,20 +141,6 @@ def test_type_and_material_of_a_deck(tmp_path):
 # A user's own sector
 
 
-def cyclic_deck(own, nodal_diameter, steps):
-    """The sector with its faces tied, and steps."""
-    text, sets, _ = own.text("sector")
-    lines = [text, "*BOUNDARY", "BORE, 1, 3"]
-    for name in ("LOW", "HIGH"):
-        free = np.setdiff1d(sets[name], sets["BORE"])
-        lines += [f"*NSET, NSET=T{name}", *(f"{n + 1}," for n in free)]
-        lines += [f"*SURFACE, NAME=S{name}, TYPE=NODE", f"T{name},"]
-    axis = ", ".join(map(str, own.axis))
-    lines += ["*TIE, NAME=CYCLE, CYCLIC SYMMETRY, POSITION TOLERANCE=1e-4", "SLOW, SHIGH"]
-    lines += [f"*CYCLIC SYMMETRY MODEL, N={own.geometry.n_blades}, NGRAPH=1, TIE=CYCLE", f"0., 0., 0., {axis}"]
-    return "\n".join([*lines, *steps, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""])
-
-
 @pytest.fixture(scope="module", params=["C3D20R", pytest.param("C3D10", marks=pytest.mark.slow)])
 def imported(request, tmp_path_factory):
     own, folder = OwnSector(request.param), tmp_path_factory.mktemp(request.param)
@@ -164,31 +150,14 @@ def imported(request, tmp_path_factory):
     return own, folder, bodies, built.model
 
 
-def in_axes_of_model(own, stress):
-    """Tensors (n, 6) of the file in the axes of the model, Pa."""
-    full = np.empty((len(stress), 3, 3), stress.dtype)
-    for k, (i, j) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2))):
-        full[:, i, j] = full[:, j, i] = stress[:, k]
-    turned = np.einsum("ai,nab,bj->nij", own.axes, full, own.axes)
-    return 1e6 * turned[:, [0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
-
-
-def theirs_at(own, path, k=0):
-    """Their stress at the nodes of the set, Pa."""
-    numbers, stress = read_frd_stress(path)[k]
-    wanted = np.searchsorted(numbers, own.text("sector")[1]["FILLET"] + 1)
-    return in_axes_of_model(own, stress[wanted])
-
-
 @needs_ccx
 def test_modes_have_the_stress_of_calculix(imported):
     """At nodal diameter 4, where either direction and any phase may come."""
     own, folder, _, model = imported
-    steps = ["*STEP", "*FREQUENCY", "8,", "*SELECT CYCLIC SYMMETRY MODES, NMIN=4, NMAX=4"]
-    run_job(cyclic_deck(own, 4, steps), folder, "nd4")
+    run_job(own.cyclic(own.steps_of_modes(4, 4)), folder, "nd4")
     ours = model.stress["root"].modes[4]
     for mode in range(4):
-        theirs, fits = theirs_at(own, folder / "nd4.frd", mode), []
+        theirs, fits = own.stress_of(folder / "nd4.frd", mode), []
         for mine in (ours[..., mode], ours[..., mode].conj()):
             scale = np.vdot(mine, theirs) / np.vdot(mine, mine)
             fits.append((von_mises_size(theirs - scale * mine).max() / von_mises_size(theirs).max(), abs(scale)))
@@ -209,16 +178,16 @@ def test_a_unit_contact_force_and_rotation_have_the_stress_of_calculix(imported)
     nodal = (laid.rows["blade"].T @ force).reshape(-1, 3) @ own.axes.T
     loads = [f"{n + 1}, {i + 1}, {f[i]:.12e}" for n, f in enumerate(nodal) for i in range(3) if f[i]]
     axis = ", ".join(map(str, own.axis))
-    steps = ["*STEP", "*STATIC", "*CLOAD", *loads, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP"]
-    steps += ["*STEP", "*STATIC", "*CLOAD, OP=NEW", "*DLOAD", f"BODY, CENTRIF, 90000., 0., 0., 0., {axis}"]
-    run_job(cyclic_deck(own, 0, steps), folder, "static")
+    steps = ["*STEP", "*STATIC", "*CLOAD", *loads, *OUTPUT]
+    steps += ["*STEP", "*STATIC", "*CLOAD, OP=NEW", "*DLOAD", f"BODY, CENTRIF, 90000., 0., 0., 0., {axis}", *OUTPUT]
+    run_job(own.cyclic(steps), folder, "static")
     modal = basis.contact_modes.reshape(-1, basis.n_modes).T @ force / basis.omega2
     ours = rows.modes[0] @ modal + rows.contact[0] @ force
-    theirs = theirs_at(own, folder / "static.frd")
+    theirs = own.stress_of(folder / "static.frd")
     assert von_mises_size(ours - theirs).max() < 2e-3 * von_mises_size(theirs).max()
     alone = rows.modes[0] @ modal
     assert von_mises_size(alone - theirs).max() > 0.02 * von_mises_size(theirs).max(), "the modes alone would not do"
-    theirs = theirs_at(own, folder / "static.frd", 1)
+    theirs = own.stress_of(folder / "static.frd", 1)
     assert von_mises_size(90000.0 * rows.static - theirs).max() < 2e-3 * von_mises_size(theirs).max()
 
 
