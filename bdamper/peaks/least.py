@@ -27,7 +27,8 @@ WIDE = 0.6
 """Distance of two places beyond which tangents that agree or meet prove nothing: with four preloads from 60 N to 20 kN
 (residual modes, one harmonic) the optimum is 17 % too high without it."""
 CORNER = 0.02
-"""Distance of two places down to which one without a slope, a corner or a drift, is enclosed by halving."""
+"""Distance of two places down to which one without a slope, a corner or a drift, is enclosed by halving; and the end of
+those with a value, where the function falls toward it: without that one of 15 random optima is 4 % too high."""
 MOST = 12
 """Places that are asked at most, besides those known."""
 AT_ONCE = 2
@@ -82,6 +83,9 @@ def promise(a: Place, b: Place) -> Promise | None:
     """What the tangents of two neighbouring places promise; None where the function is nowhere lower than at them."""
     h = b.x - a.x
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
+    if np.isfinite(a.value) != np.isfinite(b.value):  # the branch at the one that is known may fall on toward the other
+        lowest = a.value - fall * h if np.isfinite(a.value) else b.value - rise * h
+        return Promise(lowest, a.x + 0.5 * h, False) if lowest < min(a.value, b.value) and h > CORNER else None
     if not (np.isfinite(a.value + b.value) and h > NARROW):
         return None
     if not np.isfinite(fall + rise):

@@ -112,8 +112,14 @@ def test_what_is_left_open_is_told(monkeypatch):
 def test_ends_and_gaps_are_named():
     assert Function(lambda x: x).least()[1].kind == "end"
     assert Function(lambda x: -x).least()[1].kind == "end"
-    place, best = Function((lambda x: x, -1.5, np.inf)).least()
-    assert (place.x, best.kind, best.uncertainty) == (-1.0, "unknown", 1.0)
+    f = Function((lambda x: x, -1.53, np.inf))
+    place, best = f.least()
+    assert -1.53 <= place.x < -1.53 + search.CORNER and best.kind == "unknown" and best.uncertainty <= search.CORNER
+    assert len(f.asked) == 6  # halved as often as needed
+    place, best = Function((lambda x: -x, -np.inf, 1.3), (lambda x: 0.0 * x + 2.0, 1.3, np.inf)).least()
+    assert 1.3 - search.CORNER < place.x <= 1.3
+    uphill = Function((lambda x: -x, -1.5, np.inf))
+    assert uphill.least()[1].kind == "end" and not uphill.asked  # nothing lower lies toward what is not known
     flat = [Place(0.0, 1.0), Place(1.0, 0.0), Place(2.0, 1.0)]  # corners, which have no slope
     _, best = least(flat, lambda places: [], lambda *_: None)
     assert best.kind == "unknown" and best.uncertainty == 1.0
@@ -134,3 +140,14 @@ def test_tangents_of_places_far_apart_prove_nothing(monkeypatch):
     assert promise(a, b)[:2] == (-2.0, 1.0)
     monkeypatch.setattr(search, "WIDE", 3.0)
     assert promise(a, b).smooth
+
+
+@pytest.mark.parametrize("corner", [0.43, 1.9])
+def test_places_without_a_slope_are_enclosed_by_halving(corner):
+    """Near a corner there is no slope that would lead to it; the places known are 0.1 higher, and more."""
+    f = Function(lambda x: abs(x - corner))
+    with_slope = f.place
+    f.place = lambda x: with_slope(x)._replace(slope=np.nan) if abs(x - corner) < 0.6 else with_slope(x)
+    place, best = f.least()
+    assert abs(place.x - corner) <= search.CORNER and best.kind == "crossing" and best.uncertainty <= search.CORNER
+    assert len(f.asked) <= search.MOST
