@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import FEBody
 from bdamper.io.matlab import read_mat
 from bdamper.io.matrix_market import read_market
-from bdamper.io.reading import LARGEST_COUNT, check_count, grouped, reader
+from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, grouped, read_body, reader
 from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
@@ -229,7 +230,7 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
 def read_arrays(
     stiffness: FilePath | sp.spmatrix,
     mass: FilePath | sp.spmatrix,
-    nodes: FilePath | tuple[NDArray, NDArray],
+    nodes: FilePath | tuple[NDArray, NDArray] | FEBody,
     dofs: FilePath | NDArray | None = None,
     sets: dict[str, FilePath | NDArray] | None = None,
     elements: FilePath | tuple[NDArray, ...] = (),
@@ -241,8 +242,8 @@ def read_arrays(
     ----------
     stiffness, mass : path-like or sparse matrix
         See :func:`read_matrix`.
-    nodes : path-like or (numbers, positions)
-        See :func:`read_nodes`.
+    nodes : path-like, (numbers, positions) or FEBody
+        See :func:`read_nodes`; or a mesh, as a body or a file that :func:`read_body` reads, with its elements and sets.
     dofs : path-like or (n_eq, 2) int, optional
         See :func:`read_dofs`; by default three rows a node, or the table in Abaqus text with nodes.
     sets : mapping of name to path-like or array, optional
@@ -265,7 +266,10 @@ def read_arrays(
             m = _reordered(m, m_dofs, k_dofs, str(mass))
     else:
         dofs = _loaded(dofs, read_dofs)
-    numbers, positions = _loaded(nodes, read_nodes)
+    if isinstance(nodes, str | os.PathLike) and Path(nodes).suffix.lower() in BODIES:
+        nodes = read_body(nodes)
+    mesh = nodes if isinstance(nodes, FEBody) else None
+    numbers, positions = _loaded(nodes, read_nodes) if mesh is None else (mesh.numbers, mesh.nodes)
     node_sets: dict[str, NDArray] = {}
     face_sets: dict[str, tuple[NDArray, ...]] = {}
     for name, given_set in (sets or {}).items():
@@ -276,7 +280,7 @@ def read_arrays(
             face_sets[name] = (values,)
     if not source:
         source = str(stiffness) if isinstance(stiffness, str | os.PathLike) else "the given arrays"
-    return FEBody(
+    body = FEBody(
         np.asarray(numbers),
         np.asarray(positions, float),
         k,
@@ -287,6 +291,13 @@ def read_arrays(
         face_sets,
         source=source,
     )
+    if mesh is None:
+        return body
+    return replace(
+        mesh, stiffness=k, mass=m, dofs=body.dofs, source=source, elements=body.elements or mesh.elements,
+        element_kinds=() if body.elements else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
+        face_sets={**mesh.face_sets, **face_sets},
+    )  # fmt: skip
 
 
 def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:

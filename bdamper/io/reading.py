@@ -26,7 +26,7 @@ from bdamper.util.hdf5 import FilePath
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_BODIES: dict[str, Callable[[FilePath], Any]] = {}
+BODIES: dict[str, Callable[[FilePath], Any]] = {}
 """Readers that return an FEBody, by the endings of the names of their files."""
 
 # Exceptions that damaged input causes in parsers and libraries.  Programming errors of this package (AttributeError,
@@ -102,7 +102,7 @@ def reader(
             with reading(path, expected, library) as source:
                 return function(source, *args, **keywords)
 
-        _BODIES.update(dict.fromkeys(endings, read))
+        BODIES.update(dict.fromkeys(endings, read))
         return read  # type: ignore[return-value]  # the path may be given by its name, too
 
     return decorate
@@ -127,8 +127,8 @@ def read_body(path: FilePath) -> Any:
     FileNotFoundError, ModelError
     """
     ending = Path(path).suffix.lower()
-    require(ending in _BODIES, str(path), f"a name that ends in one of {sorted(_BODIES)}", f"'{ending}'")
-    return _BODIES[ending](path)
+    require(ending in BODIES, str(path), f"a name that ends in one of {sorted(BODIES)}", f"'{ending}'")
+    return BODIES[ending](path)
 
 
 def check_count(value: int, item: str, what: str, smallest: int = 0, largest: int = LARGEST_COUNT) -> int:

@@ -1,6 +1,7 @@
 """The code of docs/import.md, from matrices in plain files to a tracking curve, runs and gives the reference model's."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,12 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 
 from bdamper import Excitation
 from bdamper.fe import SectorFE, bladed_disk
-from tests.fe_bodies import sector_and_damper
+from bdamper.fe.assemble import local_order
+from bdamper.fe.stress import blade_points
+from tests.ansys_files import write_cdb, write_full
+from tests.fe_bodies import FIRST_NUMBER, sector_and_damper
+from tests.io.test_io_files import bulk_text
+from tests.own_sector import OwnSector, deck
 from tests.plain import plain_study
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "import.md"
@@ -24,12 +30,17 @@ SETS = {
     "damper_right": "RIGHT",
     "damper_front": "FRONT",
     "damper_back": "BACK",
+    "fillet": "FILLET",
+    "blade": "BLADE",
 }
 
 
 def write_files(fe):
     """The files that the page reads, in the present folder."""
-    for body, name in zip(sector_and_damper(fe), ("sector", "damper")):
+    blade, damper = sector_and_damper(fe)
+    root = {"FILLET": blade_points(fe.blade, fe.geometry)[:4], "BLADE": fe.blade_part().nodes}
+    blade = replace(blade, node_sets={**blade.node_sets, **{name: FIRST_NUMBER + nodes for name, nodes in root.items()}})
+    for body, name in ((blade, "sector"), (damper, "damper")):
         keep = np.arange(3 * len(body.nodes))
         if name == "sector":
             held = np.isin(body.numbers, body.node_sets["BORE"])
@@ -62,7 +73,7 @@ def test_page(tmp_path, monkeypatch, capsys):
     )  # fmt: skip
     pyuff.UFF("measured.unv").write_sets([measured], "overwrite")
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)
-    assert len(blocks) == 5
+    assert len(blocks) == 4
     space = {}
     exec(compile("\n".join(blocks), str(PAGE), "exec"), space)
     assert Path("report.png").stat().st_size > 10_000
@@ -70,7 +81,12 @@ def test_page(tmp_path, monkeypatch, capsys):
     assert "Import report" in capsys.readouterr().out
     assert len(space["axes"].lines) > 1
 
-    reference = bladed_disk(24, n_modes=20, engine_order=5, harmonics=3, fe=fe)
+    assert space["built"].report.failed == ()
+    best, peak = space["best"], space["peak"]
+    assert peak.amplitude == pytest.approx(best.amplitude, rel=1e-2)
+    assert space["study"].margin(peak, space["steel"], speed=300.0).factor.min() > 1.0
+    assert space["wheel"].n_blades == 65
+    reference = bladed_disk(9, n_modes=20, engine_order=5, harmonics=3, fe=fe)
     tip = space["built"].model.locations["tip"].position
     theirs = reference.locations["tip"].position
     assert np.linalg.norm(tip - theirs) < 1e-9, f"the tip is node {fe.blade.nearest_node(theirs) + 101}"
@@ -80,6 +96,79 @@ def test_page(tmp_path, monkeypatch, capsys):
     found, expected = (s.track(500.0, (250.0, 400.0)).peak for s in studies)
     assert found.amplitude == pytest.approx(expected.amplitude, rel=1e-3)
     assert found.frequency == pytest.approx(expected.frequency, rel=1e-4)
+
+
+RECIPES = dict(
+    zip(("calculix", "abaqus", "ansys", "nastran"), re.findall(r"```py\n(.*?)```", PAGE.read_text(), re.S), strict=True)
+)
+
+
+def small():
+    """A body for the files of other programs: matrices, nodes, elements."""
+    body = OwnSector("C3D20").fe.damper.body
+    return body, body.elements[:, local_order()]
+
+
+def triplets(matrix, name):
+    upper = sp.triu(matrix).tocoo()
+    Path(name).write_text("".join(f"{i + 1} {j + 1} {v:.16e}\n" for i, j, v in zip(upper.row, upper.col, upper.data)))
+
+
+def write_calculix(body, elements):
+    rows = [f"{n + 1}.{c}" for n in range(len(body.nodes)) for c in (1, 2, 3)]
+    for name in ("sector", "damper"):
+        Path(f"{name}.inp").write_text(deck("C3D20", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]}))
+        Path(f"{name}.dof").write_text("\n".join(rows))
+        triplets(body.stiffness, f"{name}.sti")
+        triplets(body.mass, f"{name}.mas")
+
+
+def write_abaqus(body, elements):
+    Path("sector.inp").write_text(deck("C3D20R", body.nodes, elements, 2.1e11, 0.3, 7850.0, {"TIP": [0, 1]}))
+    for name, matrix in (("STIF1", body.stiffness), ("MASS1", body.mass)):
+        m = sp.triu(matrix).tocoo()
+        lines = [f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{v:.16e}" for i, j, v in zip(m.row, m.col, m.data)]
+        Path(f"sector_{name}.mtx").write_text("\n".join(lines))
+
+
+def write_ansys(body, elements):
+    numbers = 10 * np.arange(1, len(body.nodes) + 1)
+    write_full(Path("sector.full"), body.stiffness, body.mass, numbers)
+    write_cdb(Path("sector.cdb"), numbers, body.nodes, numbers[elements], {"ENDS": numbers[[0, 1]]})
+    constants = [f"MPDATA,R5.0, 1,{name},       1, 1,  {value}    ," for name, value in (("EX  ", 2.1e11), ("NUXY", 0.3))]
+    Path("sector.cdb").write_text("\n".join([*constants, Path("sector.cdb").read_text()]))
+
+
+def write_nastran(body, elements):
+    op4 = pytest.importorskip("pyNastran.op4.op4", reason="pyNastran is not installed (extra bdamper[nastran])")
+    numbers = np.arange(1, len(body.nodes) + 1)
+    Path("sector.bdf").write_text(bulk_text(numbers, body.nodes, numbers[elements]))
+    rows = (6 * np.arange(len(numbers))[:, None] + np.arange(3)).ravel()
+    pick = sp.csr_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(6 * len(numbers), len(rows)))
+    full = {name: (6, (pick @ m @ pick.T).toarray()) for name, m in (("KGG", body.stiffness), ("MGG", body.mass))}
+    op4.OP4(debug=False).write_op4("sector.op4", full, is_binary=False)
+
+
+@pytest.mark.parametrize("program", RECIPES)
+def test_recipes(program, tmp_path, monkeypatch, capsys):
+    """Each reads what its program would have written: matrices, elements with their type, sets."""
+    monkeypatch.chdir(tmp_path)
+    body, elements = small()
+    write = {"calculix": write_calculix, "abaqus": write_abaqus, "ansys": write_ansys, "nastran": write_nastran}
+    write[program](body, elements)
+    space = {}
+    exec(compile(RECIPES[program], str(PAGE), "exec"), space)
+    blade = space["blade"]
+    assert capsys.readouterr().out.count("nodes") >= 1
+    dofs = blade.dofs
+    order = np.argsort(3 * np.searchsorted(np.sort(blade.numbers), dofs[:, 0]) + dofs[:, 1] - 1)
+    np.testing.assert_allclose(
+        blade.stiffness[order][:, order].toarray(), body.stiffness.toarray(), atol=1e-8 * abs(body.stiffness).max()
+    )
+    (kind,) = blade.element_kinds
+    assert kind.name == {"abaqus": "C3D20R", "ansys": "C3D20R"}.get(program, "C3D20")
+    assert set(blade.node_sets) >= {"calculix": {"TIP"}, "abaqus": {"TIP"}, "ansys": {"ENDS", "tip"}}.get(program, set())
+    assert (kind.youngs_modulus, kind.poisson_ratio) == (2.1e11, 0.3)
 
 
 def test_page_is_short():
