@@ -89,7 +89,7 @@ def stored(name: str) -> Any:
 def keep(target: Axes | Figure, name: str) -> None:
     """Write a figure to the folder ``figures`` as well, and leave it open for the gallery."""
     FIGURES.mkdir(exist_ok=True)
-    figure = target.get_figure()
+    figure = np.ravel(np.asarray(target, object))[0].get_figure()
     with plt.rc_context(PAPER):
         figure.savefig(FIGURES / f"{name}.png")
     figure.set_layout_engine("none")  # the gallery has it as it was written

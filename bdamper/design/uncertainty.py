@@ -33,7 +33,6 @@ from bdamper.util.status import (
     Statuses,
     all_complete,
     because,
-    left_undone,
     word,
 )
 from bdamper.util.tables import ROW, Column, Newtons, Quantity, Tabular
@@ -183,25 +182,6 @@ class UncertainCurve(Plottable, Tabular, Storable, kind="bdamper-uncertain", row
             f"At a preload of {amount(self.preload[k], 'N')} 95 % of {len(self)} draws of {', '.join(self.samples)} "
             f"stay below {amount(high[k], 'm')}, half below {amount(mid[k], 'm')}: least of the preloads tried."
         )
-
-    def details(self) -> str:
-        run = np.array([word(s) != NOT_RUN for s in self.status], bool)
-        missing = int(np.count_nonzero(~np.isfinite(self.amplitude[run])))
-        warned = sum(bool(w) for w in self.warnings)
-        lines = [
-            f"optimal curves of {len(self)} draws of {', '.join(self.samples)}, {self.preload[0]:g} to "
-            f"{self.preload[-1]:g} N{f', {missing} points without a peak' if missing else ''}"
-            f"{f', {warned} draws with a warning' if warned else ''}"
-        ]
-        lines += left_undone(self.status, "draws")
-        if np.isfinite(self.amplitude).any():
-            low, mid, high = self.percentile([5.0, 50.0, 95.0])
-            k = int(np.nanargmin(high))
-            lines.append(
-                f"  least 95th percentile on the grid {high[k]:.6g} m at {self.preload[k]:.6g} N (5th {low[k]:.6g} m, "
-                f"median {mid[k]:.6g} m)"
-            )
-        return "\n".join(lines)
 
 
 def uncertain_curve(

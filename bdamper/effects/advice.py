@@ -425,7 +425,7 @@ class CheckedPeak:
 
 @brief
 @dataclass(frozen=True)
-class AdviceCheck(Summarised, Storable, kind="bdamper-advice-check"):
+class AdviceCheck(Summarised, Tabular, Storable, kind="bdamper-advice-check"):
     """The highest peak with all effects on and with just those called for, each computed anew.
 
     Parameters
@@ -440,6 +440,10 @@ class AdviceCheck(Summarised, Storable, kind="bdamper-advice-check"):
     tolerance: float
     whole: CheckedPeak
     lean: CheckedPeak
+
+    def columns(self) -> dict[str, Column]:
+        """A row for each of both peaks."""
+        return from_rows((self.whole, self.lean))
 
     @property
     def amplitude_change(self) -> float:
@@ -468,24 +472,6 @@ class AdviceCheck(Summarised, Storable, kind="bdamper-advice-check"):
             f"What is left out changes the {changes}, {within} the tolerance of {percent(self.tolerance)}. "
             f"Without it the answer comes {self.speedup:.1f} times as fast."
         )
-
-    def details(self) -> str:
-        lines = [
-            f"preload {self.preload:g} N",
-            f"{'effects':<12}{'amplitude m':>14}{'frequency Hz':>14}{'s':>9}{'evaluations':>13}",
-        ]
-        for peak in (self.whole, self.lean):
-            ending = "" if peak.status == "complete" else f"  {peak.status}"
-            lines.append(
-                f"{peak.name:<12}{peak.amplitude:>14.6g}{peak.frequency:>14.6g}{peak.seconds:>9.3f}"
-                f"{peak.evaluations:>13}{ending}"
-            )
-        changes = f"{_percent(self.amplitude_change):>14}{_percent(self.frequency_change):>14}"
-        lines.append(
-            f"{'difference':<12}{changes}, {'within' if self.agrees else 'beyond'} the tolerance of "
-            f"{100 * self.tolerance:g} %; {self.speedup:.1f} times as fast"
-        )
-        return "\n".join(lines)
 
 
 @one_thread

@@ -55,14 +55,6 @@ class LawComparison(Plottable, Tabular, Storable, kind="bdamper-law-comparison",
         parts = ", ".join(f"{percent(self.difference(law), True)} under '{law}'" for law in known) or "no law to compare"
         return f"Peaks beside that under the law '{self.laws[-1]}', at {amount(self.curves[0].preload, 'N')}: {parts}."
 
-    def details(self) -> str:
-        lines = [f"preload {self.curves[0].preload:g} N, peaks relative to '{self.laws[-1]}'"]
-        for law, curve in zip(self.laws, self.curves):
-            peak = f"{curve.peak.amplitude:.6g} m at {curve.peak.frequency:.6g} Hz  " if len(curve) else f"{curve.reason}  "
-            change = f"{100 * self.difference(law):+.2f} %  " if len(curve) and len(self.curves[-1]) else ""
-            lines.append(f"  {law:<20}  {peak}{change}{curve.status}")
-        return "\n".join(lines)
-
 
 @one_thread
 def compare_laws(

@@ -70,14 +70,6 @@ class Microslip(Plottable, Tabular, Storable, kind="bdamper-microslip"):
         slips = f"{percent(self.slipping[-1])} of the contact slips{'' if self.complete else ', beyond it slides'}"
         return f"At a preload of {amount(self.preload, 'N')} the damper moves by {way}; {slips}."
 
-    def details(self) -> str:
-        lines = [f"first loading at {self.preload:g} N{'' if self.complete else ', sliding beyond the last force'}:"]
-        lines += [f"{'force N':>12}{'um':>12}{'N/um':>10}{'slipping':>10}{'open':>8}"]
-        slope = np.concatenate([self.stiffness, [np.nan]])
-        for row in zip(self.force, 1e6 * self.displacement, 1e-6 * slope, self.slipping, self.open):
-            lines.append("{:>12.5g}{:>12.5g}{:>10.4g}{:>10.2f}{:>8.2f}".format(*row))
-        return "\n".join(lines)
-
 
 def microslip(
     problem: Problem,

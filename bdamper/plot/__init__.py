@@ -6,108 +6,61 @@ function that draws a type of result enters itself for it in :mod:`bdamper.util.
 it.  `new_axes` and `save_figure` begin and end a picture of several results.
 """
 
-from bdamper.plot.axes import colours, new_axes, save_figure
-from bdamper.plot.contact import (
-    animate_damper,
-    damper_picture,
-    plot_contact_map,
-    plot_peak,
-    plot_static,
-    plot_status_bars,
-    plot_status_map,
-    plot_stiffness,
-)
-from bdamper.plot.curves import (
-    mark_kept,
-    mark_settled,
-    plot_curve,
-    plot_curves,
-    plot_laws,
-    plot_measurement,
-    plot_microslip,
-    plot_optimal,
-    plot_over_measurement,
-    plot_settled,
-    plot_time_sweep,
-    plot_verification,
-)
-from bdamper.plot.design import plot_accuracy, plot_advice, plot_ladder, plot_sweep, plot_uncertain
-from bdamper.plot.fatigue import plot_critical, plot_haigh, plot_margin, plot_stress
-from bdamper.plot.hysteresis import plot_dissipation, plot_energy, plot_history, plot_hysteresis
-from bdamper.plot.model3d import plot_import_report, plot_mode, plot_model, plot_surfaces
-from bdamper.plot.modes import plot_flutter, plot_nonlinear_mode
-from bdamper.plot.response_map import plot_response_map
-from bdamper.plot.speed import plot_campbell, plot_crossings, plot_run_up, plot_safe
-from bdamper.plot.together import plot_designs, plot_together
-from bdamper.plot.wheel import (
-    plot_mistuning,
-    plot_sample,
-    plot_sample_preload,
-    plot_sample_tail,
-    plot_wheel,
-    plot_wheel_curve,
-    plot_wheel_map,
-    plot_wheel_optimal,
-    plot_wheel_peak,
-)
-
-__all__ = [
-    "animate_damper",
-    "colours",
-    "damper_picture",
-    "mark_kept",
-    "mark_settled",
-    "new_axes",
-    "plot_accuracy",
-    "plot_advice",
-    "plot_campbell",
-    "plot_contact_map",
-    "plot_critical",
-    "plot_crossings",
-    "plot_curve",
-    "plot_curves",
-    "plot_designs",
-    "plot_dissipation",
-    "plot_energy",
-    "plot_flutter",
-    "plot_haigh",
-    "plot_history",
-    "plot_hysteresis",
-    "plot_import_report",
-    "plot_ladder",
-    "plot_laws",
-    "plot_margin",
-    "plot_measurement",
-    "plot_microslip",
-    "plot_mistuning",
-    "plot_mode",
-    "plot_model",
-    "plot_nonlinear_mode",
-    "plot_optimal",
-    "plot_over_measurement",
-    "plot_peak",
-    "plot_response_map",
-    "plot_run_up",
-    "plot_safe",
-    "plot_sample",
-    "plot_sample_preload",
-    "plot_sample_tail",
-    "plot_settled",
-    "plot_static",
-    "plot_status_bars",
-    "plot_status_map",
-    "plot_stiffness",
-    "plot_stress",
-    "plot_surfaces",
-    "plot_sweep",
-    "plot_time_sweep",
-    "plot_together",
-    "plot_uncertain",
-    "plot_verification",
-    "plot_wheel",
-    "plot_wheel_curve",
-    "plot_wheel_map",
-    "plot_wheel_optimal",
-    "plot_wheel_peak",
-    "save_figure",
-]
+from bdamper.plot.axes import colours as colours
+from bdamper.plot.axes import new_axes as new_axes
+from bdamper.plot.axes import save_figure as save_figure
+from bdamper.plot.contact import animate_damper as animate_damper
+from bdamper.plot.contact import damper_picture as damper_picture
+from bdamper.plot.contact import plot_contact_map as plot_contact_map
+from bdamper.plot.contact import plot_peak as plot_peak
+from bdamper.plot.contact import plot_static as plot_static
+from bdamper.plot.contact import plot_status_bars as plot_status_bars
+from bdamper.plot.contact import plot_status_map as plot_status_map
+from bdamper.plot.contact import plot_stiffness as plot_stiffness
+from bdamper.plot.curves import mark_kept as mark_kept
+from bdamper.plot.curves import mark_settled as mark_settled
+from bdamper.plot.curves import plot_curve as plot_curve
+from bdamper.plot.curves import plot_curves as plot_curves
+from bdamper.plot.curves import plot_laws as plot_laws
+from bdamper.plot.curves import plot_measurement as plot_measurement
+from bdamper.plot.curves import plot_microslip as plot_microslip
+from bdamper.plot.curves import plot_optimal as plot_optimal
+from bdamper.plot.curves import plot_over_measurement as plot_over_measurement
+from bdamper.plot.curves import plot_settled as plot_settled
+from bdamper.plot.curves import plot_time_sweep as plot_time_sweep
+from bdamper.plot.curves import plot_verification as plot_verification
+from bdamper.plot.design import plot_accuracy as plot_accuracy
+from bdamper.plot.design import plot_advice as plot_advice
+from bdamper.plot.design import plot_ladder as plot_ladder
+from bdamper.plot.design import plot_sweep as plot_sweep
+from bdamper.plot.design import plot_uncertain as plot_uncertain
+from bdamper.plot.fatigue import plot_critical as plot_critical
+from bdamper.plot.fatigue import plot_haigh as plot_haigh
+from bdamper.plot.fatigue import plot_margin as plot_margin
+from bdamper.plot.fatigue import plot_stress as plot_stress
+from bdamper.plot.hysteresis import plot_dissipation as plot_dissipation
+from bdamper.plot.hysteresis import plot_energy as plot_energy
+from bdamper.plot.hysteresis import plot_history as plot_history
+from bdamper.plot.hysteresis import plot_hysteresis as plot_hysteresis
+from bdamper.plot.model3d import plot_import_report as plot_import_report
+from bdamper.plot.model3d import plot_mode as plot_mode
+from bdamper.plot.model3d import plot_model as plot_model
+from bdamper.plot.model3d import plot_surfaces as plot_surfaces
+from bdamper.plot.modes import plot_flutter as plot_flutter
+from bdamper.plot.modes import plot_nonlinear_mode as plot_nonlinear_mode
+from bdamper.plot.response_map import plot_response_map as plot_response_map
+from bdamper.plot.speed import plot_campbell as plot_campbell
+from bdamper.plot.speed import plot_crossings as plot_crossings
+from bdamper.plot.speed import plot_run_up as plot_run_up
+from bdamper.plot.speed import plot_safe as plot_safe
+from bdamper.plot.together import plot_designs as plot_designs
+from bdamper.plot.together import plot_together as plot_together
+from bdamper.plot.wheel import plot_mistuning as plot_mistuning
+from bdamper.plot.wheel import plot_sample as plot_sample
+from bdamper.plot.wheel import plot_sample_preload as plot_sample_preload
+from bdamper.plot.wheel import plot_sample_tail as plot_sample_tail
+from bdamper.plot.wheel import plot_wheel as plot_wheel
+from bdamper.plot.wheel import plot_wheel_curve as plot_wheel_curve
+from bdamper.plot.wheel import plot_wheel_map as plot_wheel_map
+from bdamper.plot.wheel import plot_wheel_optimal as plot_wheel_optimal
+from bdamper.plot.wheel import plot_wheel_peak as plot_wheel_peak

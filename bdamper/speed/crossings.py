@@ -21,7 +21,7 @@ from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossing import BOTH, CrossingTask
+from bdamper.speed.crossing import CrossingTask
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -29,7 +29,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.hdf5 import Formerly, Storable
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import FAILED, NOT_RUN, Translated, left_undone, word
+from bdamper.util.status import FAILED, NOT_RUN, Translated, word
 from bdamper.util.tables import Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Shares, Tabular
 from bdamper.util.text import amount
 
@@ -198,33 +198,6 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
             f"Highest response from {low} to {high} rpm: {amount(self.amplitude[i], 'm')} at {place}, {load}. "
             f"{int(self.found.sum())} of {len(self)} crossings found."
         )
-
-    def details(self) -> str:
-        low, high = self.range
-        lines = [
-            f"crossings of mode {self.mode}, {low:.6g} to {high:.6g} rad/s: {int(self.found.sum())} of {len(self)}; "
-            f"{sum(c.processor for c in self.cost):.1f} s of the processor",
-            *left_undone(self.kind, "crossings"),
-            f"  {'EO':>3} {'mass kg':>9} {'rad/s':>9} {'rpm':>7} {'Hz':>9} {'amplitude m':>12} {'preload N':>10} "
-            f"{'slip %':>7} {'margin':>7}",
-        ]
-        for i in range(len(self)):
-            head = f"  {self.engine_order[i]:>3} {self.mass[i]:>9.4g} "
-            if not self.found[i]:
-                lines.append(f"{head}{self.kind[i]}")
-                continue
-            margin = f"{self.margin[i]:>7.3g}" if np.isfinite(self.margin[i]) else f"{'':>7}"
-            lines.append(
-                f"{head}{self.speed[i]:>9.5g} {self.rpm[i]:>7.0f} {self.frequency[i]:>9.5g} {self.amplitude[i]:>12.5g} "
-                f"{self.preload[i]:>10.5g} {100.0 * self.shares[i, 1]:>7.3g} {margin}"
-            )
-            if abs(self.amplitude[i] / self.fixed_speed_amplitude[i] - 1.0) > BOTH:
-                lines.append(
-                    f"  {'':>3} {'':>9} {self.fixed_speed[i]:>9.5g} {self.fixed_speed[i] * RPM:>7.0f} {'':>9} "
-                    f"{self.fixed_speed_amplitude[i]:>12.5g}  peak at fixed speed"
-                )
-        lines += [f"  first warning: {w}" for w in self.warnings if w][:1] + [f"  neglected: {note}" for note in self.notes]
-        return "\n".join(line.rstrip() for line in lines)
 
 
 def speed_values(speeds: Any, n: int = 13) -> NDArray:

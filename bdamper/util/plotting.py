@@ -20,6 +20,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
+from bdamper.util.status import left_undone
 from bdamper.util.text import aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
@@ -105,7 +106,7 @@ class Summarised:
         return ()
 
     def details(self) -> str:
-        """Everything that there is to say, in lines: facts, single values, notes, warnings and cost."""
+        """Everything that there is to say, in lines: facts, single values, a short table, notes, warnings and cost."""
         if not self.bottom_line():
             return str(self)
         facts = [(fact.name, fact.to_digits(6)) for fact in self.facts()]
@@ -113,7 +114,12 @@ class Summarised:
         single = [(spaced(f.name), getattr(self, f.name)) for f in fields(cast(Any, self))]
         facts += [(n, str(v)) for n, v in single if isinstance(v, int | float | str) and str(v) and n not in told]
         texts = [text for name in ("notes", "warnings") for text in getattr(self, name, ()) if text]
-        return "\n".join([self.bottom_line(), *aligned(facts, "  "), *texts, str(getattr(self, "cost", "")).strip()])
+        status, cost = getattr(self, "status", ""), getattr(self, "cost", "")
+        texts += left_undone(status, "parts") if isinstance(status, tuple) else []
+        table = self.as_lines() if hasattr(self, "as_lines") else []
+        texts += [] if isinstance(cost, tuple) else [str(cost).strip()]
+        lines = [self.bottom_line(), *aligned(facts, "  "), *table, *texts]
+        return "\n".join(line for line in lines if line)
 
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from bdamper.util.errors import BdamperError
 from bdamper.util.hdf5 import FilePath, check_folder, plain
-from bdamper.util.text import spaced
+from bdamper.util.text import aligned, spaced
 from bdamper.util.versions import HERE
 
 
@@ -50,6 +50,8 @@ class Column(NamedTuple):
     dims: tuple[str, ...] = ()
 
 
+FEW_ROWS = 30
+"""Rows of a table that ``details()`` prints."""
 ROW = ""
 """Name of the dimension of rows, where a type does not know it."""
 
@@ -171,6 +173,16 @@ class Tabular:
 
     def _flat(self) -> dict[str, Column]:
         return {name: column for name, column in self.columns().items() if not column.dims}
+
+    def as_lines(self) -> list[str]:
+        """The table as lines, if it is no longer than :data:`FEW_ROWS`."""
+        table = self._flat()
+        values = [np.asarray(column.values).tolist() for column in table.values()]
+        cells = [[f"{v:.5g}" if isinstance(v, float) else str(v) for v in column] for column in values]
+        if not cells or len(cells[0]) > FEW_ROWS:
+            return []
+        head = [f"{spaced(name)} ({c.unit})" if c.unit else spaced(name) for name, c in table.items()]
+        return aligned([head, *zip(*cells)], "  ")
 
     def _attributes(self) -> dict[str, Any]:
         """What the table is of: kind of result, settings, model, version."""

@@ -55,6 +55,8 @@ def spaced(name: str) -> str:
 
 def aligned(rows: Sequence[Sequence[str]], indent: str = "") -> list[str]:
     """Lines of a table, each column but the last as wide as its longest text and two spaces."""
+    if not rows:
+        return []
     width = [max(len(row[i]) for row in rows) + 2 for i in range(len(rows[0]) - 1)]
     lines = ["".join(f"{text:<{w}}" for text, w in zip(row, width)) + row[-1] for row in rows]
     return [f"{indent}{line}".rstrip() for line in lines]

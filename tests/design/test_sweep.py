@@ -337,7 +337,7 @@ class TestInterrupted:
         curve = bd.uncertain_curve(study, four, (1e3, 2e3), 3, frequency=INTERVAL)
         assert curve.status == ("complete", "complete", "complete", "not run")
         assert np.array_equal(curve.percentile(100.0), curve.amplitude[:3].max(axis=0))
-        assert "interrupted: 1 of 4 draws were not run" in curve.details() and "without a peak" not in curve.details()
+        assert "interrupted: 1 of 4 parts were not run" in curve.details() and "without a peak" not in curve.details()
         ways = {"n": 5, "tolerance": 1e-3, "frequency": INTERVAL}
         made.clear()
         found = bd.robust_optimum(study, samples, (1e3, 2e3), **ways)
@@ -534,7 +534,7 @@ class TestWarnings:
         monkeypatch.setattr(sys.modules["bdamper.design.sweep"], "optimal_curve", coarse)
         samples = {"friction_coefficient": [0.3]}
         result = bd.sweep(study, samples, OptimalTask((500.0, 3000.0), 5, INTERVAL))
-        assert result.plot().get_ylabel() == "Optimum amplitude (m)"
+        assert result.plot().get_ylabel() == "Optimum amplitude (µm)"
         assert result.values[0]["optimum_status"] == "incomplete: lost"
         assert result.values[0]["optimum_uncertainty"] == 0.1
         expected = (
@@ -544,7 +544,7 @@ class TestWarnings:
         assert result.warnings == (expected,)
         curve = bd.uncertain_curve(study, samples, (500.0, 3000.0), 5, frequency=INTERVAL)
         assert curve.warnings == (expected,)
-        assert "1 draws with a warning" in curve.details()
+        assert "optimum incomplete: lost" in curve.details()
         curve.save(tmp_path / "curve.h5")
         assert bd.load(tmp_path / "curve.h5").warnings == (expected,)
         robust = bd.robust_optimum(study, samples, (500.0, 3000.0), n=5, tolerance=0.9, frequency=INTERVAL)

@@ -64,7 +64,7 @@ def test_it_slides_when_all_friction_is_used():
     curve = microslip(s, LOAD, limit * np.array([0.5, 0.9, 0.97, 1.03, 1.1]))
     assert not curve.complete
     assert 0.96 * limit < curve.force[-1] < 1.05 * limit
-    assert "sliding" in curve.details()
+    assert "beyond it slides" in curve.bottom_line()
 
 
 def test_results_and_bad_input(curves, tmp_path):
