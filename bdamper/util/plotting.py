@@ -25,9 +25,6 @@ from bdamper.util.text import aligned, amount, spaced
 
 Drawing = TypeVar("Drawing", bound=Callable[..., Any])
 
-WIDTH = 100
-"""Characters of a line of text."""
-
 _DRAWINGS: dict[tuple[type, str], Callable[..., Any]] = {}
 
 
@@ -86,10 +83,6 @@ class Fact(NamedTuple):
         return amount(value, self.unit, digits) if isinstance(value, float) else f"{value} {self.unit}".rstrip()
 
 
-LINES = 9
-"""Lines below the first sentences of what is printed, besides the one that names the rest."""
-
-
 class Summarised:
     """A result that tells what matters first; a mixin.
 
@@ -125,9 +118,9 @@ class Summarised:
         rows = [row for row in self._table() if row]
         lines = aligned(rows) if rows else self.details().split("\n")[1:]
         first = (
-            textwrap.fill(re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line()), WIDTH).replace("\0", " ").split("\n")
+            textwrap.fill(re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line()), width=100).replace("\0", " ").split("\n")
         )
-        shown = lines[:LINES] + ["details() has the rest"]
+        shown = lines[:9] + ["details() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
     def _table(self) -> list[tuple[str, ...]]:
