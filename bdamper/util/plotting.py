@@ -117,9 +117,8 @@ class Summarised:
     def __str__(self) -> str:
         rows = [row for row in self._table() if row]
         lines = aligned(rows) if rows else self.details().split("\n")[1:]
-        first = (
-            textwrap.fill(re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line()), width=100).replace("\0", " ").split("\n")
-        )
+        sentences = re.sub(r"(\d) (?=\S{1,2}\b)", "\\1\0", self.bottom_line())  # a number stays with its unit
+        first = textwrap.fill(sentences, width=100).replace("\0", " ").split("\n")
         shown = lines[:9] + ["details() has the rest"]
         return "\n".join([*first, *(f"  {line.removeprefix('  ')}" for line in shown)])
 
