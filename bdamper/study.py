@@ -230,13 +230,13 @@ class Study(Problem, Comparable):
         options: PeakOptions | None = None,
         executor: Executor | None = None,
         tolerance: float = 0.05,
-        check: bool = True,
+        check: str | bool = "time",
         progress: bool = False,
         resume: str | Path | None = None,
         quantity: str = "amplitude",
         material: Material | None = None,
     ) -> OptimalCurve:
-        """Resonance over the preload, and what more harmonics would change of it.
+        """Resonance over the preload, and what a blade keeps of it at the optimum.
 
         Parameters
         ----------
@@ -248,8 +248,9 @@ class Study(Problem, Comparable):
             On which the curves are followed; threads by default.
         tolerance : float
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
-        check : bool
-            Compare with two, four and six more harmonics at the optimum, two more elsewhere, which takes most of the time.
+        check : {"time", "harmonics", False}
+            "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept`` (:meth:`with_kept`).
+            "harmonics": compare with two, four and six more harmonics there and two more elsewhere, in ``curve.ladder``.
         progress : bool
             Show what is being done, and the time left.
         resume : path, optional
@@ -261,10 +262,10 @@ class Study(Problem, Comparable):
         Returns
         -------
         OptimalCurve
-            With the study's own harmonics; ``ladder`` says how far they are from convergence.
+            With the study's own harmonics.  After Ctrl-C what was known by then.
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-        validate.flag("check", check)
+        check = check if check is False else validate.choice("check", check, ("time", "harmonics"))
         check_question(self, optimal.preload_values(preload, n), frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         shown: dict[str, Any] = {"progress": progress, "resume": resume}
@@ -277,10 +278,13 @@ class Study(Problem, Comparable):
             curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
         if curve.interrupted or not check:
             return curve
+        if check == "time":
+            return marched.with_kept(self, curve, progress=progress)
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
     with_marched = marched.with_marched
+    with_kept = marched.with_kept
     with_sweeps = marched.with_sweeps
 
     # free vibration

@@ -103,7 +103,7 @@ def first_answer(kept: dict[str, list]) -> bool:
     print("| mode | preload | first answer | its range | " + " | ".join(f"({r})" for r in (*RICHEST, NINE)) + " | holds |")
     print("|" + "---|" * (5 + len(RICHEST) + 1))
     for mode in SCENES:
-        curve = study(DEFAULT, mode).optimal_curve((50.0, 5000.0), 30, mode=mode)
+        curve = study(DEFAULT, mode).optimal_curve((50.0, 5000.0), 30, mode=mode, check="harmonics")
         optimum = round(curve.optimum.preload, 1)
         for preload in (optimum, *PRELOADS[1:]):
             for row in (DEFAULT, *RICHEST, NINE):

@@ -32,7 +32,7 @@ def drawn(optimal: OptimalCurve, curves: list[Curve]) -> str:
 
 
 def main(
-    figures: Path = Path("figures"), preload: tuple[float, float] = (30.0, 1000.0), n: int = 12, check: bool = True
+    figures: Path = Path("figures"), preload: tuple[float, float] = (30.0, 1000.0), n: int = 12, check: str | bool = "time"
 ) -> tuple[OptimalCurve, list[Curve]]:
     """Run the demonstration; returns the optimal curve and the tracking curves, the limits first."""
     figures.mkdir(parents=True, exist_ok=True)

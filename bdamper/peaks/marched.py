@@ -20,10 +20,14 @@ from bdamper.peaks.optimal import BUDGET
 from bdamper.peaks.optimal_curve import Marched, OptimalCurve, Swept
 from bdamper.problem.problem import Problem
 from bdamper.stability.floquet import with_stability
+from bdamper.stability.kept import kept
 from bdamper.stability.steady_state import FEWEST, settle
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
+from bdamper.util.errors import BdamperError
+from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork, each
+from bdamper.util.status import NOT_FOUND, because
 
 
 @one_thread
@@ -82,6 +86,45 @@ def with_marched(
             settled = settle(problem, tracked, float(tracked.frequency[top]), periods=periods)
             found[p] = Marched(p, settled.frequency, settled.mean, *settled.range, settled.status)
     return replace(curve, marched=tuple(found[p] for p in sorted(found)))
+
+
+@one_thread
+def with_kept(problem: Problem, curve: OptimalCurve, *, neighbours: bool = False, progress: bool = False) -> OptimalCurve:
+    """The optimal curve with the amplitude that a blade keeps at its optimum, by a march in time.
+
+    Parameters
+    ----------
+    problem : Problem
+    curve : OptimalCurve
+        Of this study.
+    neighbours : bool
+        Also at preloads a factor of 1.2 below and above.
+    progress : bool
+        Show a bar of the preloads.
+
+    Returns
+    -------
+    OptimalCurve
+        With :class:`~bdamper.util.kept.Kept` in ``kept``, by rising preload; one that says why where nothing can be
+        marched, none where the curve has no optimum.  After Ctrl-C those of the preloads that were finished.
+
+    Raises
+    ------
+    SettingError
+        If the curve is of another model.
+    """
+    problem = _matching(problem, curve)
+    best, found = curve.optimum.preload, {k.preload: k for k in curve.kept}
+    places = [best * factor for factor in ((1.0 / 1.2, 1.0, 1.2) if neighbours else (1.0,)) if np.isfinite(best)]
+    with LongWork():
+        for p in each(places, progress, "marching in time", "preload"):
+            tracked = _tracked(problem, curve, p)
+            try:
+                found[p] = kept(problem, tracked)
+            except BdamperError as error:
+                top = tracked.peak.amplitude if len(tracked) else np.nan
+                found[p] = Kept(*(np.nan,) * 4, p, top, status=because(NOT_FOUND, error))
+    return replace(curve, kept=tuple(found[p] for p in sorted(found)))
 
 
 @one_thread

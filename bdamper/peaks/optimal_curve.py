@@ -16,6 +16,7 @@ from bdamper.util.differences import Comparable
 from bdamper.util.errors import SettingError
 from bdamper.util.estimates import ErrorEstimates, error_line
 from bdamper.util.hdf5 import Storable
+from bdamper.util.kept import Kept
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
@@ -209,6 +210,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         What :meth:`bdamper.Study.with_sweeps` has found at some preloads.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, where they were asked for.
+    kept : tuple of Kept
+        What a blade keeps by a march in time at the optimum, and at its neighbours where they were asked for.
     """
 
     preload: Newtons
@@ -236,6 +239,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     marched: tuple[Marched, ...] = ()
     swept: tuple[Swept, ...] = ()
     margins: tuple[MarginCurve, ...] = ()
+    kept: tuple[Kept, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.goes_on.size:
@@ -271,6 +275,11 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             known = f", preload known to a relative {o.uncertainty:.2g}" if o.uncertainty > COARSE else ""
             out.append(f"optimum {o.status}{known}")
         return tuple(out)
+
+    @property
+    def least_kept(self) -> Kept | None:
+        """The least amplitude that a blade keeps at the preloads at which that is known: the optimum in time."""
+        return min((k for k in self.kept if np.isfinite(k.mean)), key=lambda k: k.mean, default=None)
 
     @property
     def best(self) -> int | None:
@@ -369,6 +378,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             Fact("optimal curve", f"{self.preload[0]:g} to {self.preload[-1]:g} N, {len(self)} points{gone}"),
             *(best if np.isfinite(o.preload) else []),
             Fact("optimum is", f"{o.kind}, {o.status}"),
+            *(Fact("a blade keeps", k.text) for k in self.kept if k.preload == o.preload),
             *([] if self.ladder is None else [Fact("harmonics", self.ladder.note)]),
             *([] if self.error_estimates is None else [Fact("error", error_line(self.error_estimates))]),
             Fact("free amplitude", self.free.amplitude, "m"),
@@ -384,6 +394,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         gain = f"{self.free.amplitude / o.amplitude:.3g} times less than without contact"
         where = f"a preload of {amount(o.preload, 'N')}" + (f", the {AT_END}" if o.kind == "end" else "")
         out = [f"Least resonance at {where}: {at}, {gain} ({amount(self.free.amplitude, 'm')})."]
+        out += [self._said_of(kept) for kept in self.kept]
         low, high = self.preloads_within(NEAR_BEST * o.amplitude)
         limit = amount(NEAR_BEST * o.amplitude, "m")
         out.append(f"From {amount(low, 'N')} to {amount(high, 'N')} it stays below {limit}.")
@@ -393,6 +404,13 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             out.append(f"Harmonics: {self.ladder.note}.")
         unknown = () if self.error_estimates is None else self.error_estimates.unknown
         return " ".join([*out, *([f"Not checked: {', '.join(unknown)}."] if unknown else [])])
+
+    def _said_of(self, kept: Kept) -> str:
+        """What a blade keeps, beside the amplitude of the balance."""
+        numbers = self.settings.get("harmonics", ())
+        of = f"{amount(kept.balance, 'm')} with {len(numbers)} harmonic{'s' if len(numbers) != 1 else ''}"
+        at = "" if kept.preload == self.optimum.preload else f"At {amount(kept.preload, 'N')} "
+        return f"{at}{of}; a blade keeps {kept.text}."
 
     def details(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))
@@ -419,6 +437,7 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines.append(f"  {self.status[0]}")
         lines += [f"  marched at {item}" for item in self.marched]
         lines += [f"  slow sweeps at {item}" for item in self.swept]
+        lines += [f"  {line}" for item in self.kept for line in str(item).split("\n")]
         for item in self.margins:
             best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
             lines.append(f"  margin against fatigue ({item.rule}): {best}")

@@ -273,6 +273,9 @@ def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
         ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
         ax.plot(preload, up, "k^", markersize=3.5, markerfacecolor="w", label="highest of a sweep up")
         ax.plot(preload, down, "kv", markersize=3.5, markerfacecolor="0.6", label="highest of a sweep down")
+    if seen := [k for k in result.kept if np.isfinite(k.mean)]:
+        preload, mean, low, high = np.array([(k.preload, k.mean, k.lowest, k.highest) for k in seen]).T
+        ax.errorbar(preload, mean, [mean - low, high - mean], **KEPT)
     if result.ladder is not None and result.ladder.ranges:
         preload, low, high = np.array(result.ladder.ranges).T
         ax.errorbar(preload, low, [0.0 * low, high - low], fmt="none", ecolor="0.35", elinewidth=1.0, capsize=2.5,

@@ -11,7 +11,7 @@ length, since coarse steps damp beats.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,20 +31,35 @@ from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork
 from bdamper.util.status import COMPLETE, INTERRUPTED, NOT_FOUND, because
 
-WINDOW = 40
-"""Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20."""
-PERIODS = 3 * WINDOW
-"""Least number of periods at a frequency at which the motion can fall to another solution."""
-MOST = 10 * WINDOW
-"""Periods after which a mean that still drifts is taken as it is."""
-DRIFT = 0.03
-"""Relative change between two means above which a motion has not settled."""
-GRID = 400
-"""Frequencies at which levels are looked up, from the tip to an end of the curve."""
-LOWER = 0.9
-"""Another solution below this part of the amplitude is another level, and no ripple of the branch."""
-DROP = 0.7
-"""Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none."""
+
+@dataclass(frozen=True)
+class Rules:
+    """What tells a motion that stays.
+
+    Parameters
+    ----------
+    window : int
+        Periods over which a mean is taken: beats leave 2 to 3 % of scatter in means of 20.
+    fewest, most : int
+        Periods at a frequency at which there is a lower solution to fall to, two windows elsewhere; and those after which a
+        mean that still drifts is taken as it is.
+    drift : float
+        Relative change between two means above which a motion has not settled.
+    lower : float
+        Another solution below this part of the amplitude is another level, and no ripple of the branch.
+    drop : float
+        Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none.
+    """
+
+    window: int = 40
+    fewest: int = 120
+    most: int = 400
+    drift: float = 0.03
+    lower: float = 0.9
+    drop: float = 0.7
+
+
+RULES = Rules()
 
 
 class Place(NamedTuple):
@@ -79,12 +94,12 @@ class Levels:
 
     def start(self, frequency: float) -> NDArray:
         """Unknowns of the point of the highest level next to a frequency."""
-        high = np.flatnonzero(self.amplitude >= LOWER * self.at(frequency)[0])
+        high = np.flatnonzero(self.amplitude >= RULES.lower * self.at(frequency)[0])
         return np.asarray(self.unknowns[high[np.abs(self.frequency[high] - frequency).argmin()]])
 
     def lower(self, frequency: float, own: float) -> float:
         """The next solution below a level, 0 without one."""
-        return float(max((a for a in self.at(frequency) if a < LOWER * own), default=0.0))
+        return float(max((a for a in self.at(frequency) if a < RULES.lower * own), default=0.0))
 
     def side(self, sign: float) -> tuple[float, float]:
         """Half width (Hz, with its sign) on one side of the tip, and the first frequency half of it away where the branch
@@ -92,14 +107,14 @@ class Levels:
         tip, height = self.frequency[self.top], self.amplitude[self.top]
         end = self.frequency.max() if sign > 0.0 else self.frequency.min()
         width, before = np.nan, height
-        for f in np.linspace(tip, end, GRID)[1:-1]:
+        for f in np.linspace(tip, end, 400)[1:-1]:
             own = float(max(self.at(f), default=0.0))
-            if own < DROP * before:
+            if own < RULES.drop * before:
                 break
             if np.isnan(width) and own <= height / np.sqrt(2.0):
                 width = f - tip
             if not np.isnan(width):
-                away = np.linspace(tip + 0.5 * width, end, GRID)[:-1]
+                away = np.linspace(tip + 0.5 * width, end, 400)[:-1]
                 alone = (x for x in away if len(self.at(x)) and not self.lower(x, self.at(x)[0]))
                 return width, float(next(alone, np.nan))
             before = own
@@ -127,20 +142,23 @@ class Walk:
         """March at one frequency until a motion near the level ``own`` (m) stays or has fallen."""
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
         lower = self.levels.lower(frequency, own)
-        limit = max(0.5 * (own + lower) if lower else 0.0, DROP * own)
+        limit = max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own)
         while True:
-            march.run(len(march.harmonics) + WINDOW // 2)
-            self.periods += WINDOW // 2
+            march.run(len(march.harmonics) + RULES.window // 2)
+            self.periods += RULES.window // 2
             n, amplitude = len(march.harmonics), march.amplitude
-            if march.overflowed or n >= MOST:
+            if march.overflowed or n >= RULES.most:
                 break
-            if n < 2 * WINDOW:
+            if n < 2 * RULES.window:
                 continue
-            last, before = float(amplitude[-WINDOW:].mean()), float(amplitude[-2 * WINDOW : -WINDOW].mean())
+            last, before = (
+                float(amplitude[-RULES.window :].mean()),
+                float(amplitude[-2 * RULES.window : -RULES.window].mean()),
+            )
             fallen = last < limit and before < limit
-            if fallen or ((n >= PERIODS or not lower) and abs(last / before - 1.0) <= DRIFT):
+            if fallen or ((n >= RULES.fewest or not lower) and abs(last / before - 1.0) <= RULES.drift):
                 break
-        kept = amplitude[-(2 if finer > 1 else 1) * WINDOW :]
+        kept = amplitude[-(2 if finer > 1 else 1) * RULES.window :]
         return Place(float(frequency), kept, bool(kept.mean() >= limit), march.motion)
 
     def go(self, start: float, step: float) -> None:
@@ -150,7 +168,7 @@ class Walk:
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
-            low = here.mean < LOWER * max(p.mean for p in self.places)
+            low = here.mean < RULES.lower * max(p.mean for p in self.places)
             following = here.frequency + step
             if (beyond and low) or not ends.min() <= following <= ends.max():
                 return

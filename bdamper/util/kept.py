@@ -61,7 +61,9 @@ class Kept:
 
     @property
     def text(self) -> str:
-        """Mean and range: "55 µm (53 to 58)"."""
+        """Mean and range: "55 µm (53 to 58)"; the status where there is none."""
+        if self.mean != self.mean:
+            return self.status
         mean = amount(self.mean, "m")
         scale = float(mean.split()[0]) / self.mean
         return f"{mean} ({scale * self.lowest:.3g} to {scale * self.highest:.3g})"
@@ -84,9 +86,9 @@ class Kept:
 
     def __str__(self) -> str:
         head = f"at {self.preload:g} N a blade keeps {self.text} at {self.frequency:.6g} Hz, {self.status}"
+        if self.mean != self.mean:
+            return f"at {self.preload:g} N a blade keeps: {self.status}"
         if not self.marched:
-            if self.mean != self.mean:
-                return f"at {self.preload:g} N what a blade keeps is {self.status}"
             return f"{head}\n  contacts stay closed and no fold is near: the peak of the harmonic balance is kept"
         fall = f", falls at {self.fall:.6g} Hz" if self.fall == self.fall else ", does not fall"
         return (

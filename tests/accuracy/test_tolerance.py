@@ -31,7 +31,7 @@ def study():
 
 @pytest.fixture(scope="module")
 def optimal(study):
-    return study.optimal_curve((1000.0, 5000.0), 3, frequency=INTERVAL)
+    return study.optimal_curve((1000.0, 5000.0), 3, frequency=INTERVAL, check="harmonics")
 
 
 def peaks(study, *numbers):
@@ -210,7 +210,7 @@ class TestOptimalCurve:
     def test_interrupted_and_resumed(self, study, monkeypatch, tmp_path):
         """Curves that are finished are kept and not computed again."""
         path, inner, tracked = tmp_path / "search.jsonl", tolerance.track, []
-        ask = {"preload": (3000.0, 5000.0), "n": 2, "frequency": INTERVAL, "resume": path}
+        ask = {"preload": (3000.0, 5000.0), "n": 2, "frequency": INTERVAL, "resume": path, "check": "harmonics"}
 
         def stopped(problem, preload, *args, **options):
             if len(tracked) == 2:

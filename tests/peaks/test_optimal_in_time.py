@@ -1,0 +1,62 @@
+"""What a blade keeps at the optimum of an optimal curve: fields, prints, files, neighbours."""
+
+from dataclasses import replace
+
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+
+import bdamper as bd
+from bdamper.peaks import marched
+from bdamper.util.kept import Kept
+from tests.plain import plain_study
+
+
+@pytest.fixture(scope="module")
+def study():
+    return plain_study(bd.reference_model("bladed_disk", 9), bd.Excitation("tip"), 5)
+
+
+@pytest.fixture(scope="module")
+def curve(study):
+    return study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check=False)
+
+
+def keeps(problem, tracked):
+    """In place of the march: nine tenths of the peak, more at lower preloads."""
+    top, p = tracked.peak.amplitude, tracked.preload
+    mean = 0.9 * top * (1.0 + 1e-6 * (5000.0 - p))
+    return Kept(mean, 0.95 * mean, 1.1 * mean, tracked.peak.frequency, p, top, 1.0, "down", 480, (0, 5), "complete")
+
+
+def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tmp_path):
+    monkeypatch.setattr(marched, "kept", keeps)
+    found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
+    (one,) = found.kept
+    assert found.ladder is None and one.preload == curve.optimum.preload and found.least_kept is one
+    assert one.balance == pytest.approx(curve.optimum.amplitude, rel=1e-3)
+    assert f"with 1 harmonic; a blade keeps {one.text}." in found.bottom_line() and "a blade keeps" in found.details()
+    found.save(tmp_path / "optimal.h5")
+    assert bd.load(tmp_path / "optimal.h5").kept == found.kept
+    ax = found.plot()[0]
+    assert "kept in time, mean and range" in ax.get_legend_handles_labels()[1]
+    plt.close("all")
+
+
+def test_neighbours_on_request(study, curve, monkeypatch):
+    monkeypatch.setattr(marched, "kept", keeps)
+    found = study.with_kept(curve, neighbours=True)
+    best = curve.optimum.preload
+    np.testing.assert_allclose([k.preload for k in found.kept], [best / 1.2, best, best * 1.2])
+    assert found.least_kept.mean == min(k.mean for k in found.kept)
+    assert f"At {best / 1.2:.3g} N " in found.bottom_line().replace(" kN", "e3 N") or "At " in found.bottom_line()
+
+
+def test_what_cannot_be_marched_says_why(study, curve, monkeypatch):
+    """One basis for several nodal diameters is no structure in time."""
+    shared = study.with_(single_basis=True, harmonics=2)
+    monkeypatch.setattr(marched, "_matching", lambda problem, curve: problem)
+    (found,) = shared.with_kept(replace(curve, kept=())).kept
+    assert found.status.startswith("not found: ") and "single_basis" in found.status and np.isnan(found.mean)
+    with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'ladder'"):
+        study.optimal_curve((1000.0, 5000.0), 3, check="ladder")
