@@ -88,7 +88,7 @@ class WheelProblem:
     def n_blades(self) -> int:
         return self.study.model.n_blades
 
-    def tuned(self) -> Any:
+    def tuned(self) -> Problem:
         """The study of one sector that spans the same space as this wheel, with the same contact stiffness."""
         return self.structure.tuned
 

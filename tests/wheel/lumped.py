@@ -77,3 +77,28 @@ def solution(system, omega, start=None, tolerance=1e-11):
 def size(system, r):
     """Largest entry of a residual, relative to excitation and static load."""
     return float(np.abs(r * system.row_scale).max())
+
+
+def wave(structure, u):
+    """Unknowns of the wheel, (n_blades, n_coefficients, n_sector), from those of the tuned study."""
+    system, N = structure.tuned, structure.n_blades
+    bases = system.bases
+    H = len(bases) - 1
+    out = np.zeros((N, 2 * H + 1, structure.n_sector))
+    start = 0
+    for l, basis in enumerate(bases):
+        m = basis.n_modes
+        if m == 0:
+            continue
+        q = u[start : start + m] - (1j * u[start + m : start + 2 * m] if l else 0.0)
+        start += m if l == 0 else 2 * m
+        own = np.array([system.model.bodies[c.body].local is None for c in basis.coordinates])
+        d, conjugate = system.model.folded_nodal_diameter(l * int(system.engine_order))
+        phi = structure.modes(d)
+        x = np.concatenate([(phi.conj() if conjugate else phi) @ q[~own], q[own]])
+        turned = x * np.exp(2j * np.pi * system.engine_order * l * np.arange(N) / N)[:, None]
+        if l == 0:
+            out[:, 0] = turned.real
+        else:
+            out[:, 2 * l - 1], out[:, 2 * l] = turned.real, -turned.imag
+    return out

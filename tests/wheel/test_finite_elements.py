@@ -19,6 +19,7 @@ from bdamper.wheel import Mistuning
 from bdamper.wheel.wheel import Wheel
 from tests.annulus import Annulus, small_sector, small_wheel
 from tests.wheel.lumped import size, solution
+from tests.wheel.lumped import wave as wave_of
 from tests.wheel.test_symmetry import assert_same, turned
 
 PRELOAD, ZETA = 100.0, 2e-3
@@ -53,7 +54,7 @@ def solved(wheel, frequency):
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * frequency
     y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-10), CostMeter(0.0))
-    found = solution(system, omega, system.flat(wheel.structure.wave(y[:-1])))
+    found = solution(system, omega, system.flat(wave_of(wheel.structure, y[:-1])))
     assert found.status == 0
     X = system.array(found.y[:-1])
     assert min(slip_and_separation(wheel, system, X)) > 0.1
@@ -158,7 +159,7 @@ def test_a_tuned_wheel_has_the_wave_of_its_study():
     system = wheel.system(PRELOAD)
     omega = 2.0 * np.pi * AT[8][2]
     y, _ = find_start(wheel.tuned(), PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    wave = system.flat(wheel.structure.wave(y[:-1]))
+    wave = system.flat(wave_of(wheel.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-7
 
 

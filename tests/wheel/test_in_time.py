@@ -4,8 +4,12 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.follower import follow
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.wheel import DamperVariation, Mistuning, Wheel
 from tests.wheel.lumped import lumped_study, solution
+from tests.wheel.test_search import SIX
+from tests.wheel.test_symmetry import study as six_blades
 
 N, H, PRELOAD, STEPS = 8, 7, 300.0, 600
 """Blades, harmonics, preload (N) and steps of time in a period."""
@@ -21,6 +25,7 @@ class March:
     def __init__(self, system, omega):
         s = system.structure
         n, nd, r = s.n, s.n_damper, s.local.n_interface
+        N = s.n_blades
         blades, total = N * n, N * s.n_sector
         K, M, C = np.zeros((3, total, total))
         turn = np.exp(2j * np.pi * np.outer(np.arange(N), np.arange(N)) / N) / N
@@ -52,8 +57,9 @@ class March:
 
     def start(self, X):
         """Displacement and velocity of a solution by harmonics at time 0; sliders are those at rest."""
+        orders = np.arange(1, X.shape[1] // 2 + 1)
         x = self.flat(X[:, 0] + X[:, 1::2].sum(axis=1), self.n)
-        v = self.flat(self.omega * np.einsum("l,nlj->nj", np.arange(1, H + 1), X[:, 2::2]), self.n)
+        v = self.flat(self.omega * np.einsum("l,nlj->nj", orders, X[:, 2::2]), self.n)
         return x, v, self.points.slider.copy()
 
     def run(self, X, periods):
@@ -76,7 +82,7 @@ class March:
                 v = v + dt * (a - self.K @ x - self.C @ v - self.contact @ force.ravel())
                 out[period] += 2.0 / STEPS * np.exp(-1j * phase) * x[: self.blades]
                 x = x + dt * v
-        return out.reshape(periods, N, self.n)
+        return out.reshape(periods, -1, self.n)
 
 
 @pytest.mark.slow
@@ -98,3 +104,21 @@ def test_a_marched_ring_has_the_amplitudes_of_the_wheel(seed):
     assert abs(marched[0] / amplitude - 1.0).max() > 0.05, "sliders at rest are not those of the vibration"
     assert np.ptp(marched[-10:], axis=0).max() < 1e-3 * amplitude.max(), "steady"
     np.testing.assert_allclose(marched[-1], amplitude, rtol=0.01)
+
+
+@pytest.mark.slow
+def test_a_blade_keeps_the_first_maximum_of_a_curve_with_many_folds_and_falls_from_higher_ones():
+    """Both lie on the branch from the low end; in time the first is off by a tenth, since it has one harmonic."""
+    wheel = Wheel(six_blades(), SIX)
+    system, low = wheel.system(PRELOAD), 2.0 * np.pi * 150.0
+    options = ContinuationOptions(locate=False, max_points=240)
+    points = follow(system, solution(system, low).y, (low, 4.0 * low), options=options).points
+    height = np.array([np.abs(system.responses(p.y[:-1])[:, 1]).max() for p in points])
+    tops = np.flatnonzero((height[1:-1] > height[:-2]) & (height[1:-1] > height[2:])) + 1
+    places = tops[0], next(i for i in tops if height[i] > 5e-3)
+    assert height[places[0]] == pytest.approx(2.25e-3, rel=0.01)
+    kept = []
+    for i in places:
+        march = March(system, points[i].y[-1]).run(system.array(points[i].y[:-1]), 80)
+        kept.append(np.abs(march[-1] @ wheel.response_row).max() / height[i])
+    assert kept[0] > 0.85 and kept[1] < 0.3, kept

@@ -12,6 +12,7 @@ from bdamper.util.cost import CostMeter
 from bdamper.wheel import DamperVariation
 from bdamper.wheel.wheel import Wheel
 from tests.wheel.lumped import lumped_study, size, solution
+from tests.wheel.lumped import wave as wave_of
 from tests.wheel.test_symmetry import PATTERN, study
 
 PRELOAD = 300.0
@@ -95,7 +96,7 @@ def test_a_tuned_wheel_has_the_waves_of_the_study(harmonics):
     tuned = w.tuned()
     system, omega = w.system(PRELOAD), 2.0 * np.pi * 200.0
     y, _ = find_start(tuned, PRELOAD, omega, ContinuationOptions(tolerance=1e-11), CostMeter(0.0))
-    wave = system.flat(w.structure.wave(y[:-1]))
+    wave = system.flat(wave_of(w.structure, y[:-1]))
     assert size(system, system.residual(np.append(wave, omega))) < 1e-10
     found = solution(system, omega)
     assert found.status == 0
