@@ -5,6 +5,7 @@
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
+#   make validate  public problems and closed forms computed again, into docs/validated.md (needs CalculiX)
 #   make kernels   what rounding touches, under the kernels of the core and of OpenBLAS
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
 #   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
@@ -29,7 +30,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs links accuracy hard fuzz lint sanitize kernels nastran oldest newest wheel cross peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -83,6 +84,9 @@ cross: $(VENV)/dev.stamp
 
 accuracy: $(VENV)/test.stamp
 	$(call step,ladders of accuracy against time into docs/measured.md,$(PY) -m benchmarks.bench_accuracy)
+
+validate: $(VENV)/dev.stamp
+	$(call step,public problems into docs/validated.md,$(PY) -m benchmarks.validate)
 
 hard: $(VENV)/test.stamp
 	$(call step,hard cases at full size,BDAMPER_HARD=10000 $(PY) -m pytest tests/hard)

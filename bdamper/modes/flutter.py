@@ -148,11 +148,11 @@ def flutter(
         one = _shifted(one, flow.real if isinstance(value, complex) else 0.0, float(values[-1]), mode)
         curve: NonlinearMode | None = None
         for p in values[::-1].tolist():
-            if curve is None or not curve.homogeneous:
+            if curve is None or p > curve.scales_to:
                 reach = low, high * (values[-1] / values[0] if curve is None and values[0] > 0.0 else 1.0)
                 curve = nonlinear_mode(one, p, mode, reach, options=options)
                 cycles = _cycles(one, curve, zeta)
-            s = p / curve.preload if curve.homogeneous else 1.0
+            s = p / curve.preload if curve.scales_to else 1.0
             rest = zeta + float(curve.damping_ratio[0]) > 0.0
             found = [(s * a, *rest_of_it) for a, *rest_of_it in cycles if s * a <= high]
             rows += [(p, d, *row) for row in ((0.0, float(curve.frequency[0]), rest, COMPLETE), *sorted(found))]

@@ -90,7 +90,6 @@ def nonlinear_mode(
     u, correlation = system.motion(y), _correlation(system, y)
     status, reason = _ending(branch, y, correlation, mode)
     a = system.amplitudes(u, 1)
-    static = problem.static_system
     return NonlinearMode(
         frequency=y[:, -3] / TWO_PI,
         damping_ratio=y[:, -2],
@@ -105,9 +104,7 @@ def nonlinear_mode(
         linear_to=branch.linear_to,
         preload=preload,
         mode=mode,
-        homogeneous=bool(
-            preload > 0.0 and static.cubic is None and not np.any(static.n0) and not np.any(static.constant_force)
-        ),
+        scales_to=_scales_to(problem, system, u, preload),
         status=status,
         reason=reason,
         cost=meter.read(time.perf_counter()),
@@ -212,6 +209,21 @@ def _correlation(system: ModeSystem, y: NDArray) -> NDArray:
     a, mass = system.amplitudes(y, 1), system.bases[1].mass
     across = np.abs(a @ (mass * system.stuck.conj())) ** 2
     return np.asarray(across / ((np.abs(a) ** 2 @ mass) * (np.abs(system.stuck) ** 2 @ mass)))
+
+
+def _scales_to(problem: Problem, system: ModeSystem, u: NDArray, preload: float) -> float:
+    """Highest preload (N) up to which motions u grow in proportion to it; 0 where they do not at all.
+
+    Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
+    """
+    static = problem.static_system
+    if preload == 0.0 or static.cubic is not None or np.any(static.n0 > 0.0) or np.any(static.constant_force):
+        return 0.0
+    gapped = static.n0 < 0.0
+    gap, none = -static.n0[gapped] / static.kn[gapped], np.zeros(system.n_mean)
+    used = [1.0 + (system.driven.closing(one, none)[0][gapped] / gap).max(initial=-1.0) for one in u]
+    most = max(used, default=1.0)
+    return 0.0 if most >= 1.0 else preload / most if most > 0.0 else float("inf")
 
 
 def _kinds(points: list[tuple[PathPoint, Piece]], damping: NDArray) -> tuple[str, ...]:

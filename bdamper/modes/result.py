@@ -46,8 +46,8 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
     linear_to : float, m
         Amplitude up to which nothing slips or opens; NaN where something does at the lowest one.
     preload, mode : float (N) and int
-    homogeneous : bool
-        Whether the same curve serves all preloads (:meth:`at_preload`).
+    scales_to : float, N
+        Highest preload that the same curve serves (:meth:`at_preload`); 0 if it serves no other one.
     status, reason, cost, settings, model_hash
         As of a tracking curve.
     """
@@ -65,7 +65,7 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
     linear_to: float
     preload: float
     mode: int
-    homogeneous: bool
+    scales_to: float
     status: Status
     reason: str
     cost: Cost
@@ -114,13 +114,14 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
         Raises
         ------
         SettingError
-            If gaps, interference, cubic springs or forces that do not grow with the preload take part.
+            If gaps that close, interference, cubic springs or forces that do not grow with the preload take part.
         """
         preload = validate.number("preload", preload, above=0.0, unit="N")
-        if not self.homogeneous:
+        if preload > self.scales_to:
+            found = f"one that scales to {self.scales_to:.6g} N" if self.scales_to else "one that does not scale"
             raise SettingError(
-                "preload: expected a mode without gaps, interference, cubic springs and constant forces, which alone "
-                "scales with the preload; compute it at this one"
+                f"preload: expected a mode that scales to {preload:.6g} N, without interference, cubic springs, constant "
+                f"forces and gaps that close, found {found}; compute it there"
             )
         s = preload / self.preload
         return replace(
@@ -150,6 +151,6 @@ class NonlinearMode(Plottable, Comparable, Tabular, Storable, kind="bdamper-nonl
                 f"{self.residual.max():.1e}",
                 f"  linear up to {self.linear_to:.6g} m" if np.isfinite(self.linear_to) else "  not linear anywhere",
             ]
-        if self.homogeneous:
-            lines.append("  one curve for all preloads: at_preload() scales it")
+        if self.scales_to:
+            lines.append(f"  one curve for all preloads up to {self.scales_to:.6g} N: at_preload() scales it")
         return "\n".join([*lines, f"  {self.cost}"])

@@ -35,34 +35,6 @@ def test_limit_cycles_are_those_of_the_closed_form(tmp_path):
     assert bd.load(tmp_path / "flutter.h5").details() == found.details()
 
 
-def marched(matrices, contacts, load, omega, x, v, slider, periods):
-    """(periods,) first harmonic of the first freedom: Runge-Kutta with friction sliders, 120 steps in a period.
-
-    M, C, K and contacts as rows of sliding and closing with kt, kn, mu and a constant normal load.
-    """
-    (mass, damping, stiffness), (slide, close, kt, kn, mu, constant) = matrices, contacts
-    steps, seen = 120, []
-    h = TWO_PI / omega / steps
-
-    def rate(x, v):
-        n = np.maximum(constant + kn * (close @ x), 0.0)
-        t = np.clip(kt * (slide @ x - w), -mu * n, mu * n)
-        return v, (load - damping * v - stiffness @ x - slide.T @ t - close.T @ n) / mass
-
-    w = slider
-    for _ in range(periods * steps):
-        a = rate(x, v)
-        b = rate(x + 0.5 * h * a[0], v + 0.5 * h * a[1])
-        c = rate(x + 0.5 * h * b[0], v + 0.5 * h * b[1])
-        d = rate(x + h * c[0], v + h * c[1])
-        x, v = (y + h / 6.0 * (p + 2.0 * (q + r) + s) for y, p, q, r, s in zip((x, v), a, b, c, d))
-        limit = mu * np.maximum(constant + kn * (close @ x), 0.0) / kt
-        w = np.clip(w, slide @ x - limit, slide @ x + limit)
-        seen.append(x[0])
-    wave = np.exp(-1j * TWO_PI * np.arange(steps) / steps)
-    return np.abs(np.array(seen).reshape(periods, steps) @ wave) * 2.0 / steps
-
-
 @pytest.mark.parametrize(("cycle", "ends"), [(1, (1, 1)), pytest.param(2, (1, np.inf), marks=pytest.mark.slow)])
 def test_marches_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     """One mass: from 0.9 and 1.1 of each cycle."""
@@ -73,7 +45,7 @@ def test_marches_go_to_stable_cycles_and_away_from_unstable_ones(cycle, ends):
     for factor, end in zip((0.9, 1.1), ends):
         start = np.array([factor * a])
         contacts = one, 0.0 * one, 1.0, 0.0, 1.0, 1.0
-        height = marched(matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40)
+        height = jenkins.marched(matrices, contacts, np.zeros(1), omega, start, np.zeros(1), start - 1.0, 40)
         if end == cycle:
             assert height[-5:] == pytest.approx(a, rel=0.01)
         elif np.isinf(end):
@@ -96,7 +68,7 @@ def test_cycles_with_a_free_mass_are_those_of_marches():
     contacts = slide, np.zeros((2, 2)), np.array([1.0, 2.0]), 0.0, 1.0, np.array([1.0, 1.3])
     for factor in (0.9, 1.1):
         x = factor * a * np.array([1.0, 0.3])
-        height = marched(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
+        height = jenkins.marched(matrices, contacts, np.zeros(2), omega, x, np.zeros(2), slide @ x * 0.5, 40)
         assert height[-5:] == pytest.approx(a, rel=0.01)
 
 

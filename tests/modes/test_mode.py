@@ -63,7 +63,7 @@ def test_all_losses_are_balanced():
 def test_one_curve_serves_all_preloads():
     study = wedge.study(0.5, 3)
     one, other = (study.nonlinear_mode(p, 2, (p * 1e-8, p * 1e-5)) for p in (120.0, 30.0))
-    assert one.homogeneous and one.complete and len(one.folds) == 6
+    assert one.scales_to == np.inf and one.complete and len(one.folds) == 6
     scaled = one.at_preload(30.0)
     assert len(scaled) == len(other) and scaled.preload == 30.0
     for name in ("amplitude", "frequency", "damping_ratio", "modal_amplitude"):
@@ -73,9 +73,18 @@ def test_one_curve_serves_all_preloads():
         for u, f in zip(scaled.unknowns, scaled.frequency)
     ]
     assert max(residual) < 1e-6 * 30.0
+    # gaps count once they close
+    study = bd.Study(
+        bd.reference_model("turbine_blade"), bd.Excitation("tip", "tangential"), engine_order=5, friction_coefficient=0.3
+    )
+    assert study.static_system.n0.min() < 0.0
+    mode = study.nonlinear_mode(100.0, 1, (2e-5, 3e-5))
+    assert 100.0 < mode.scales_to < np.inf
+    with pytest.raises(bd.SettingError, match="that scales to"):
+        mode.at_preload(2.0 * mode.scales_to)
     mode = oscillator(1).nonlinear_mode(0.0, 1, (0.5, 2.0))
-    assert not mode.homogeneous
-    with pytest.raises(bd.SettingError, match="gaps, interference, cubic"):
+    assert mode.scales_to == 0.0
+    with pytest.raises(bd.SettingError, match="found one that does not scale"):
         mode.at_preload(10.0)
 
 

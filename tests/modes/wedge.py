@@ -151,3 +151,24 @@ class Program:
                     continue
             step *= 0.5
         return np.array(points)
+
+    def forced(self, omega, force):
+        """(6, 2 H + 1) motion under a force on the first mass along x, from the linear response."""
+        K = self.K + STIFFNESS * np.einsum("pdi,pdj->ij", self.G, self.G)
+        linear = np.linalg.solve(K - omega**2 * np.diag(MASS) + 1j * omega * np.diag(DAMPING), force * np.eye(6)[0])
+        x = np.zeros((6, self.n_coef))
+        x[:, 0], x[:, 1], x[:, 2] = self.q, linear.real, -linear.imag
+        x, h = x.ravel(), 1e-11
+
+        def residual(x):
+            rest = np.broadcast_to([1e-3 * omega, 0.0, 0.0], (len(x), 3))
+            r = self.residuals(np.hstack([x, rest]))[:, :-2]
+            r[:, 6] -= force / STIFFNESS
+            return r
+
+        for _ in range(30):
+            ends = residual(np.concatenate([x[None], x + h * np.eye(len(x))]))
+            x = x - np.linalg.lstsq((ends[1:] - ends[0]).T / h, ends[0], rcond=1e-12)[0]
+            if np.abs(ends[0]).max() < 1e-12:
+                return x.reshape(6, -1)
+        raise AssertionError("no periodic response")

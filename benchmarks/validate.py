@@ -1,0 +1,74 @@
+"""Public problems beside the answers of the package: ``make validate`` or ``python -m benchmarks.validate``.
+
+Computes the problems of ``tests/validated.py`` and writes ``docs/validated.md``, with a picture of each.
+Ends with an error where a number is beyond its tolerance without the page saying why.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import matplotlib
+
+import bdamper as bd
+from bdamper.plot import new_axes, save_figure
+from tests.validated import PROBLEMS, Problem, available
+
+matplotlib.use("Agg")
+DOCS = Path(__file__).parents[1] / "docs"
+HEAD = """# Validated against
+
+Public problems and closed forms, computed again by `make validate`, which writes this page; the slow tests do the same
+(`tests/validated.py` holds them all). A number agrees if its relative error is below the tolerance; what does not agree
+stands here, too, with the reason.
+"""
+TAIL = """## Elsewhere, and not here
+
+* Stress of a sector and frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/wheel`;
+  forced responses beside marches in time: [in time](in-time.md); times beside pyHarm: [compared](compared.md).
+* NLvib's two masses with friction and the chain of its example 7 are not here: no figures of theirs were at hand.
+"""
+
+
+def slug(name: str) -> str:
+    """A name as a part of the name of a file."""
+    return re.sub(r"\W+", "-", name.lower()).strip("-")
+
+
+def section(name: str, problem: Problem) -> str:
+    """One problem in Markdown."""
+    lines = [f"## {name}\n", f"{problem.measure[0].upper()}{problem.measure[1:]}.\n", f"Source: {problem.source}.\n",
+             "| quantity | reference | bdamper | error | tolerance | |", "|---|---|---|---|---|---|"]  # fmt: skip
+    for row in problem.rows:
+        verdict = "agrees" if row.agrees else f"**differs**: {row.differs}"
+        numbers = f"{row.reference:.9g} | {row.ours:.9g} | {row.error:.1e} | {row.tolerance:g}"
+        lines.append(f"| {row.quantity} | {numbers} | {verdict} |")
+    return "\n".join([*lines, f"\n![{name}](images/validated-{slug(name)}.png)\n"])
+
+
+def main() -> None:
+    """Compute, write, and say what is wrong."""
+    missing = [name for name in PROBLEMS if not available(name)]
+    if missing:
+        sys.exit(f"validate: {missing} cannot be computed here: CalculiX (ccx) is not installed")
+    parts, wrong = [HEAD], []
+    for name, compute in PROBLEMS.items():
+        problem = compute()
+        parts.append(section(name, problem))
+        ax = new_axes()
+        problem.draw(ax)
+        save_figure(ax, DOCS / "images" / f"validated-{slug(name)}.png", dpi=100)
+        wrong += [
+            f"{name}: {row.quantity}, error {row.error:.1e}" for row in problem.rows if row.agrees == bool(row.differs)
+        ]
+        print(f"{name}: {sum(row.agrees for row in problem.rows)} of {len(problem.rows)} numbers agree", flush=True)
+    (DOCS / "validated.md").write_text("\n".join([*parts, TAIL]), encoding="utf-8")
+    print(f"bdamper {bd.__version__}: docs/validated.md")
+    if wrong:
+        sys.exit("validate: " + "; ".join(wrong))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,447 @@
+"""Public problems and closed forms beside the answers of the package: one place for the page, its command and the tests.
+
+Every problem is a function that computes it anew: where it comes from, numbers beside each other with a tolerance, and a
+picture.  ``make validate`` writes them into ``docs/validated.md``.  A row that is known not to agree says why.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+import bdamper as bd
+from tests.modes import jenkins, wedge
+
+TWO_PI = 2.0 * np.pi
+
+
+class Row(NamedTuple):
+    """One quantity: what it should be, what the package says, relative tolerance, and why it may differ, if it does."""
+
+    quantity: str
+    reference: float
+    ours: float
+    tolerance: float
+    differs: str = ""
+
+    @property
+    def error(self) -> float:
+        return abs(self.ours / self.reference - 1.0)
+
+    @property
+    def agrees(self) -> bool:
+        return self.error <= self.tolerance
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A problem, computed.
+
+    Parameters
+    ----------
+    source, measure : str
+        Where the reference comes from, and what is compared.
+    rows : tuple of Row
+    draw : callable
+        Draws the picture into axes.
+    """
+
+    source: str
+    measure: str
+    rows: tuple[Row, ...]
+    draw: Callable[[Any], None]
+
+
+def _over(ax, x, reference, ours, xlabel, ylabel, log=False):
+    """A reference as a line, our points on it."""
+    ax.plot(*reference, "-", color="0.6", linewidth=2.5, label="reference")
+    ax.plot(x, ours, ".", color="C0", markersize=3.5, label="bdamper")
+    ax.set(xlabel=xlabel, ylabel=ylabel, **({"xscale": "log"} if log else {}))
+    ax.legend(fontsize=7.0)
+
+
+# ---- oscillators ----
+
+GRIFFIN = {0.5: (18.94337543, 1.00334229), 1.5: (2.91810452, 1.23088592)}
+"""Amplitude and frequency (rad/s) of the peak by slip limit."""
+LEAST = 1.470413, 2.91702888
+"""Slip limit of the least peak, and that peak."""
+
+
+def griffin() -> Problem:
+    rows, found = [], []
+    for limit in (0.5, 0.8, 1.1, 1.5, 2.0, 2.5):
+        contact = bd.Contact(0, kt=1.0, mu=0.5, preload=2.0 * limit)
+        peak = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1).peak(0.0, (0.1, 0.3))
+        found.append((limit, peak.amplitude))
+        if limit in GRIFFIN:
+            amplitude, omega = GRIFFIN[limit]
+            rows += [
+                Row(f"peak at the limit {limit}", amplitude, peak.amplitude, 2e-8 / amplitude),
+                Row(f"its frequency (rad/s) at the limit {limit}", omega, TWO_PI * peak.frequency, 2e-8 / omega),
+            ]
+    contact = bd.Contact(0, 1, kt=1.0, kn=1.0, mu=0.5)
+    study = bd.lumped([1.0, 1.0], [0.02, 0.0], [1.0, 0.0], contacts=[contact], forces={0: 1.0}, loads={1: 1.0}, harmonics=1)
+    curve = study.optimal_curve((2.0, 4.0), 4, frequency=(0.1, 0.3), check=False)
+    rows += [
+        Row("limit of the least peak", LEAST[0], 0.5 * curve.optimum.preload, 1e-5),
+        Row("least peak", LEAST[1], curve.optimum.amplitude, 1e-7),
+    ]
+
+    def draw(ax):
+        reference = np.transpose([(limit, a) for limit, (a, _) in GRIFFIN.items()] + [LEAST])
+        ax.plot(*np.transpose(found), ".-", label="bdamper")
+        ax.plot(*reference, "o", color="0.5", markerfacecolor="none", label="closed form")
+        ax.set(xlabel="Slip limit", ylabel="Peak", yscale="log")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        'J. H. Griffin, "Friction damping of resonant stresses in gas turbine engine airfoils", J. Eng. Power 102 (1980)',
+        "one mass with an elastic friction element, one harmonic: peaks, and the limit of the least one",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+DUFFING = {"hardening": (1.0, 0.1, 0.2), "softening": (-0.1, 0.05, 0.06), "NLvib, example 1": (0.1, 0.05, 0.18)}
+"""Cubic stiffness, damping, force."""
+
+
+def duffing() -> Problem:
+    rows, curves = [], []
+    for name, (k, c, F) in DUFFING.items():
+        curve = bd.lumped(1.0, c, 1.0, cubic={0: k}, forces={0: F}, harmonics=1).track(0.0, (0.05, 0.35))
+        a, w = curve.amplitude, TWO_PI * curve.frequency
+        assert curve.complete
+        force = np.hypot(1.0 - w**2 + 0.75 * k * a**2, c * w) * a
+        worst = int(np.argmax(np.abs(force / F - 1.0)))
+        # both branches exist where the frequency equation, quadratic in w^2, has real roots
+        top = brentq(lambda a, k=k, c=c, F=F: 1.0 + 0.75 * k * a**2 - 0.25 * c**2 - (F / (a * c)) ** 2, 0.5, 3.0)
+        rows += [
+            Row(f"{name}: force at the worst point of the curve", F, float(force[worst]), 1e-7),
+            Row(f"{name}: peak", top, curve.peak.amplitude, 1e-7),
+            Row(f"{name}: folds", 2.0, float(len(curve.folds)), 0.0),
+        ]
+        curves.append((name, w, a))
+
+    def draw(ax):
+        for name, w, a in curves:
+            ax.plot(w, a, label=name)
+        ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        'G. Duffing (1918), see A. H. Nayfeh and D. T. Mook, "Nonlinear Oscillations" (1979), section 4.1; parameters of '
+        'the third: M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib, example 1',
+        "cubic spring, one harmonic: the closed form at every point of the curve, the peak, two folds",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+def shaw_and_holmes() -> Problem:
+    stop, rows, seen = bd.Contact(normal=0, kn=3.0), [], []
+    for harmonics in (5, 9, 15):
+        study = bd.lumped(1.0, 1e-3, 1.0, contacts=[stop], forces={0: 1e-3}, harmonics=harmonics)
+        omega = TWO_PI * study.peak(0.0, (0.2, 0.23)).frequency
+        seen.append((harmonics, abs(omega / (4.0 / 3.0) - 1.0)))
+        why = "few harmonics" if harmonics == 5 else ""
+        rows.append(Row(f"frequency (rad/s), {harmonics} harmonics", 4.0 / 3.0, omega, 1e-5, why))
+
+    def draw(ax):
+        ax.plot(*np.transpose(seen), "o-")
+        ax.set(xlabel="Harmonics", ylabel="Error of the frequency", yscale="log")
+
+    return Problem(
+        'S. W. Shaw and P. J. Holmes, "A periodically forced piecewise linear oscillator", J. Sound Vib. 90 (1983)',
+        "an oscillator that meets a spring on one side: half a period has the frequency 1, the other half 2",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+def jenkins_mode() -> Problem:
+    fine = bd.ContinuationOptions(tolerance=1e-12)
+    contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+    modes = [
+        bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=harmonics).nonlinear_mode(
+            0.0, 1, (0.5, 20.0), options=fine
+        )
+        for harmonics in (1, tuple(range(1, 22, 2)))
+    ]
+    rows = []
+    for mode, reference, name, tolerance in zip(
+        modes, (jenkins.closed_form, jenkins.exact), ("one harmonic", "harmonics to 21"), (1e-10, 1e-5)
+    ):
+        slipping = np.flatnonzero(mode.amplitude > 1.05)[::8]
+        both = np.array([reference(a) for a in mode.amplitude[slipping]])
+        for k, (what, ours) in enumerate((("frequency", TWO_PI * mode.frequency), ("damping", mode.damping_ratio))):
+            worst = int(np.argmax(np.abs(ours[slipping] / both[:, k] - 1.0)))
+            rows.append(Row(f"{name}: {what} at the worst point", both[worst, k], float(ours[slipping[worst]]), tolerance))
+
+    def draw(ax):
+        a = np.geomspace(1.05, 20.0, 60)
+        zeta = [jenkins.exact(x)[1] for x in a]
+        _over(ax, modes[1].amplitude, (a, zeta), modes[1].damping_ratio, "Amplitude over d", "Modal damping ratio", True)
+
+    return Problem(
+        "definition: M. Krack, Computers & Structures 154 (2015); closed form of one harmonic, and the exact motion, which "
+        "is two exponentials in half a period",
+        "nonlinear mode of one mass with an elastic friction element, the worst of some points",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+def limit_cycles() -> Problem:
+    contact = bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)
+    study = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=1)
+    flow = np.linspace(-0.115, -0.03, 9)
+    found = [study.flutter(0.0, float(z), amplitude=(0.5, 40.0)) for z in flow]
+    gap = lambda a, z: jenkins.closed_form(a)[1] + z  # noqa: E731
+    rows = []
+    for z, cycles in list(zip(flow, found))[::4]:
+        ends = brentq(gap, 1.001, 2.58, (z,), xtol=1e-14), brentq(gap, 2.59, 40.0, (z,), xtol=1e-14)
+        rows += [
+            Row(f"{what} cycle, damping of the flow {z:.4g}", end, float(cycles.amplitude[1 + k]), 1e-9)
+            for k, (what, end) in enumerate(zip(("stable", "unstable"), ends))
+        ]
+
+    several = bd.lumped(1.0, 0.02, 1.0, contacts=[contact], forces={0: 1.0}, harmonics=(1, 3, 5, 7))
+    cycle = several.flutter(0.0, -0.1, amplitude=(0.5, 2.5))
+    a, omega, one = cycle.amplitude[1], TWO_PI * cycle.frequency[1], np.ones((1, 1))
+    for factor in (0.9, 1.1):
+        start = np.array([factor * a])
+        matrices, faces = (one[0], np.array([0.02 - 0.2 * omega]), one), (one, 0.0 * one, 1.0, 0.0, 1.0, 1.0)
+        height = jenkins.marched(matrices, faces, 0.0 * start, omega, start, 0.0 * start, start - 1.0, 40)
+        rows.append(Row(f"march in time from {factor} of a stable cycle", float(height[-1]), a, 0.01))
+
+    def draw(ax):
+        a = np.geomspace(1.0, 40.0, 200)
+        line = [-jenkins.closed_form(x)[1] for x in a]
+        for k, face in ((1, "C0"), (2, "w")):
+            ax.plot(flow, [c.amplitude[k] for c in found], "o", color="C0", markerfacecolor=face)
+        ax.plot(line, a, "-", color="0.6", zorder=0)
+        ax.set(xlabel="Damping ratio of the flow", ylabel="Amplitude over d", yscale="log", xlim=(-0.125, -0.02))
+
+    return Problem(
+        "closed form of the same mode, and a march of the equation of motion by a Runge-Kutta method",
+        "amplitudes at which friction balances a flow that excites: stable (filled), unstable (open)",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+# ---- several masses ----
+
+PYHARM = 10.001165
+"""Highest amplitude on the curve of pyHarm-os 1.2.2 with 1024 samples."""
+
+
+def two_masses() -> Problem:
+    face = bd.Contact((0, 1), kt=0.5, mu=1.0, preload=0.2)
+    study = bd.lumped(
+        [1.0, 0.5], [0.02, 0.01], [[1.5, -0.5], [-0.5, 1.0]], contacts=[face], forces={0: 0.3}, response=0, harmonics=7
+    )
+    curve = study.track(0.0, (0.5 / TWO_PI, 2.2 / TWO_PI))
+    rows = (Row("highest amplitude", PYHARM, curve.peak.amplitude, 1e-6),)
+
+    def draw(ax):
+        ax.plot(TWO_PI * curve.frequency, curve.amplitude)
+        ax.plot(TWO_PI * curve.peak.frequency, PYHARM, "o", color="k", markerfacecolor="none", label="pyHarm")
+        ax.set(xlabel="Frequency (rad/s)", ylabel="Amplitude", yscale="log")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        "pyHarm-os 1.2.2; `make peers` runs it again", "two masses with a friction element between them, seven harmonics",
+        rows, draw,
+    )  # fmt: skip
+
+
+def planar_wedge() -> Problem:
+    rows, curves = [], []
+    for mu, harmonics in ((0.3, 1), (0.5, 3), (0.8, 1)):
+        study, program = wedge.study(mu, harmonics), wedge.Program(mu, harmonics)
+        curves.append((mu, study.nonlinear_mode(wedge.LOAD, 3, (1e-5, 4e-4))))
+        z = program.branch(program.start(*program.stuck(2), 3e-5), 6e-5 * mu / 0.5)[-1]
+        mode = study.nonlinear_mode(wedge.LOAD, 3, (3e-5, float(np.exp(z[-1]))))
+        name = f"friction coefficient {mu}, harmonics {harmonics}"
+        rows += [
+            Row(
+                f"{name}: frequency (Hz) where it slips",
+                1e3 * z[-3] / TWO_PI,
+                mode.frequency[-1],
+                1e-6,
+            ),
+            Row(f"{name}: damping there", z[-2], mode.damping_ratio[-1], 1e-6),
+        ]
+
+    def draw(ax):
+        for mu, mode in curves:
+            ax.plot(1e6 * mode.amplitude, mode.damping_ratio, label=f"friction coefficient {mu}")
+            ax.plot(
+                1e6 * mode.amplitude[mode.folds], mode.damping_ratio[mode.folds], "ok", markersize=3.0, markerfacecolor="w"
+            )
+        ax.set(xlabel="Amplitude (µm)", ylabel="Modal damping ratio", xscale="log")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        'N. N. Balaji and E. Ferhatoglu, "Vibration response variability in friction-damped systems" (parameters from '
+        "<https://github.com/Nidish96/nonuniq>); the reference is a program in plain NumPy (tests/modes/wedge.py)",
+        "third mode of two masses with a free wedge between them; the branch turns at the circles, and three motions have "
+        "one amplitude there, which the tests compare, too",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+FORCE, DRIVEN = 120.0, 150.0
+"""N on the first mass of the wedge along x, at so many Hz."""
+
+
+def forced_wedge() -> Problem:
+    rows, cycles = [], []
+    for harmonics in (1, 3, 5, 9):
+        x = wedge.Program(0.5, harmonics).forced(TWO_PI * DRIVEN, FORCE)
+        study = wedge.study(0.5, harmonics)
+        study = study.with_(excitation=bd.Excitation(study.excitation.location, study.excitation.direction, FORCE))
+        curve = study.track(wedge.LOAD, (0.93 * DRIVEN, 1.07 * DRIVEN))
+        away = np.hypot(50.0 * (curve.frequency / DRIVEN - 1.0), curve.amplitude / np.hypot(*x[0, 1:3]) - 1.0)
+        near = curve.unknowns[np.argmin(away)]
+        scale, system = np.full(len(near) + 1, np.abs(near).max()), study.system(wedge.LOAD)
+        found = system.correct_at(near, TWO_PI * DRIVEN, scale, 1e-12, 40, True)
+        rows.append(
+            Row(
+                f"amplitude (µm), {harmonics} harmonics",
+                1e6 * np.hypot(*x[0, 1:3]),
+                1e6 * abs(system.first_harmonic(found.y)),
+                1e-5,
+            )
+        )
+        cycles.append((harmonics, curve))
+
+    def draw(ax):
+        for harmonics, curve in cycles:
+            ax.plot(curve.frequency, 1e6 * curve.amplitude, label=f"{harmonics} harmonics")
+        ax.plot(np.full(len(rows), DRIVEN), [row.reference for row in rows], "o", color="k", markerfacecolor="none",
+                label="independent program")  # fmt: skip
+        ax.set(xlabel="Frequency (Hz)", ylabel="Amplitude (µm)")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        "the planar wedge of Balaji and Ferhatoglu, and the same program in plain NumPy",
+        f"forced response at {DRIVEN:g} Hz under {FORCE:g} N", tuple(rows), draw,
+    )  # fmt: skip
+
+
+PAPER = {1: (4.4, 17.2), 2: (5.5, 3.4)}
+"""By mode: amplitude of the stuck resonance over the optimum, and its frequency shift (%)."""
+
+
+def paper() -> Problem:
+    from benchmarks import bench_paper
+
+    rows, curves = [], []
+    for mode, (ratio, shift) in PAPER.items():
+        *_, band, interval, _ = bench_paper.DRIVEN[mode]
+        curve = bench_paper.study(mode, **bd.PAPER).optimal_curve(interval, 8, frequency=band, check=False)
+        rows += [
+            Row(f"mode {mode}: stuck over optimum", ratio, curve.ratio, 0.05),
+            Row(f"mode {mode}: shift of the stuck resonance (%)", shift, curve.stuck_shift_percent, 0.05),
+        ]
+        curves.append((mode, curve))
+
+    def draw(ax):
+        for mode, curve in curves:
+            ax.plot(curve.preload, curve.amplitude / curve.stuck.amplitude, ".-", label=f"mode {mode}")
+            ax.axhline(1.0 / PAPER[mode][0], color="0.6", linewidth=0.8)
+        ax.set(xlabel="Preload (N)", ylabel="Resonance over the stuck one", xscale="log", yscale="log")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        "E. Cigeroglu, N. An, C.-H. Menq, J. Eng. Gas Turbines Power 131 (2009), Figs 8 and 9, with the paper's method "
+        "(`bd.PAPER`) on a disk made to have its frequencies",
+        "four numbers; a disk made for them shows that the method is the paper's, not that the paper's disk is met",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+# ---- large ones ----
+
+
+def whitehead() -> Problem:
+    from tests.wheel import test_whitehead as wheels
+
+    rows, seen = [], []
+    for n in (4, 6, 8):
+        disk = np.zeros(n // 2 + 1)
+        disk[0] = 1e4
+        structure = wheels.Structure.of(wheels.study(n, 0, disk, 1e-5, m=0.3))
+        soft, stiff = (np.sqrt(structure.local.modes(d)[0][0]) for d in (1, 0))
+        patterns = [f * (stiff / soft - 1.0) * np.eye(n)[0] for f in np.linspace(0.95, 1.1, 61)]
+        found = float(wheels.amplification(structure, 0, patterns)[0].max())
+        rows.append(Row(f"{n} blades", 0.5 * (1.0 + np.sqrt(n)), found, 0.01))
+        seen.append((n, found))
+
+    def draw(ax):
+        n = np.linspace(2.0, 10.0, 50)
+        _over(ax, *np.transpose(seen)[:1], (n, 0.5 * (1.0 + np.sqrt(n))), np.transpose(seen)[1], "Blades", "Amplification")
+
+    return Problem(
+        'D. S. Whitehead, "Effect of mistuning on the vibration of turbo-machine blades induced by wakes", J. Mech. Eng. '
+        "Sci. 8 (1966)",
+        "largest amplification of a wheel without friction over all patterns, (1 + sqrt N)/2, which the worst one reaches",
+        tuple(rows), draw,
+    )  # fmt: skip
+
+
+def calculix() -> Problem:
+    from bdamper.fe.sector import SectorFE
+    from examples.calculix.decks import sector_input
+    from tests.calculix_runs import run
+
+    fe, rows, seen = SectorFE(), [], []
+    for d in (0, 5):
+        ours = np.sqrt(fe.cyclic(d).modes(8)[0]) / TWO_PI
+        text = sector_input(fe.blade, fe.left, fe.right, fe.clamped, fe.geometry.n_blades, d, 8)
+        with tempfile.TemporaryDirectory() as folder:
+            theirs = run(text, Path(folder)).reshape(-1, 2)[:, 0]
+        worst = int(np.argmax(np.abs(ours / theirs - 1.0)))
+        rows.append(
+            Row(f"nodal diameter {d}: worst of 8 frequencies (Hz)", theirs[worst], ours[worst], 1e-5)
+        )
+        seen.append((d, theirs, ours))
+
+    def draw(ax):
+        for d, theirs, ours in seen:
+            ax.semilogy(np.arange(1, 9), np.abs(ours / theirs - 1.0), "o-", label=f"nodal diameter {d}")
+        ax.set(xlabel="Mode", ylabel="Difference of the frequency")
+        ax.legend(fontsize=7.0)
+
+    return Problem(
+        "CalculiX (ccx), an independent finite element program, on the same mesh",
+        "frequencies of a sector",
+        tuple(rows),
+        draw,
+    )
+
+
+def available(name: str) -> bool:
+    """Whether what a problem needs is installed."""
+    return name != "CalculiX" or shutil.which("ccx") is not None
+
+
+PROBLEMS: dict[str, Callable[[], Problem]] = {
+    "Griffin's oscillator": griffin,
+    "Duffing": duffing,
+    "Shaw and Holmes' impact oscillator": shaw_and_holmes,
+    "Nonlinear mode of the Jenkins element": jenkins_mode,
+    "Limit cycles": limit_cycles,
+    "Two masses beside pyHarm": two_masses,
+    "Planar wedge": planar_wedge,
+    "Planar wedge, forced": forced_wedge,
+    "The paper's four numbers": paper,
+    "Whitehead's limit": whitehead,
+    "CalculiX": calculix,
+}
