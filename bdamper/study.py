@@ -33,7 +33,7 @@ from bdamper.io.model_file import read_model, write_model
 from bdamper.io.model_groups import new_group
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model, check_model_once
-from bdamper.modes import flutter, forced
+from bdamper.modes import flutter
 from bdamper.modes import mode as modes
 from bdamper.peaks import best_margin, highest, marched, optimal
 from bdamper.peaks.newton import Peak, PeakOptions
@@ -289,7 +289,6 @@ class Study(Problem, Comparable):
 
     # free vibration
     nonlinear_mode = modes.nonlinear_mode
-    peaks_from_mode = forced.peaks_from_mode
     flutter = flutter.flutter
 
     # stress and fatigue

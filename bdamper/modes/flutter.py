@@ -44,7 +44,7 @@ class Flutter(Plottable, Tabular, Storable, kind="bdamper-flutter", row="cycle")
     preload : (n,) float, N
     nodal_diameter : (n,) int
     amplitude : (n,) float, m
-        Of the first harmonic of the response; 0 at rest.
+        Of the first harmonic of the response; 0 at rest, where frequency and damping are those of the lowest amplitude.
     frequency : (n,) float, Hz
     stable : (n,) bool
         Whether a small change of the amplitude dies out.  Starts beyond an unstable one go on to the next stable one, or
