@@ -4,6 +4,7 @@ The names below are what a user starts with; types of results stand in the rooms
 """
 
 from bdamper.accuracy.ladders import accuracy_cost
+from bdamper.app.explorer import explore
 from bdamper.contact.laws import Sampled
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import PerArea
@@ -70,9 +71,11 @@ __all__ = [  # noqa: RUF022
     # what settings and contacts do
     "accuracy_cost",
     "microslip",
-    # results from their files
+    # results and studies from their files
     "load",
     "load_study",
+    # a page with sliders
+    "explore",
     # what a user can mend
     "BdamperError",
     "ModelError",

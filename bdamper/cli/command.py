@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 import warnings
+import webbrowser
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -61,24 +63,28 @@ def parser() -> argparse.ArgumentParser:
     which.add_argument("--demo", action="store_true", help="the typical turbine blade that comes with the package")
     model.add_argument("--png", metavar="FILE", help="write the picture; the demo's is named after the command")
     out = argparse.ArgumentParser(add_help=False)
-    add = out.add_argument
-    add("--csv", metavar="FILE", help="write the table")
-    add("--h5", metavar="FILE", help="write the whole result, for bdamper.load")
-    add("--details", action="store_true", help="print everything that the result has to say")
-    add("--quiet", action="store_true", help="no progress")
+    out.add_argument("--csv", metavar="FILE", help="write the table")
+    out.add_argument("--h5", metavar="FILE", help="write the whole result, for bdamper.load")
+    out.add_argument("--details", action="store_true", help="print everything that the result has to say")
+    out.add_argument("--quiet", action="store_true", help="no progress")
+    out.add_argument("--mode", type=int, default=1, help="default %(default)s, the lowest")
+    asked = argparse.ArgumentParser(add_help=False)
+    add = asked.add_argument
     add("--engine-order", type=int, default=5, metavar="N", help="default %(default)s")
     add("--harmonics", type=int, default=3, metavar="H", help="harmonics of the engine order, default %(default)s")
     add("--friction", type=float, default=0.3, metavar="MU", help="friction coefficient, default %(default)s")
     add("--force", type=float, default=1.0, metavar="N", help="amplitude of the excitation in N, default %(default)s")
     add("--at", default="tip", help="location that is driven and watched, default %(default)s")
     add("--direction", default="tangential", help="of the excitation: tangential, radial or axial; default %(default)s")
-    add("--mode", type=int, default=1, help="default %(default)s, the lowest")
 
     main = argparse.ArgumentParser("bdamper", description="Friction-damped bladed disks: one question, one answer.")
     main.add_argument("--version", action="version", version=bd.__version__)
     commands = main.add_subparsers(dest="command", required=True)
     commands.add_parser("info", parents=[model], help="what a model file holds")
-    own = {name: commands.add_parser(name, parents=[model, out], help=text) for name, (_, text) in QUESTIONS.items()}
+    page = commands.add_parser("explore", parents=[model, asked], help="a page with sliders, for a browser on this machine")
+    page.add_argument("--no-browser", action="store_true", help="only print the address")
+    kinds = [model, asked, out]
+    own = {name: commands.add_parser(name, parents=kinds, help=text) for name, (_, text) in QUESTIONS.items()}
     two: dict[str, Any] = {"nargs": 2, "type": float, "metavar": ("LOW", "HIGH")}
     for name in ("track", "margin"):
         own[name].add_argument("--preload", type=float, default=100.0, metavar="N", help="in N, default %(default)s")
@@ -102,6 +108,21 @@ def parser() -> argparse.ArgumentParser:
     return main
 
 
+def explore(study: bd.Study, given: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C."""
+    model = 'bd.reference_model("turbine_blade")' if given.demo else f"bd.load_model({given.model!r})"
+    numbers = f"{study.engine_order}, {given.friction}, harmonics={given.harmonics}"
+    driven = f"bd.Excitation({given.at!r}, {given.direction!r}, {given.force})"
+    page = bd.explore(study, source=f"import bdamper as bd\nstudy = bd.Study({model}, {driven}, {numbers})")
+    print(page.address, flush=True)
+    if not given.no_browser:
+        webbrowser.open(page.address)
+    with suppress(KeyboardInterrupt):
+        page.wait()
+    page.close()
+    return 0
+
+
 def answer(given: argparse.Namespace) -> int:
     """Ask, print and write; 1 where there is no answer."""
     model = bd.reference_model("turbine_blade") if given.demo else bd.load_model(given.model)
@@ -111,6 +132,8 @@ def answer(given: argparse.Namespace) -> int:
         driven = bd.Excitation(given.at, given.direction, given.force)
         settings = {"friction_coefficient": given.friction, "harmonics": given.harmonics}
         study = bd.Study(model, driven, given.engine_order if model.n_blades > 1 else 0, **settings)
+        if given.command == "explore":
+            return explore(study, given)
         result, answered = QUESTIONS[given.command][0](study, given)
         if given.csv:
             result.to_csv(given.csv)

@@ -18,7 +18,7 @@ from bdamper.io.fe_body import FEBody, modes_by_diameter
 from bdamper.io.measured import Measurement
 from bdamper.io.reading import Lines, grouped, reader
 from bdamper.model.checks import require
-from bdamper.util.errors import BdamperError, mismatch
+from bdamper.util.errors import mismatch, needed
 
 _LINEAR = {111: 4, 112: 6, 115: 8}
 # Elements of second order alternate corners and nodes between them around the bottom, then list the upright nodes between
@@ -28,10 +28,7 @@ _QUADRATIC = {118: (10, (0, 2, 4, 9)), 113: (15, (0, 2, 4, 9, 11, 13)), 116: (20
 
 def _sets(source: Path, wanted: tuple[int, ...]) -> list[dict[str, Any]]:
     """Data sets of the given kinds, by pyuff."""
-    try:
-        import pyuff
-    except ImportError as error:
-        raise BdamperError("universal files need pyuff: install the extra bdamper[unv]") from error
+    pyuff = needed("pyuff", "reading a universal file", "unv")
     import contextlib
     import io
 

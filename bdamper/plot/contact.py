@@ -81,7 +81,7 @@ def face_coordinates(points: NDArray, frame: NDArray) -> tuple[NDArray, NDArray,
 
     def step(values: NDArray) -> float:
         apart = np.diff(np.unique(np.round(values, 6)))
-        return float(apart.min()) if len(apart) else 1.0
+        return float(np.ptp(values) / (apart > 0.5 * apart.max()).sum()) if len(apart) else 1.0  # of rows that waver
 
     return x, y, step(x), step(y)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +12,7 @@ from bdamper.model.model import Model
 from bdamper.plot.motion import surface_motion
 from bdamper.problem.problem import Problem
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
-
-
-def _meshio() -> Any:
-    try:
-        import meshio
-    except ImportError as error:
-        raise ImportError("export to VTU needs meshio: install the extra bdamper[viz]") from error
-    return meshio
+from bdamper.util.errors import SettingError, needed
 
 
 def shown_shapes(model: Model, body: str | None, nodal_diameter: int | None, what: str) -> tuple[str, int]:
@@ -59,7 +50,7 @@ def export_modes(
     SettingError
         If the model carries no such shapes.
     """
-    meshio = _meshio()
+    meshio = needed("meshio", "export to VTU", "viz")
     body, d = shown_shapes(model, body, nodal_diameter, "export of modes")
     mesh = model.meshes[body]
     if d not in mesh.modes:
@@ -100,7 +91,7 @@ def export_response(problem: Problem, unknowns: NDArray, folder: str | PathLike[
     """
     if not validate.instance("study", problem, Problem).model.meshes:
         raise SettingError("export of a response: expected a model with the surface of a body, found none")
-    meshio = _meshio()
+    meshio = needed("meshio", "export to VTU", "viz")
     out = []
     for body, motion in surface_motion(problem, unknowns).items():
         path = Path(folder) / f"{name}_{body}.vtu"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import InitVar, asdict, dataclass, field, fields, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,7 @@ from bdamper.problem.effects import (
 )  # fmt: skip
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
+from bdamper.util.hdf5 import typed
 
 LAWS = dict(zip(LAW_NAMES, (LAW_SEPARABLE, LAW_COUPLED, LAW_BONDED)))
 PAPER: Mapping[str, Any] = {
@@ -393,24 +394,15 @@ class Settings:
 
 def settings_of(record: Mapping[str, Any]) -> dict[str, Any]:
     """Settings by name from what :meth:`Settings.record` made of them; what a result keeps besides is left out."""
-
-    def place(of: Mapping[str, Any]) -> dict[str, Any]:
-        at = of["direction"]
-        return {**of, "direction": at if isinstance(at, str) else tuple(at)}
-
-    given = {f.name: record[f.name] for f in fields(Settings) if f.name in record}
-    given |= {name: tuple(given[name]) for name in ("harmonics", "rigid_modes", "load_history") if name in given}
-    given |= {"excitation": Excitation(**place(given["excitation"])), "response": Response(**place(given["response"]))}
-    stiffness, evaluation = given.get("contact_stiffness"), given.get("evaluation")
-    if isinstance(evaluation, Mapping):
-        given["evaluation"] = Sampled(**evaluation)
-    if isinstance(stiffness, Mapping):
-        ((kind, value),) = stiffness.items()
-        if kind == "residual_modes":
-            given["contact_stiffness"] = ResidualModes(**value)
-        else:
-            value = tuple(value) if isinstance(value, list) else _arrays(value)
-            given["contact_stiffness"] = PerArea(value) if kind == "per_area" else value
+    hints = get_type_hints(Settings)
+    given = {f.name: typed(hints[f.name], record[f.name]) for f in fields(Settings) if f.name in record}
+    if isinstance(given["evaluation"], Mapping):
+        given["evaluation"] = Sampled(**given["evaluation"])
+    if isinstance(given["contact_stiffness"], Mapping):
+        ((kind, value),) = given["contact_stiffness"].items()
+        plain: Any = tuple(value) if isinstance(value, list) else _arrays(value)
+        made = PerArea(plain) if kind == "per_area" else plain
+        given["contact_stiffness"] = ResidualModes(**value) if kind == "residual_modes" else made
     return given | {"gap": _arrays(given.get("gap"))}
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
+from typing import Any
+
 from bdamper.util.text import cut
 
 
@@ -21,7 +24,6 @@ class StaticError(BdamperError):
     """No static state was found under a load, so there is nothing to vibrate about."""
 
 
-
 def mismatch(item: str, expected: str, found: object) -> ModelError:
     """An error of one line: the item, what was expected of it and what was found instead."""
     return ModelError(f"{item}: expected {expected}, found {shortened(found)}")
@@ -30,3 +32,11 @@ def mismatch(item: str, expected: str, found: object) -> ModelError:
 def shortened(found: object) -> str:
     """What was found, in one line of at most 300 characters."""
     return cut(" ".join(str(found).split()), 300)
+
+
+def needed(module: str, asked: str, extra: str) -> Any:
+    """A module of an extra, or the error that names it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise BdamperError(f"{asked} needs {module.partition('.')[0]}: install the extra bdamper[{extra}]") from error

@@ -242,17 +242,22 @@ def _from_attribute(hint: Any, value: Any) -> Any:
     return value if hint is str and not value.startswith('"') else json.loads(value)
 
 
+def typed(hint: object, value: object) -> Any:
+    """What JSON has made of a value, in the type that a field is annotated with."""
+    return _typed(hint, value)
+
+
 def _typed(hint: Any, value: Any) -> Any:
     """What was read from JSON, in the annotated type."""
     origin, inner = get_origin(hint), get_args(hint)
-    if value is None or hint is Any or origin is dict:
+    if value is None or hint is Any or origin in (dict, Mapping):
         return value
     if origin is tuple:
         kinds = inner[:1] * len(value) if inner[-1] is ... else inner
         return tuple(_typed(kind, item) for kind, item in zip(kinds, value))
     if isinstance(hint, InitVar):
         return _typed(hint.type, value)
-    if NoneType in inner:
+    if NoneType in inner and _leaf(hint) is not hint:
         return _typed(_leaf(hint), value)
     if is_dataclass(hint):
         hints = get_type_hints(hint)

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-_stop: ContextVar[Event | None] = ContextVar("_stop", default=None)
+_stop: ContextVar[tuple[Event, ...]] = ContextVar("_stop", default=())
 _passed_on: ContextVar[bool] = ContextVar("_passed_on", default=False)
 
 
@@ -47,7 +47,7 @@ def passes_interrupts_on() -> bool:
 @contextmanager
 def ended_by(stop: Event) -> Iterator[None]:
     """A context of a thread whose work another one ends by setting ``stop``, an interruption at the next correction."""
-    before = _stop.set(stop)
+    before = _stop.set((*_stop.get(), stop))
     try:
         yield
     finally:
@@ -56,8 +56,7 @@ def ended_by(stop: Event) -> Iterator[None]:
 
 def end_if_asked() -> None:
     """Raises KeyboardInterrupt where another thread has asked for it (:func:`ended_by`)."""
-    stop = _stop.get()
-    if stop is not None and stop.is_set():
+    if any(stop.is_set() for stop in _stop.get()):
         raise KeyboardInterrupt
 
 

@@ -17,7 +17,6 @@ a CSV file, in ``frame.attrs["units"]`` and in the attributes of each variable.
 from __future__ import annotations
 
 import csv
-import importlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -28,7 +27,7 @@ from typing import Annotated, Any, ClassVar, NamedTuple, get_args, get_type_hint
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, needed
 from bdamper.util.hdf5 import FilePath, check_folder, plain
 from bdamper.util.text import aligned, spaced
 from bdamper.util.versions import HERE
@@ -221,7 +220,7 @@ class Tabular:
         BdamperError
             If pandas is not installed.
         """
-        pandas = _optional("pandas", "to_pandas")
+        pandas = needed("pandas", "to_pandas", "table")
         table = self._flat()
         frame = pandas.DataFrame({name: np.asarray(column.values) for name, column in table.items()})
         frame.attrs = {**self._attributes(), "units": {name: column.unit for name, column in table.items()}}
@@ -238,7 +237,7 @@ class Tabular:
         BdamperError
             If xarray is not installed, or a sweep has the same value of a setting twice, which is no coordinate.
         """
-        xarray = _optional("xarray", "to_xarray")
+        xarray = needed("xarray", "to_xarray", "table")
         own, grid = self._dimension(), self._grid()
         shape, variables = tuple(len(values) for values in grid.values()), {}
         for name, column in self.columns().items():
@@ -250,13 +249,6 @@ class Tabular:
             variables[name] = (dims, values, {"units": column.unit} if column.unit else {})
         data = xarray.Dataset(variables, attrs=self._attributes())
         return data.set_coords([name for name in data.variables if data[name].dims == (name,)])
-
-
-def _optional(module: str, asked: str) -> Any:
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise BdamperError(f"{asked} needs {module}: install the extra bdamper[table]") from error
 
 
 def joined(tables: Sequence[Tabular]) -> dict[str, Column]:
