@@ -2,7 +2,7 @@
 
 ``python -m benchmarks wheel_sample`` runs four samples, one after the other:
 
-``many``      1,000 wheels, one harmonic, standard deviation 2 %, 500 N, with the audits of 5 % by whole curves
+``many``      1,000 wheels, one harmonic, standard deviation 2 %, 500 N, with the audits of 5 % by a thorough search
 ``deviation`` 50 wheels, drawn before any result, over standard deviations at three preloads, one harmonic
 ``preload1``, ``preload3``
               the same 50 wheels over the preload, with one harmonic and with three and residual flexibility

@@ -72,10 +72,12 @@ def plot_wheel_curve(curve: WheelCurve, ax: Axes | None = None, *, tuned: Curve 
     """
     _, blade = curve.highest
     with drawing(ax, title=title or f"{amount(curve.preload, 'N')}, {curve.response.shape[1]} blades", legend=7.0) as ax:
-        lines = ax.plot(curve.frequency, curve.amplitude, color="0.75", linewidth=0.5)
+        apart = np.flatnonzero(np.diff(curve.branch)) + 1  # no line from branch to branch
+        frequency, amplitude = np.insert(curve.frequency, apart, np.nan), np.insert(curve.amplitude, apart, np.nan, axis=0)
+        lines = ax.plot(frequency, amplitude, color="0.75", linewidth=0.5)
         lines[0].set_label("single blades")
-        ax.plot(curve.frequency, curve.amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
-        ax.plot(curve.frequency, curve.envelope, color="k", label="highest blade")
+        ax.plot(frequency, amplitude[:, blade], color="0.4", linewidth=0.9, label=f"blade {blade}")
+        ax.plot(frequency, amplitude.max(axis=1), color="k", label="highest blade")
         if len(curve.folds):
             at = curve.folds
             ax.plot(curve.frequency[at], curve.envelope[at], "o", color="k", markersize=3.0, label="fold")

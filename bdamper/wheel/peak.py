@@ -25,7 +25,7 @@ from bdamper.continuation.follower import follow
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.util import status, validate
 from bdamper.util.blas import one_thread
-from bdamper.util.cost import Cost
+from bdamper.util.cost import CostMeter
 from bdamper.wheel.band import band
 from bdamper.wheel.loading import wheel_system
 from bdamper.wheel.reduction import SHAPES, family_shapes, reduced_state
@@ -138,7 +138,7 @@ def peak(
         the peak was found only with springs on the mean of dampers, ``springs`` of their stiffness when stuck; and "not
         found", the amplitude NaN, if no climb converges.  Peaks beyond the band do not count.
     """
-    watch = time.perf_counter(), time.process_time()
+    meter = CostMeter(time.perf_counter())
     options = validate.instance("options", options or WheelPeakOptions(), WheelPeakOptions)
     if frequency is not None:
         frequency = validate.interval("frequency", frequency)
@@ -148,7 +148,7 @@ def peak(
     low, high = frequency or (low, high)
     n = int(np.clip(np.ceil((high - low) / (options.spacing * width)) + 1, options.least, options.most))
     points = tau * np.linspace(low, high, n)
-    search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])))
+    search = Search(equations.system, tau * width, (float(points[0]), float(points[-1])), meter)
     swept = search.sweep(points)
     met = [y for y in swept if y is not None]
     held = search.different([c for y, k in search.candidates(swept, options.climbs) if (c := search.climb(y, k, None))])
@@ -182,7 +182,7 @@ def peak(
         interval=(low, high),
         deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         unknowns=np.zeros(equations.whole.shape) if system is None or u is None else system.array(u),
-        cost=_cost(watch, search, whole),
+        cost=meter.read(time.perf_counter()),
         settings=wheel.settings(),
         model_hash=wheel.study.model.hash,
     )
@@ -268,7 +268,7 @@ def _connected(search: Search, peaks: list[Climbed], top: Climbed) -> str:
         return "unknown"
     system = search.held(at.springs[-1])
     options = ContinuationOptions(tolerance=1e-7, locate=False)
-    share = search.counts["evaluations"]
+    share = search.evaluations
     for up in (False, True):
         path = follow(system.within(share), at.at.y, search.band, up=up, options=options)
         if path.status in ("complete", "turned back"):
@@ -276,13 +276,3 @@ def _connected(search: Search, peaks: list[Climbed], top: Climbed) -> str:
         if path.status == "closed":
             return "no"
     return "unknown"
-
-
-def _cost(watch: tuple[float, float], *searches: Search) -> Cost:
-    """What was spent since a reading of clocks."""
-    counts = {id(search): search.counts for search in searches}.values()
-    return Cost(
-        seconds=time.perf_counter() - watch[0],
-        processor=time.process_time() - watch[1],
-        **{name: sum(c[name] for c in counts) for name in ("evaluations", "factorisations")},
-    )

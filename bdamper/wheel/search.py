@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from bdamper.harmonic_balance.conditions import Fixed, Plane
 from bdamper.harmonic_balance.system import OK, Correction, norm2
 from bdamper.peaks.newton import PeakOptions, find_peak, slope_along
+from bdamper.util.cost import CostMeter
 from bdamper.util.progress import end_if_asked
 from bdamper.wheel.system import WheelSystem
 
@@ -114,24 +115,26 @@ class Search:
         Of the tuned peak at half its power.
     band : (low, high), rad/s
         Peaks beyond it do not count.
+    meter : CostMeter
     """
 
     system: WheelSystem
     width: float
     band: tuple[float, float]
+    meter: CostMeter = field(default_factory=lambda: CostMeter(0.0))
     _held: dict[float, WheelSystem] = field(default_factory=dict, init=False, repr=False)
 
     def held(self, springs: float) -> WheelSystem:
-        """The equations with springs; counts of all are of one search."""
+        """The equations with springs, which the meter watches."""
         if springs not in self._held:
             self._held[springs] = self.system.held(springs) if springs else self.system
+            self.meter.watch(self._held[springs])
         return self._held[springs]
 
     @property
-    def counts(self) -> dict[str, int]:
-        """Evaluations and factorisations so far."""
-        costs = [system.core.cost for system in self._held.values()]
-        return {name: sum(getattr(c, name) for c in costs) for name in ("evaluations", "factorisations")}
+    def evaluations(self) -> int:
+        """Of the equations with all springs so far."""
+        return sum(system.core.cost.evaluations for system in self._held.values())
 
     def near(self, system: WheelSystem, y: NDArray, tolerance: float, loose: float = 0.0) -> Correction:
         """Newton's method at the frequency of a point, with steps shortened."""
