@@ -193,37 +193,6 @@ def peak_scale(system: HarmonicSystem, y: NDArray, width: float) -> NDArray:
     return system.units(y, max(system.vibration(y), 1e-300), width)
 
 
-def drifted(system: HarmonicSystem, y: NDArray, scale: NDArray) -> list[NDArray]:
-    """Guesses that differ from a point in the mean position along the direction in which the contact is softest.
-
-    Where every point slips or opens within the cycle in some direction, no contact force holds the mean position in this
-    direction: a body drifts until a plane stops it, and back when friction holds it again.  The mean position then jumps
-    with the preload while the vibration does not.  The guesses are: no displacement in this direction, and displacement
-    to either side until the first open point touches.  Of 230 preloads on 24 optimal curves one has a peak that is found
-    by these guesses alone.
-    """
-    n = system.n_mean
-    if n == 0:
-        return []
-    try:
-        _, J, _ = system.evaluate(y[:-1], y[-1])
-    except FloatingPointError:
-        return []
-    v = np.linalg.svd(J[:n, :n] * scale[:n])[2][-1] * scale[:n]
-    v /= norm2(v)
-    closing, rate = system.at(y[-1]).closing(y[:-1], v)
-    touching = (closing < 0.0) & (np.abs(rate) > 1e-9 * max(float(np.abs(rate).max()), 1e-300))
-    to_touch = -closing[touching] / rate[touching]
-    ahead, behind = to_touch[to_touch > 0.0], to_touch[to_touch < 0.0]
-    out = []
-    nearest = [1.001 * float(side[np.abs(side).argmin()]) for side in (ahead, behind) if len(side)]
-    for distance in (-float(v @ y[:n]), *nearest):
-        moved = y.copy()
-        moved[:n] += distance * v
-        out.append(moved)
-    return out
-
-
 def vibration_width(y: NDArray, tangent: NDArray, scale: NDArray, n_mean: int) -> float:
     """Change of frequency over which the vibration changes by its own size, within reason."""
     raw = tangent * scale
@@ -304,16 +273,8 @@ class _Search:
         return c if near else self.solve(c.y, replace(peak, tangent=c.tangent, curvature=c.curvature))
 
     def first(self, y: NDArray, tangent: NDArray | None) -> Correction | None:
-        """The curve near a guess; if Newton fails there, also with the mean position moved to where it may be held."""
-        condition = conditions.Fixed() if tangent is None else conditions.Plane(tangent)
-        found = self.solve(y, condition, NEARBY)
-        if found is not None:
-            return found
-        for moved in drifted(self.system, y, self.scale):
-            found = self.solve(moved, condition, NEARBY)
-            if found is not None and self.vibration(found.y - moved) < 0.5:
-                return found
-        return None
+        """The curve near a guess."""
+        return self.solve(y, conditions.Fixed() if tangent is None else conditions.Plane(tangent), NEARBY)
 
     def in_own_units(self, c: Correction) -> Correction:
         """The same point with the unit of frequency that follows from the direction of the curve there."""

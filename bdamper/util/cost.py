@@ -122,12 +122,6 @@ class CostMeter:
         """Count in what a part of the work, done while this meter ran, has metered by itself."""
         self.parts.append(cost)
 
-    def take_over(self, cost: Cost) -> None:
-        """Count in what an earlier run has spent on a part of the work, with its time."""
-        self.parts.append(cost)
-        self.start -= cost.seconds
-        self.processor_start -= cost.processor
-
     def count(self, iterations: int, failed_steps: int = 0) -> None:
         """Adds iterations and failed steps."""
         self.iterations += iterations

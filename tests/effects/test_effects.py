@@ -13,7 +13,6 @@ from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import PathPoint
 from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.model.coarsening import group_patches, unite_contact_points
-from bdamper.peaks.newton import drifted
 from tests import models
 from tests.plain import plain_study
 
@@ -333,7 +332,6 @@ def test_modes_of_a_system_are_those_of_its_points(full, changes):
     for l in range(1, 4):
         motion = np.einsum("pim,m->pi", system.bases[l].G, system.amplitudes(u, l))
         np.testing.assert_allclose(X[..., 2 * l - 1] - 1j * X[..., 2 * l], motion, rtol=1e-9, atol=1e-12)
-    assert len(drifted(system, np.append(u, 2000.0), np.ones(len(u) + 1))) >= 1
 
 
 def test_results_carry_settings_that_tell_studies_apart(full, tmp_path):

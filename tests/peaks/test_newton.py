@@ -1,14 +1,13 @@
 """Guards of the search for one peak: each test fails without the guard that it is about."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.conditions import Plane
-from bdamper.peaks.newton import FAR, PeakOptions, drifted, find_peak, peak_scale, rounding, same_peak
+from bdamper.peaks.newton import FAR, PeakOptions, find_peak, peak_scale, rounding, same_peak
 from tests.plain import plain_study
 
 INTERVAL = (250.0, 400.0)
@@ -87,30 +86,3 @@ def test_a_residual_that_rounding_keeps_above_the_tolerance_is_accepted():
     strict, usual = bonded.peak(500.0, options=bd.PeakOptions(tolerance=1e-13)), bonded.peak(500.0)
     assert strict.amplitude == pytest.approx(usual.amplitude, rel=1e-9)
     assert 1e-13 < strict.residual <= rounding(bonded.system(500.0), strict.y) < 1e-8
-
-
-def test_guesses_of_a_mean_position_that_nothing_holds():
-    """Not displaced along the direction of least stiffness, and displaced either way until the first open point touches."""
-    weak, strong = np.array([0.6, 0.8]), np.array([-0.8, 0.6])
-    K = 1e-3 * np.outer(weak, weak) + 7.0 * np.outer(strong, strong)
-    J = np.zeros((4, 4))
-    J[:2, :2], J[2:, 2:] = K, np.eye(2)
-    rates, closing = np.array([1.0, -2.0, 0.5, 1.0]), np.array([-3.0, -1.0, -9.0, 0.5])
-
-    def touch(u, direction):
-        return closing, rates * np.sign(direction @ weak)
-
-    system = SimpleNamespace(
-        n_mean=2, evaluate=lambda u, omega: (None, J, None), at=lambda omega: SimpleNamespace(closing=touch)
-    )  # fmt: skip
-    y = np.array([5.0, 1.0, 0.2, 0.3, 7.0])
-    scale = np.full(5, 2.0)
-    found = drifted(system, y, scale)
-    assert len(found) == 3
-    for guess in found:
-        np.testing.assert_array_equal(guess[2:], y[2:])
-        assert (guess - y)[:2] @ strong == pytest.approx(0.0, abs=1e-12)
-    along = [float((guess - y)[:2] @ weak) for guess in found]
-    assert found[0][:2] @ weak == pytest.approx(0.0, abs=1e-12)
-    assert sorted(along[1:]) == pytest.approx([-0.5 * 1.001, 3.0 * 1.001])
-    assert drifted(SimpleNamespace(n_mean=0), y, scale) == []
