@@ -18,7 +18,7 @@ from bdamper.model.model import Model, turn
 from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
-from bdamper.util.errors import SettingError
+from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
@@ -71,8 +71,10 @@ def plot_surfaces(
 def _surfaces_pyvista(
     surfaces: Sequence[Surface], points: NDArray | None, path: Any, title: str
 ) -> Any:
-    import pyvista
-
+    try:
+        import pyvista
+    except ImportError as error:
+        raise BdamperError('backend="pyvista" needs pyvista: install the extra bdamper[viz]') from error
     plotter: Any = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
     plotter.set_background("white")
     top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)

@@ -22,7 +22,7 @@ def checks(path):
 
 def test_every_notebook_is_in_the_tutorial():
     page = (NOTEBOOKS[0].parent / "index.md").read_text()
-    assert len(NOTEBOOKS) == 10
+    assert len(NOTEBOOKS) == 11
     for path in NOTEBOOKS:
         assert f"]({path.name})" in page and f"\n{path.stem}\n" in page
 

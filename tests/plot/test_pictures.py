@@ -1,5 +1,6 @@
 """Pictures: they are written, their legends and labels say what is drawn, nothing lies on anything else."""
 
+import sys
 from dataclasses import replace
 
 import matplotlib
@@ -95,6 +96,12 @@ def test_large_models_are_thinned(monkeypatch):
     ax.figure.draw_without_rendering()
     (faces,) = (c for c in ax.collections if isinstance(c, Poly3DCollection))
     assert len(faces.get_paths()) == quads // 2
+
+
+def test_a_picture_without_its_library_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pyvista", None)
+    with pytest.raises(bd.BdamperError, match=r'^backend="pyvista" needs pyvista: install the extra bdamper\[viz\]$'):
+        bd.reference_model("blade_to_ground").plot(backend="pyvista")
 
 
 def test_pyvista(tmp_path):

@@ -1,0 +1,38 @@
+"""From the decks of a sector of your own to optimum, margin, crossing and mistuned wheel.
+
+    python examples/own_sector.py FOLDER        sector.inp and damper.inp in it, and what CalculiX stored of their matrices
+"""
+
+import sys
+from pathlib import Path
+
+import bdamper as bd
+from bdamper.fatigue.material import Material
+from bdamper.io import ContactFaces, build_model
+from bdamper.io.calculix import read_calculix
+from bdamper.wheel import Mistuning
+
+STEEL = Material(300e6, 900e6, 800e6, name="a steel", source="round figures; take those of your part")
+
+
+def main(folder: Path) -> tuple[bd.Study, bd.Wheel, float]:
+    """The study, the wheel, and the preload (N) of the least amplitude."""
+    built = build_model(
+        read_calculix(folder / "sector"), read_calculix(folder / "damper"), n_blades=36, units="mm-t-s",
+        axis=(1, 0, 0), radial=(0, 1, 0), sector_faces=("LOW", "HIGH"), engine_order=4, n_modes=20,
+        contacts=[ContactFaces("left", "LEFT", "RIGHT_UNDERSIDE", points=(2, 3)),
+                  ContactFaces("right", "RIGHT", "LEFT_UNDERSIDE", points=(2, 3))],
+        locations={"tip": (0.0, 346.6, 0.0)}, stress="FILLET", wheel="BLADE",
+    )  # fmt: skip
+    print(built)
+    study = bd.Study(built.model, bd.Excitation("tip"), engine_order=4, friction_coefficient=0.3, harmonics=1)
+    best = study.optimal_curve((150.0, 300.0), 5, check=False).optimum
+    print(best, study.margin(study.peak(best.preload), STEEL, speed=400.0), sep="\n")
+    print(study.crossings((1350.0, 1650.0), [4]))
+    wheel = bd.Wheel(study, mistuning=Mistuning.drawn(36, 0.02, seed=1))
+    return study, wheel, best.preload
+
+
+if __name__ == "__main__":
+    _, wheel, preload = main(Path(sys.argv[1]))
+    print(wheel.peak(preload))
