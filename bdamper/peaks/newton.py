@@ -99,8 +99,6 @@ class PeakOptions:
 class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
 
-    ``plot`` draws what the contacts do there (:func:`bdamper.plot.plot_peak`).
-
     Parameters
     ----------
     parameter : float
@@ -117,22 +115,18 @@ class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     shares : (3,) float
         Stick, slip and open.
     residual : float
-    iterations, trials : int
-    rank_deficiency : int
+    iterations, trials, rank_deficiency : int
     corner : bool
         The curve has a corner at the peak: slopes on both sides differ in sign but do not vanish.
     status : str
         "complete", or "not found: " with what went wrong; such a peak is never used as a solution.
     cost : Cost, optional
-        Of all that it took to find it, where that was metered.
     scan : str
-        How the response curve ended on which it is the highest peak, where one was followed: unless "complete", there may
-        be a higher one.
+        How the curve ended on which it is the highest peak, if there is one: unless "complete", there may be a higher one.
     settings : mapping
         Of the problem; none of a peak on equations that stand by themselves (:func:`find_peak`).
     model_hash : str
     ladder : Ladder, optional
-        What more harmonics change, where a tolerance was given.
     """
 
     parameter: float

@@ -78,19 +78,16 @@ def optimal_curve(
     mode : int
         Mode of the constrained bodies, 1 for the lowest.
     options : PeakOptions
-        How exactly the highest points are refined.
     progress : bool
-        Show how many curves are done.
     resume : path, optional
-        File that keeps every curve with its highest point; work that was interrupted goes on from there and ends with the
-        same result.
+        File that keeps every curve: work that was interrupted goes on from there and ends with the same result.
     executor : concurrent.futures.Executor, optional
         On which the curves are followed; threads, as many as there are cores, by default.
 
     Returns
     -------
     OptimalCurve
-        After Ctrl-C with what was known by then: its optimum is "interrupted: by the user".
+        After Ctrl-C with what was known by then.
 
     Raises
     ------
