@@ -7,7 +7,7 @@ points.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 import numpy as np
@@ -22,6 +22,7 @@ from bdamper.util import validate
 from bdamper.util.differences import Comparable
 from bdamper.util.errors import BdamperError, SettingError
 from bdamper.util.hdf5 import Storable
+from bdamper.util.kept import Kept
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
@@ -334,6 +335,7 @@ def margin(
     on: str = "amplitude",
     sets: str | Sequence[str] | None = None,
     speed: float | None = None,
+    kept: Kept | None = None,
 ) -> Margins | MarginCurve:
     """Margins against fatigue, of infinite life.
 
@@ -353,6 +355,9 @@ def margin(
         The factor is on the vibration alone, at the mean stress that the speed gives, or on vibration and mean together.
     sets, speed
         As for :func:`bdamper.fatigue.cycle.stress`.
+    kept : Kept, optional
+        What a blade keeps at the preload of the one solution (:meth:`bdamper.Study.kept`): the vibration is scaled by its
+        highest period over the amplitude of the balance, and ``notes`` say so.
 
     Returns
     -------
@@ -362,11 +367,24 @@ def margin(
     rule = Rule(criterion, line, on)
     validate.instance("material", material, Material)
     if isinstance(result, StressCycle):
-        return of_cycle(result, material, rule)
-    if hasattr(result, "y") or index is not None:
-        return of_cycle(over_cycle.stress(problem, result, index, sets=sets, speed=speed), material, rule)
+        return of_cycle(_as_kept(result, kept), material, rule)
+    if hasattr(result, "y") or index is not None or kept is not None:
+        return of_cycle(_as_kept(over_cycle.stress(problem, result, index, sets=sets, speed=speed), kept), material, rule)
     problem = over_cycle.of(problem, result)
     return of_solutions(problem, result, over_cycle.solutions(problem, result, speed), material, rule, sets)
+
+
+def _as_kept(found: StressCycle, kept: Kept | None) -> StressCycle:
+    """The stress of the largest period that a blade keeps."""
+    if kept is None:
+        return found
+    validate.instance("kept", kept, Kept)
+    if not np.isfinite(kept.factor) or abs(kept.preload - found.preload) > 1e-6 * found.preload:
+        raise validate.unfit("kept", f"what a blade keeps at {found.preload:g} N", f"{kept.text} at {kept.preload:g} N")
+    coefficients = found.coefficients.copy()
+    coefficients[..., 1:] *= kept.factor
+    note = f"vibration scaled by {kept.factor:.3g}: a blade keeps up to {amount(kept.highest, 'm')} in time"
+    return replace(found, coefficients=coefficients, notes=(*found.notes, note))
 
 
 @dataclass(frozen=True)

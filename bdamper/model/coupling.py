@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from bdamper.model.model import Body, ModalBasis, Model
 from bdamper.util.errors import ModelError, SettingError
 from bdamper.util.repr import brief
+from bdamper.util.warn import say
 
 RIGID_NAMES = ("TX", "TY", "TZ", "RX", "RY", "RZ")
 """Rigid-body modes of a free body, along and about its own axes: Y along its load, Z along the axis of rotation."""
@@ -459,4 +460,11 @@ def damper_drag(
     own = G[:, list(free)]
     frequency = np.sqrt((own * np.linalg.solve(flexibility, own)).sum(axis=0) + basis.omega2[list(free)])
     masses = [model.bodies[c.body].mass for c in free.values()]
-    return {c: float(2.0 * ratio * w + drag / m) for c, w, m in zip(free.values(), frequency, masses) if m is not None}
+    rates = {c: float(2.0 * ratio * w + drag / m) for c, w, m in zip(free.values(), frequency, masses) if m is not None}
+    omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
+    if rate > omega:
+        say(
+            f"damping of the damper: a rate of up to {rate:.3g} 1/s beside omega = {omega:.3g} rad/s of the lowest mode drags "
+            "every motion of the damper against the rotor"
+        )
+    return rates

@@ -17,7 +17,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
 from bdamper.stability.disturbances import TWO_PI
-from bdamper.stability.march import BOUNDS, March
+from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, March
 from bdamper.stability.time_integration import ring_of
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
@@ -93,7 +93,16 @@ class Verification(Plottable, Tabular):
 
     def bottom_line(self) -> str:
         heights = f"{height(abs(self.settled[1]), self.frequency)}, expected {amount(abs(self.expected[1]), 'm')}"
-        return f"Time integration: {self.verdict} within {percent(self.tolerance)}, {heights} ({self.reason})."
+        motion = {AGREES: "the motion stays", DIFFERS: "the motion leaves"}.get(self.verdict, "not known whether it stays")
+        agrees = f"{self.verdict} within {percent(self.tolerance)}"
+        return f"Time integration: {agrees}, {motion}: {heights} ({self.reason})."
+
+    def details(self) -> str:
+        ended = ", interrupted by the user" if self.interrupted else ""
+        return (
+            f"{self.bottom_line()}\n  distance {self.distance:.2e}, drift {self.drift:.1e} a period, {self.periods} "
+            f"periods of {self.steps_per_period} steps{ended}, {self.sectors} sectors\n  {self.cost}"
+        )
 
 
 def verified(

@@ -13,6 +13,7 @@ from bdamper.fatigue.criteria import amplitude_and_mean
 from bdamper.fatigue.cycle import _contact_axes
 from bdamper.model.stress import StressSet
 from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.kept import Kept
 
 
 def with_stress(model, n=3, seed=0, static=True):
@@ -64,6 +65,17 @@ def test_margins_of_a_peak(study, peak):
     assert any("contact faces" in warning for warning in margins.warnings)
     again = study.margin(cycle, AISI_1050)
     np.testing.assert_array_equal(again.factor, margins.factor)
+
+
+def test_what_a_blade_keeps_scales_the_vibration(study, peak):
+    """The largest period is a fifth above the balance: so is the vibration, and the margin on it a sixth smaller."""
+    kept = Kept(1.1e-6, 1e-6, 1.2 * peak.amplitude, peak.frequency, 200.0, peak.amplitude)
+    plain, scaled = study.margin(peak, AISI_1050), study.margin(peak, AISI_1050, kept=kept)
+    np.testing.assert_allclose(scaled.amplitude, 1.2 * plain.amplitude)
+    np.testing.assert_allclose(scaled.mean, plain.mean)
+    assert scaled.least == pytest.approx(plain.least / 1.2) and "vibration scaled by 1.2" in scaled.notes[-1]
+    with pytest.raises(SettingError, match=r"^kept: expected what a blade keeps at 200 N, found .* at 100 N"):
+        study.margin(peak, AISI_1050, kept=replace(kept, preload=100.0))
 
 
 def test_all_harmonics_count(study, peak):

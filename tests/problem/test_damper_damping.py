@@ -1,5 +1,7 @@
 """Viscous damping of free bodies: the same in harmonic balance, stability and time."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -9,6 +11,7 @@ from bdamper.plot.motion import rigid_motion
 from bdamper.problem.variation import vary
 from bdamper.stability.floquet import bases_beside
 from bdamper.stability.time_integration import Ring
+from bdamper.util.warn import BdamperWarning
 from tests.plain import plain_study
 
 
@@ -46,6 +49,14 @@ def test_a_ratio_is_that_of_a_motion_on_the_closed_contacts(plain):
     stiffness = np.array([(springs * np.abs(basis.G[..., k]) ** 2).sum() for k in np.flatnonzero(own)])
     np.testing.assert_allclose(basis.damping[own], 2 * 0.02 * np.sqrt(stiffness), rtol=1e-12)
     np.testing.assert_array_equal(basis.damping[~own], plain.bases[1].damping[~own])
+
+
+def test_a_rate_above_the_frequency_warns(plain):
+    with pytest.warns(BdamperWarning, match=r"a rate of up to .* 1/s beside omega = .* rad/s"):
+        _ = plain.with_(damper_damping_ratio=0.05).bases
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        _ = plain.with_(damper_damping_ratio=0.0001).bases
 
 
 def test_residual_modes_give_way_beside_the_contact_springs():

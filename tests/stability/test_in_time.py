@@ -79,7 +79,7 @@ def test_a_motion_that_leaves_the_solution_of_one_harmonic(disk):
     study, curve = disk
     by_harmonic = study.with_stability(curve)
     i = at(curve, 352.3, -1)
-    assert by_harmonic.stable[i] and by_harmonic.labels[i] == "stable as far as 1 harmonic tells"
+    assert by_harmonic.stable[i] and by_harmonic.labels[i] == "det J > 0 with 1 harmonic"
     found = judge_in_time(study.system(2000.0), curve.unknowns[i], 2 * np.pi * curve.frequency[i], 65, 5)
     assert found.verdict == DIFFERS and 0.8 < found.ratio < 0.93
     # a damper with damping of its own stays
@@ -187,7 +187,7 @@ def test_points_at_rest_between_two_resonances_need_no_march(monkeypatch):
     assert (np.diff(rest.astype(int)) == 1).sum() == 2
     np.testing.assert_array_equal(judged.in_time, np.where(rest, 1.0, 0.96))
     assert set(judged.labels) == {"stable"}
-    assert set(study.with_stability(curve).labels) <= {"stable as far as 2 harmonics tell", "unstable"}
+    assert set(study.with_stability(curve).labels) <= {"det J > 0 with 2 harmonics", "unstable"}
 
 
 def test_interrupted_labels_keep_what_was_judged(monkeypatch):
