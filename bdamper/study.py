@@ -248,8 +248,9 @@ class Study(Problem, Comparable):
             On which the curves are followed; threads by default.
         tolerance : float
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
-        check : {"time", "harmonics", False}
-            "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept`` (:meth:`with_kept`).
+        check : {"time", "neighbours", "harmonics", False}
+            "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept``; "neighbours": also a factor
+            of 1.2 below and above (:func:`bdamper.peaks.marched.with_kept`).
             "harmonics": compare with two, four and six more harmonics there and two more elsewhere, in ``curve.ladder``.
         progress : bool
             Show what is being done, and the time left.
@@ -265,7 +266,7 @@ class Study(Problem, Comparable):
             With the study's own harmonics.  After Ctrl-C what was known by then.
         """
         tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
-        check = check if check is False else validate.choice("check", check, ("time", "harmonics"))
+        check = check if check is False else validate.choice("check", check, ("time", "neighbours", "harmonics"))
         check_question(self, optimal.preload_values(preload, n), frequency)
         ways: dict[str, Any] = {"frequency": frequency, "mode": mode, "options": options}
         shown: dict[str, Any] = {"progress": progress, "resume": resume}
@@ -278,13 +279,12 @@ class Study(Problem, Comparable):
             curve = replace(curve, margins=(best_margin.best_margin(self, curve, material),))
         if curve.interrupted or not check:
             return curve
-        if check == "time":
-            return marched.with_kept(self, curve, progress=progress)
+        if check in ("time", "neighbours"):
+            return marched.with_kept(self, curve, neighbours=check == "neighbours", progress=progress)
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
     with_marched = marched.with_marched
-    with_kept = marched.with_kept
     with_sweeps = marched.with_sweeps
 
     # free vibration

@@ -464,7 +464,7 @@ def damper_drag(
     omega, rate = float(np.sqrt(basis.omega2[basis.omega2 > 0.0].min(initial=np.inf))), max(rates.values(), default=0.0)
     if rate > omega:
         say(
-            f"damping of the damper: a rate of up to {rate:.3g} 1/s beside omega = {omega:.3g} rad/s of the lowest mode drags "
-            "every motion of the damper against the rotor"
+            f"damping of the damper: a rate of up to {rate:.3g} 1/s beside omega = {omega:.3g} rad/s of the lowest mode "
+            "drags every motion of the damper against the rotor"
         )
     return rates
