@@ -1,6 +1,7 @@
 #!/bin/sh
 # Source distribution and a manylinux wheel for every supported Python of this machine, in dist/.  Each wheel is built from
-# the source distribution, holds at most 8 MB, and computes one tracking curve where there is neither compiler nor checkout.
+# the source distribution, holds at most 8 MB, and computes one tracking curve where there is neither compiler nor checkout; the
+# last one also runs the README.
 set -eu
 cd "$(dirname "$0")/.."
 root=$PWD
@@ -34,3 +35,5 @@ for python in $pythons; do
     python -W error::RuntimeWarning "$root/tools/smoke.py"
   )
 done
+cd "$place/elsewhere"  # the last of them also runs what the README shows
+MPLBACKEND=Agg PATH="$place/venv/bin" XDG_CACHE_HOME="$place/cache" python "$root/tools/run_readme.py" "$root/README.md"

@@ -128,8 +128,8 @@ class Answers:
                 return
             try:
                 self._answer(question)
-            except (BdamperError, ArithmeticError, np.linalg.LinAlgError) as error:
-                self.deliver(str(error))
+            except Exception as error:  # whatever it is, the next question is answered
+                self.deliver(str(error) if isinstance(error, BdamperError) else f"{type(error).__name__}: {error}")
 
     def _answer(self, question: Question) -> None:
         for ask in (self.curve, self.optimal) if question.preloads else (self.curve,):

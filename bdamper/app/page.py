@@ -145,8 +145,11 @@ class Page:
 
     def ask(self) -> None:
         """Ask what the sliders stand for now."""
+        question, before = self.question(), self.shown.get("optimal")
         self.busy.visible = True
-        self.answers.ask(self.question())
+        if before is not None and (before.question.settings, before.question.mode) != (question.settings, question.mode):
+            self.least.text = "<i>The optimal curve is still that of the settings before.</i>"
+        self.answers.ask(question)
 
     # ---- what is seen ----
 

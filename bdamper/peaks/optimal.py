@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from contextlib import ExitStack, closing
+from contextvars import copy_context
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from threading import Event
@@ -194,9 +195,9 @@ class Curves:
                 if p not in self.known and repr(p) in self.kept:
                     self.known[p] = AtPreload.of(self.kept[repr(p)])
                 elif p not in self.known:
-                    ended = stop if isinstance(self.executor, ThreadPoolExecutor) else None
-                    job = self.problem, p, self.frequency, self.options, budget, ended
-                    running[p] = self.executor.submit(at_preload, *job)
+                    threads = isinstance(self.executor, ThreadPoolExecutor)
+                    job = at_preload, self.problem, p, self.frequency, self.options, budget, stop if threads else None
+                    running[p] = self.executor.submit(*((copy_context().run, *job) if threads else job))
             for i, p in enumerate(preloads):
                 if row and len(out) >= row and all(there.rattles for there in out[-row:]):
                     break

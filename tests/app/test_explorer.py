@@ -15,6 +15,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.app.answers import Answers, Question, tiles
+from bdamper.peaks import optimal
 from bdamper.problem.variation import vary
 
 SHORT = 60.0  # longest wait for an answer, s
@@ -101,6 +102,32 @@ def test_a_newer_question_ends_the_work_and_takes_the_place_of_what_waits(monkey
     known = [(dict(a.question.settings)["damping_ratio"], a.full) for a in found]
     assert known == [(0.05, False), (0.3, False), (0.3, True)]
     assert calls == [1, 3, 1, 3], "the full answer to the first was ended, those between were not begun"
+    answers.ask(None)
+
+
+def test_a_newer_question_ends_an_optimal_curve_in_its_threads(monkeypatch):
+    contact = bd.Contact((1, 0), normal=1, kt=1.0, kn=1.0, mu=0.5)
+    ways = {"contacts": [contact], "forces": {0: 0.1}, "loads": {1: 1.0}, "harmonics": 1}
+    study = bd.lumped([1.0, 0.1], [0.02, 0.02], [1.0, 0.1], **ways)
+    queue, ended, at_preload = SimpleQueue(), [], optimal.at_preload
+    answers = Answers(study, queue.put)
+
+    def asked_again(*given):
+        answers.stop.set()
+        try:
+            return at_preload(*given)
+        except KeyboardInterrupt:
+            ended.append(given[1])
+            raise
+
+    monkeypatch.setattr(optimal, "at_preload", asked_again)
+    answers.ask(Question((), 1.0, (0.5, 5.0)))
+    for _ in range(2):  # the tracking curve, coarse and in full
+        assert queue.get(timeout=SHORT).optimal is None
+    end = time.monotonic() + SHORT
+    while not ended:
+        assert time.monotonic() < end
+        time.sleep(0.01)
     answers.ask(None)
 
 
