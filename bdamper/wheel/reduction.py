@@ -47,19 +47,14 @@ def family_shapes(structure: Structure, omega: float) -> NDArray:
         apart[family] = np.inf
         W += weight * ((phi / apart) @ phi.conj().T).real
         own += [phi[:, family].real, phi[:, family].imag]
-    M = structure.mass + _root(structure, structure.disk_mass.mean(axis=0).real)
+    inside = (structure.n - structure.n_root, 0)
+    M = structure.mass + np.pad(structure.disk_mass.mean(axis=0).real, inside)
     L = np.linalg.cholesky(M)
     common = np.linalg.solve(L.T, np.linalg.svd(L.T @ np.array(own).T, full_matrices=False)[0][:, 0])
     seen = np.sqrt(tuned.point_stiffness).reshape(-1, 1) * structure.rows[..., : structure.n].reshape(-1, structure.n)
     _, V = np.linalg.eigh(seen @ W @ seen.T)
     found = np.column_stack([W @ seen.T @ V[:, : -SHAPES - 1 : -1], common])
     return np.asarray(found / np.sqrt(np.einsum("ij,ik,kj->j", found, M, found)))
-
-
-def _root(structure: Structure, matrix: NDArray) -> NDArray:
-    """(n, n) a matrix of the root's shapes among all coordinates of a blade."""
-    left = structure.n - structure.n_root
-    return np.pad(matrix, ((left, 0), (left, 0)))
 
 
 def reduced_state(structure: Structure, state: Loaded, shapes: NDArray) -> Loaded:

@@ -115,10 +115,6 @@ class WheelCurve(OfWheel, Plottable, Tabular, Storable, kind="bdamper-wheel-curv
         point, blade = np.unravel_index(int(np.argmax(self.amplitude)), self.amplitude.shape)
         return int(point), int(blade)
 
-    def nodal_diameters(self, point: int) -> NDArray:
-        """(n_blades,) float, m: amplitudes of the waves of 0 to N - 1 nodal diameters in the first harmonic of a point."""
-        return np.asarray(np.abs(np.fft.fft(self.response[point, :, 1])) / self.response.shape[1])
-
     def plot_map(self, *arguments: Any, **options: Any) -> Any:
         """Draw the amplitude of every blade over frequency as a map (:func:`bdamper.plot.plot_wheel_map`)."""
         return draw(self, "plot_map", *arguments, **options)

@@ -167,12 +167,10 @@ class Structure:
 
     def reduced(self, shapes: NDArray) -> Structure:
         """The same wheel with its blades moving in shapes (n, m) of their coordinates; the disk couples all of these."""
-        both = (self.n - self.n_root, 0)
-        disk = (np.pad(m, ((0, 0), both, both)) for m in (self.disk_stiffness, self.disk_mass))
-        T = shapes.T
+        T, root = shapes.T, shapes[self.n - self.n_root :]
         return replace(
             self, stiffness=T @ self.stiffness @ shapes, mass=T @ self.mass @ shapes, damping=T @ self.damping @ shapes,
-            disk_stiffness=(of := [T @ m @ shapes for m in disk])[0], disk_mass=of[1],
+            disk_stiffness=root.T @ self.disk_stiffness @ root, disk_mass=root.T @ self.disk_mass @ root,
             rows=np.concatenate([self.rows[..., : self.n] @ shapes, self.rows[..., self.n :]], axis=2),
         )  # fmt: skip
 
