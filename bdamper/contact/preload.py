@@ -360,6 +360,7 @@ def static_state(
     tolerance: float = 1e-10,
     max_iterations: int = 60,
     start: PreloadState | None = None,
+    offset: NDArray | None = None,
 ) -> PreloadState:
     """State of the contact after the load has grown to ``load``.
 
@@ -375,6 +376,8 @@ def static_state(
         Status iterations in a step.
     start : PreloadState, optional
         An earlier state to go on from, loading or unloading; zero load without it.
+    offset : (n_points, 2) float, m, optional
+        Sliders before any load; zero by default.
 
     Returns
     -------
@@ -382,6 +385,8 @@ def static_state(
         ``converged`` is False, with a note, if some step could not be solved; it then holds the last state that was.
     """
     state = _before_loading(system) if start is None else start
+    if start is None and offset is not None:
+        state = replace(state, slider=offset)
     first = state.load
     target = load - first
     done, fraction = 0.0, 1.0 / steps if target else 1.0

@@ -47,7 +47,8 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
     Parameters
     ----------
     distributions : mapping of setting to distribution
-        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.
+        Frozen distributions of scipy.stats, for example ``scipy.stats.norm(0.3, 0.03)``.  For "slip_offset" its standard
+        deviation (m), with which every draw gets offsets of its own at all contact points.
     n : int
         A power of two for Sobol sequences.
     method : {"sobol", "latin", "random"}
@@ -61,23 +62,28 @@ def draw(distributions: Mapping[str, Any], n: int, *, method: str = "sobol", see
     """
     if not isinstance(distributions, Mapping) or not distributions:
         raise SettingError(f"distributions: expected a mapping of setting to distribution, found {distributions!r}")
+    given, distributions = distributions, {k: d for k, d in distributions.items() if k != "slip_offset"}
     for name, distribution in distributions.items():
         if not callable(getattr(distribution, "ppf", None)):
             raise SettingError(f"distribution of '{name}': expected one of scipy.stats, found {distribution!r}")
     n, seed = validate.whole("n", n, least=2), validate.whole("seed", seed)
     validate.choice("method", method, METHODS)
     d = len(distributions)
+    drawn = {}
+    if "slip_offset" in given:
+        spread = validate.number("slip_offset", given["slip_offset"], least=0.0, unit="m")
+        drawn = {"slip_offset": np.full(n, spread), "slip_offset_seed": np.arange(n) + float(n * seed)}
     if method == "sobol":
         if n & (n - 1):
             raise SettingError(f"n: expected a power of two for a Sobol sequence, found {n}")
-        unit = scipy.stats.qmc.Sobol(d, scramble=True, seed=seed).random(n)
+        unit = scipy.stats.qmc.Sobol(max(d, 1), scramble=True, seed=seed).random(n)
     elif method == "latin":
-        unit = scipy.stats.qmc.LatinHypercube(d, seed=seed).random(n)
+        unit = scipy.stats.qmc.LatinHypercube(max(d, 1), seed=seed).random(n)
     else:
         unit = np.random.default_rng(seed).random((n, d))
     # keep away from the ends, where a ppf may be infinite
     unit = np.clip(unit, 1e-12, 1.0 - 1e-12)
-    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())}
+    return {name: np.asarray(dist.ppf(unit[:, i]), float) for i, (name, dist) in enumerate(distributions.items())} | drawn
 
 
 @brief

@@ -217,7 +217,9 @@ def _scales_to(problem: Problem, system: ModeSystem, u: NDArray, preload: float)
     Without interference, cubic springs and constant forces the contact is homogeneous as long as no gap closes in a cycle.
     """
     static = problem.static_system
-    if preload == 0.0 or static.cubic is not None or np.any(static.n0 > 0.0) or np.any(static.constant_force):
+    if preload == 0.0 or problem.slip_offset or static.cubic is not None:
+        return 0.0
+    if np.any(static.n0 > 0.0) or np.any(static.constant_force):
         return 0.0
     gapped = static.n0 < 0.0
     gap, none = -static.n0[gapped] / static.kn[gapped], np.zeros(system.n_mean)

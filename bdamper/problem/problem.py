@@ -399,6 +399,14 @@ class Problem(Settings):
             cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
         )
 
+    @part
+    def slip_offsets(self) -> NDArray | None:
+        """(n_points, 2) float, m: sliders from assembly where points have friction; None without."""
+        if not self.slip_offset:
+            return None
+        drawn = np.random.default_rng(self.slip_offset_seed).standard_normal((self.coupling.n_points, 2))
+        return self.slip_offset * drawn * (self.friction > 0.0)[:, None]
+
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
@@ -421,7 +429,7 @@ class Problem(Settings):
             watch = Stopwatch()
             system = self.static_system
             state = None
-            if len(factors) == 1 and preload > 0.0:
+            if len(factors) == 1 and preload > 0.0 and not self.slip_offset:
                 # always from one and the same load, so that results do not depend on what was asked before
                 unit = self.static_states.get((1.0, 1.0)) or static_state(system, 1.0)
                 self.static_states[(1.0, 1.0)] = unit
@@ -430,7 +438,7 @@ class Problem(Settings):
                     self.static_states[key] = replace(state, cost=Cost(**watch.read()))
                     return self.static_states[key]
             for factor in factors:
-                state = static_state(system, factor * preload, start=state)
+                state = static_state(system, factor * preload, start=state, offset=self.slip_offsets)
                 if not state.converged:
                     break
             assert state is not None

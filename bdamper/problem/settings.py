@@ -117,6 +117,11 @@ class Settings:
     ------
     SettingError, ModelError
         At once, naming the setting, what was expected and what was found.
+    slip_offset : float, m
+        Standard deviation of the displacements from assembly at which friction has no force, drawn for every contact point;
+        the static analysis starts from them.
+    slip_offset_seed : int
+        Equal seeds draw equal offsets.
     """
 
     model: Model = field(repr=False)
@@ -148,6 +153,8 @@ class Settings:
     effects: Effects | None = None
     contact_stiffness_factor: float = 1.0
     speed: float | None = None
+    slip_offset: float = 0.0
+    slip_offset_seed: int = 0
 
     def __post_init__(self, residual_traction: str) -> None:
         check_traction(residual_traction)
@@ -187,6 +194,8 @@ class Settings:
             if getattr(self, name) and not any(body.kind == "free" for body in self.model.bodies.values()):
                 raise SettingError(f"{name}: expected 0, since the model has no free body, found {getattr(self, name):g}")
         validate.fields(self, validate.number, "contact_stiffness_factor", above=0.0)
+        validate.fields(self, validate.number, "slip_offset", least=0.0, unit="m")
+        validate.fields(self, validate.whole, "slip_offset_seed")
         if self.speed is not None:
             validate.fields(self, validate.number, "speed", above=0.0, unit="rad/s")
             own = self.model.provenance.get("rotor speed", "none")
@@ -345,6 +354,7 @@ class Settings:
             "neglected": "; ".join(self.model.neglected_over_speed(self.needed_diameters)) or None if self.speed else None,
             "gap": ", ".join(f"{name} up to {g}" for name, g in gap.items()) or None,
             "load_history": self.load_history if self.load_history != (1.0,) else None,
+            "slip_offset": f"{self.slip_offset:g} m, seed {self.slip_offset_seed}" if self.slip_offset else None,
             "friction_axes": self.friction_axes if self.friction_axes != "contact" else None,
             "off": ", ".join(off) or None,
         }
@@ -372,6 +382,8 @@ class Settings:
             "contact_stiffness": _stiffness_setting(self.stiffness_method),
             "contact_stiffness_factor": self.contact_stiffness_factor,
             "load_history": list(self.load_history),
+            "slip_offset": self.slip_offset,
+            "slip_offset_seed": self.slip_offset_seed,
             "gap": self.gap,
             "blade_modes": int(self.blade_modes),
             "damper_modes": int(self.damper_modes),
