@@ -352,6 +352,12 @@ def _before_loading(system: StaticSystem) -> PreloadState:
     return PreloadState(0.0, np.zeros(m), np.zeros((n, 2)), np.zeros((n, 3)), np.zeros(n), status, 0.0, 0, 0, True)
 
 
+def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
+    """(n_points, 2) float, m: sliders before any load, drawn with a standard deviation where there is friction."""
+    drawn = np.random.default_rng(seed).standard_normal((len(friction), 2))
+    return np.asarray(spread * drawn * (friction > 0.0)[:, None])
+
+
 def static_state(
     system: StaticSystem,
     load: float,

@@ -222,8 +222,11 @@ def _scales_to(problem: Problem, system: ModeSystem, u: NDArray, preload: float)
     if np.any(static.n0 > 0.0) or np.any(static.constant_force):
         return 0.0
     gapped = static.n0 < 0.0
-    gap, none = -static.n0[gapped] / static.kn[gapped], np.zeros(system.n_mean)
-    used = [1.0 + (system.driven.closing(one, none)[0][gapped] / gap).max(initial=-1.0) for one in u]
+    gap, harmonics = -static.n0[gapped] / static.kn[gapped], np.arange(1, system.n_harmonics + 1)
+    angles = np.outer(harmonics, np.linspace(0.0, 2.0 * np.pi, 64 * system.n_harmonics, endpoint=False))
+    wave = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(2 * system.n_harmonics, -1)
+    closing = (system.driven.contact(one)[0][gapped, 2] for one in u)
+    used = [((v[:, :1] + v[:, 1:] @ wave).max(axis=1) / gap).max(initial=0.0) for v in closing]
     most = max(used, default=1.0)
     return 0.0 if most >= 1.0 else preload / most if most > 0.0 else float("inf")
 

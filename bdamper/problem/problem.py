@@ -17,7 +17,7 @@ from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CUBIC, LAW_NORMAL, Sampled
 from bdamper.contact.no_separation import without_separation
 from bdamper.contact.points import PointArrays
-from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, scaled_state, static_state
+from bdamper.contact.preload import OPEN, PreloadState, StaticSystem, assembly_offsets, scaled_state, static_state
 from bdamper.contact.residual_modes import ResidualModes
 from bdamper.contact.stiffness import Contact, PerArea, StiffnessReport, check_method, contact_stiffness, report
 from bdamper.contact.wedge import ContactMap, WedgeFriction, wedge_friction
@@ -399,14 +399,6 @@ class Problem(Settings):
             cubic=self.point_stiffness[:, :2] * (self.point_laws == LAW_CUBIC)[:, None],
         )
 
-    @part
-    def slip_offsets(self) -> NDArray | None:
-        """(n_points, 2) float, m: sliders from assembly where points have friction; None without."""
-        if not self.slip_offset:
-            return None
-        drawn = np.random.default_rng(self.slip_offset_seed).standard_normal((self.coupling.n_points, 2))
-        return self.slip_offset * drawn * (self.friction > 0.0)[:, None]
-
     @one_thread
     def static(self, preload: float, history: Sequence[float] | None = None) -> PreloadState:
         """Quasi-static contact analysis (paper, section 3.1) under a load on the damper.
@@ -428,6 +420,7 @@ class Problem(Settings):
         if key not in self.static_states:
             watch = Stopwatch()
             system = self.static_system
+            offset = assembly_offsets(self.slip_offset, self.slip_offset_seed, self.friction)
             state = None
             if len(factors) == 1 and preload > 0.0 and not self.slip_offset:
                 # always from one and the same load, so that results do not depend on what was asked before
@@ -438,7 +431,7 @@ class Problem(Settings):
                     self.static_states[key] = replace(state, cost=Cost(**watch.read()))
                     return self.static_states[key]
             for factor in factors:
-                state = static_state(system, factor * preload, start=state, offset=self.slip_offsets)
+                state = static_state(system, factor * preload, start=state, offset=offset)
                 if not state.converged:
                     break
             assert state is not None
