@@ -432,6 +432,30 @@ class HarmonicSystem:
             raise FloatingPointError("the contact forces are not finite at this point")
         return X, F, share
 
+    def closing(self, u: NDArray, direction: NDArray) -> tuple[NDArray, NDArray]:
+        """Largest closing in the cycle at every contact point, and its rate along a direction of the mean.
+
+        Parameters
+        ----------
+        u : (n_unknowns,) float
+        direction : (n_mean,) float
+
+        Returns
+        -------
+        closing : (n_points,) float, m
+            Negative: the gap that is left, so the point is open all the cycle; 0 for points without a normal spring.
+        rate : (n_points,) float
+            m per unit of the direction.
+        """
+        X, _, _ = self.contact(u)
+        theta = np.linspace(0.0, 2.0 * np.pi, 64 * self.n_harmonics, endpoint=False)
+        l = np.arange(1, self.n_harmonics + 1)
+        wave = np.stack([np.cos(np.outer(l, theta)), np.sin(np.outer(l, theta))], axis=1).reshape(-1, len(theta))
+        kn = self.arrays["kn"]
+        held = kn > 0.0
+        closing = (X[:, 2, :1] + X[:, 2, 1:] @ wave).max(axis=1) + self.arrays["n0"] / np.where(held, kn, 1.0)
+        return np.where(held, closing, 0.0), self.bases[0].G[:, 2].real @ direction
+
     def slider_interval(self, u: NDArray) -> NDArray:
         """Sliders that a point which never slips may have: the interval of residual tractions.
 
