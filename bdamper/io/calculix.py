@@ -181,7 +181,7 @@ class _Deck:
             raise mismatch(item, f"1 + {n} numbers for each element of type {kind}", f"{len(words)} numbers in all")
         for k in range(0, len(words), n + 1):
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
-            self.type_of[words[k]] = kind
+            self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
         if parameters.get("ELSET"):
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
 

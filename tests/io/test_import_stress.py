@@ -125,7 +125,7 @@ def test_what_is_refused(bodies, settings, words):
 def test_type_and_material_of_a_deck(tmp_path):
     """By section, with two materials; orthotropic ones are unknown."""
     lines = ["*NODE", *(f"{k}, {x}, {y}, {z}" for k, (x, y, z) in enumerate(np.random.default_rng(0).random((8, 3)), 1))]
-    for k, kind in enumerate(("C3D4", "C3D4", "C3D8R"), 1):
+    for k, kind in enumerate(("C3D4", "C3D4H", "C3D8RH"), 1):
         lines += [f"*ELEMENT, TYPE={kind}, ELSET=E{k}", f"{k}, " + ", ".join(map(str, range(1, 9)[: 8 if k == 3 else 4]))]
     lines += ["*MATERIAL, NAME=A", "*ELASTIC", "2.1e5, 0.3, 20.", "2.0e5, 0.3, 400.", "*MATERIAL, NAME=B"]
     lines += ["*ELASTIC, TYPE=ENGINEERING CONSTANTS", "1., 1., 1., .3, .3, .3, 1., 1.", "1."]
