@@ -36,7 +36,7 @@ from scipy.sparse.linalg import SuperLU
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface, Port
 from bdamper.reduction.bodies import location_rows
-from bdamper.reduction.cyclic import CyclicSector, factorise, fix_phase, lowest_modes
+from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, fix_phase, lowest_modes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
 
@@ -169,32 +169,44 @@ class BladePart:
         return out
 
 
-def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray, d: int) -> tuple[NDArray, NDArray]:
-    """Stiffness and mass (n, n) of static shapes of blade (3 n_nodes, n) and disk together, at one nodal diameter.
+def disk_matrices(blade: BladePart, sector: CyclicSector, carried: NDArray) -> list[tuple[NDArray, NDArray]]:
+    """Stiffness and mass (n, n) of static shapes of blade (3 n_nodes, n) and disk together, at nodal diameters 0 to N/2.
 
-    ``sector`` is the sector at any of them.
+    ``sector`` is the sector at any of them.  The disk between its cut faces and the roots is factorised once, real; what
+    depends on the nodal diameter is the stiffness of the faces.  With a factorisation at each of 19 nodal diameters
+    the whole import of a sector of 2,865 nodes takes 1.4 times as long.
     """
-    blade.step(f"disk of the wheel, nodal diameter {d}")
     if np.isin(blade.root, [*sector.left, *sector.right]).any():
         raise ValueError("a node of the blade's root lies on a face at which the sector repeats")
     body, held = blade.body, blade.fixed.copy()
     held.ravel()[blade.own_dofs] = True
-    disk = CyclicSector(body, sector.left, sector.right, held, sector.n_sectors, d)
-    t = disk.transformation
-    root = t[blade.root_dofs]
-    root.eliminate_zeros()
-    root = root.tocoo()
-    column = np.empty(len(blade.root_dofs), int)
-    column[root.row] = root.col
-    rest = np.setdiff1d(np.arange(t.shape[1]), column)
-    motion = np.zeros((t.shape[1], carried.shape[1]), disk.stiffness.dtype)
-    motion[column] = carried[blade.root_dofs]
-    load = disk.stiffness[rest][:, column] @ motion[column]
-    motion[rest] = -factorise(disk.stiffness[rest][:, rest]).solve(np.ascontiguousarray(load))
-    whole = t @ motion
-    whole[blade.own_dofs] = carried[blade.own_dofs]
-    k, m = (whole.conj().T @ (matrix @ whole) for matrix in (body.stiffness, body.mass))
-    return 0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T)
+    moving, faces = ~held.ravel(), np.zeros(body.n_dof, bool)
+    moving[blade.root_dofs] = False
+    faces[body.dofs(np.concatenate([sector.left, sector.right]))] = True
+    face, inner = np.flatnonzero(moving & faces), np.flatnonzero(moving & ~faces)
+    of_inner, of_face = body.stiffness[inner], body.stiffness[face]
+    factor, coupling = factorise(of_inner[:, inner]), of_inner[:, face].tocsc()
+    motion = carried[blade.root_dofs]
+    driven = factor.solve(np.ascontiguousarray(of_inner[:, blade.root_dofs] @ motion))
+    stiffness = of_face[:, face].toarray()
+    for start in range(0, len(face), 64):  # columns at a time, for memory
+        columns = slice(start, start + 64)
+        stiffness[:, columns] -= coupling.T @ factor.solve(coupling[:, columns].toarray())
+    load = of_face[:, blade.root_dofs] @ motion - coupling.T @ driven
+    out = []
+    for d in range(sector.n_sectors // 2 + 1):
+        blade.step(f"disk of the wheel, nodal diameter {d}")
+        t = cyclic_transformation(len(body.nodes), sector.left, sector.right, held, sector.n_sectors, d)[face]
+        t = t[:, np.unique(t.indices)].toarray()
+        whole = np.zeros(carried.shape, t.dtype)
+        whole[blade.own_dofs], whole[blade.root_dofs] = carried[blade.own_dofs], motion
+        whole[face] = -t @ np.linalg.solve(t.conj().T @ stiffness @ t, t.conj().T @ load)
+        push = coupling @ whole[face]
+        parts = [factor.solve(np.ascontiguousarray(part)) for part in (push.real, push.imag)]
+        whole[inner] = -driven - (parts[0] + 1j * parts[1] if np.iscomplexobj(t) else parts[0])
+        k, m = (whole.conj().T @ (matrix @ whole) for matrix in (body.stiffness, body.mass))
+        out.append((0.5 * (k + k.conj().T), 0.5 * (m + m.conj().T)))
+    return out
 
 
 def sampled_waves(n_sectors: int) -> list[int]:
@@ -335,7 +347,7 @@ def local_shapes(
     omega2, modes = blade.cantilever(sizes.cantilever)
     first = sector(0)
     carried = blade.carried(root_shapes(blade, sector, first.n_sectors, sizes))
-    pairs = [disk_matrices(blade, first, carried, d) for d in range(first.n_sectors // 2 + 1)]
+    pairs = disk_matrices(blade, first, carried)
     k, m = (np.array([pair[i] for pair in pairs], complex) for i in (0, 1))
     # shapes of unit mass on the average over all waves, for numbers of one size
     scale = eigh(*(mean_over_waves(matrices, first.n_sectors) for matrices in (k, m)))[1]
