@@ -87,8 +87,8 @@ extern PyGetSetDef core_equations_getset[];
 /* ---- parts of the module ---- */
 
 extern PyType_Spec core_sector_spec, core_eased_spec, core_modes_spec; /* bd_core_sector.c */
-extern PyType_Spec core_ring_spec;                    /* bd_core_time.c */
-extern PyType_Spec core_wheel_spec;                   /* bd_core_wheel.c */
+extern PyType_Spec core_ring_spec;                                     /* bd_core_time.c */
+extern PyType_Spec core_wheel_spec;                                    /* bd_core_wheel.c */
 int core_add_results(PyObject *module, core_state *state);
 PyObject *core_evaluate_contact(PyObject *module, PyObject *args, PyObject *kwargs); /* bd_core_contact.c */
 

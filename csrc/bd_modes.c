@@ -122,7 +122,8 @@ static void destroy(bd_equations *e) {
     free(modes);
 }
 
-static const bd_equations_type MODES = {evaluate, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed, NULL, destroy};
+static const bd_equations_type MODES = {evaluate, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
+                                        NULL,     destroy};
 
 bd_status bd_modes_create(bd_equations **out, bd_sector *sector, const double *re, const double *im, double weight,
                           const double *row_scale) {
