@@ -58,7 +58,7 @@ class Page:
     # ---- what is moved ----
 
     def _slider(self, name: str, title: str, low: float, high: float, value: float, step: float = 0.01) -> Any:
-        look: dict[str, Any] = {"name": name, "title": title, "step": step}
+        look: dict[str, Any] = {"name": name, "title": title, "step": step, "sizing_mode": "stretch_width"}
         if name in LOGARITHMIC:
             low, high, value = (float(np.log10(v)) for v in (low, high, value))
             look["format"] = self.models.CustomJSTickFormatter(code="return (10**tick).toPrecision(3)")
@@ -89,7 +89,7 @@ class Page:
         met = {n for n in range(1, model.n_blades) if model.folded_nodal_diameter(n)[0] in diameters}
         orders = [str(n) for n in sorted(met | {int(study.engine_order)})]
         faces = [name for name in study.coupling.interfaces if model.interfaces[name].kind == "friction"]
-        select = self.models.Select
+        select = partial(self.models.Select, sizing_mode="stretch_width")
         self.mode = select(name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)])
         self.order = select(name="order", title="Engine order", value=str(study.engine_order), options=orders)
         self.loop = select(name="loop", title="Loop of", value="whole", options=["whole", *faces])
