@@ -250,7 +250,7 @@ class Study(Problem, Comparable):
             Relative, on the amplitude of the optimum: whether its ``ladder`` says "converged".
         check : {"time", "neighbours", "harmonics", False}
             "time": what a blade keeps at the optimum, by a march in time, in ``curve.kept``; "neighbours": also a factor
-            of 1.2 below and above (:func:`bdamper.peaks.marched.with_kept`).
+            of 1.2 below and above (``bdamper.peaks.marched.with_kept``).
             "harmonics": compare with two, four and six more harmonics there and two more elsewhere, in ``curve.ladder``.
         progress : bool
             Show what is being done, and the time left.

@@ -352,7 +352,7 @@ class Coupling:
         """Modal force (n_modes,) and displacement (n_points, 3) of (u1, u2, v), per newton of static load.
 
         The displacement is what the retained elastic modes leave out; ``spinning``, where the load is the centrifugal one
-        of the free bodies, with that of the faces by rotation (:class:`bdamper.model.spin.SpinStatic`).  Both grow with the
+        of the free bodies, with that of the faces by rotation (``bdamper.model.spin.SpinStatic``).  Both grow with the
         squared speed, so that one is in proportion to the other.
         """
         force = []

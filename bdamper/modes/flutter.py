@@ -126,7 +126,7 @@ def flutter(
         Of a complex one the imaginary part is the damping ratio, the real part a relative shift of the frequency.  The
         force is in proportion to mass, that of the shift not on rigid motions.
     mode, amplitude, options
-        As for :func:`bdamper.modes.mode.nonlinear_mode`; the amplitudes are those in which cycles are looked for.
+        As for ``bdamper.modes.mode.nonlinear_mode``; the amplitudes are those in which cycles are looked for.
     n : int
         Preloads between two ends.
 

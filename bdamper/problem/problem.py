@@ -46,12 +46,12 @@ class Problem(Settings):
     """Settings with what is made from them.
 
     Problems are told apart by identity; what two of them have in common is seen in the settings of their results.
-    Parameters are those of :class:`~bdamper.problem.settings.Settings`.
+    Parameters are those of ``bdamper.problem.settings.Settings``.
     """
 
     _given: InitVar[Mapping[str, Any] | None] = None
     parts: dict[str, Any] = field(init=False, repr=False, compare=False)
-    """What has been made so far, by name (:class:`~bdamper.problem.parts.part`)."""
+    """What has been made so far, by name (``bdamper.problem.parts.part``)."""
 
     def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
         object.__setattr__(self, "parts", dict(_given or {}))

@@ -22,7 +22,7 @@ After every 16 periods :func:`judged` looks whether one of these holds:
 * **Wanders.**  Farther than that in the last 80 periods, by more than what the slowest mode leaves of the distance in the
   80 before: it does not agree.
 
-The march itself is that of :class:`~bdamper.stability.time_integration.Ring`, the only place that knows its kernel.
+The march itself is that of ``bdamper.stability.time_integration.Ring``, the only place that knows its kernel.
 """
 
 from __future__ import annotations

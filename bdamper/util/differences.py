@@ -26,7 +26,7 @@ class Differences(Summarised):
     settings : tuple of (name, first, second)
         Settings that differ, those within others by their whole name ("excitation.amplitude").
     outcomes : tuple of (first, second)
-        What both results say of the same quantity, as :class:`~bdamper.util.plotting.Fact`, where it differs in the six
+        What both results say of the same quantity, as ``bdamper.util.plotting.Fact``, where it differs in the six
         digits that are printed.
     kinds : tuple of two str
         What was compared.

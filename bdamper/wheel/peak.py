@@ -127,7 +127,7 @@ def peak(
     wheel : Wheel
     preload : float, N
     frequency : (low, high), Hz, optional
-        Of the sweep; :func:`~bdamper.wheel.band.band` by default.
+        Of the sweep; ``bdamper.wheel.band.band`` by default.
     options : WheelPeakOptions
 
     Returns

@@ -1,6 +1,6 @@
 r"""One wheel: blades, dampers and disk in coordinates of their own sectors.
 
-The unknowns of sector ``n`` are the local coordinates of blade ``n`` (:class:`~bdamper.model.local.LocalBasis`) and those
+The unknowns of sector ``n`` are the local coordinates of blade ``n`` (``bdamper.model.local.LocalBasis``) and those
 of damper ``n``, which lies between the blades ``n`` and ``n + 1``.  With them
 
 .. math:: v_n = P\, u_{n + s} + D\, y_n,

@@ -19,7 +19,7 @@ class Wheel(WheelProblem):
     """All blades and dampers of a wheel at once, blades mistuned and dampers different.
 
     Laws, their evaluation and the preload are those of the study.  Blades and disk are described by the local basis of the
-    model (:class:`~bdamper.model.local.LocalBasis`); where the study's contact stiffness is a method, attachments carry the
+    model (``bdamper.model.local.LocalBasis``); where the study's contact stiffness is a method, attachments carry the
     flexibility of the contacts, and points have the stiffness of what the basis leaves out (:func:`tuned_problem`).
 
     Parameters
