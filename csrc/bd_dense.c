@@ -227,8 +227,8 @@ static void destroy_sector(bd_equations *e) {
     free(sector);
 }
 
-static const bd_equations_type SECTOR = {evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed,
-                                         NULL,            destroy_sector};
+static const bd_equations_type SECTOR = {evaluate_sector, bd_dense_factor, bd_dense_solve, bd_dense_solve_transposed, NULL,
+                                         destroy_sector};
 
 bd_status bd_sector_create(bd_sector **sector, const bd_hbm_input *input, const double *row_scale,
                            const bd_lapack *lapack) {
