@@ -186,7 +186,7 @@ def judge_in_time(
     seed : int
         Of the disturbance.
     """
-    sector = SectorMap(Ring(system, n_blades, engine_order), omega)
+    sector = SectorMap(Ring(system, n_blades, engine_order), omega, BOUNDS.steps)
     expected = float(np.abs(system.response(np.asarray(u)[None])[0, 1]))
     if not expected > 0.0:
         return InTime(UNDECIDED, math.nan, math.nan, 0)

@@ -186,7 +186,7 @@ def verify(
     periods : int
         Periods of the excitation, at most.
     steps_per_period : int, optional
-        256 by default.
+        1,024 by default.
     progress : bool
         Show a bar of the periods, with the time left.
 
@@ -204,5 +204,6 @@ def verify(
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], TWO_PI * float(curve.frequency[i])
-    march = March(ring_of(problem, curve.preload), omega, u, steps_per_period)
+    steps = BOUNDS.steps if steps_per_period is None else steps_per_period
+    march = March(ring_of(problem, curve.preload), omega, u, steps)
     return verified(march, system.response(u), tolerance, periods, progress)
