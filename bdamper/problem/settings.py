@@ -112,16 +112,16 @@ class Settings:
     speed : float, rad/s, optional
         Rotor speed that the model belongs to, as :meth:`bdamper.Study.at_speed` sets it.  The static analysis then takes
         the displacement of the faces by rotation, per newton of the damper's own centrifugal load.
-
-    Raises
-    ------
-    SettingError, ModelError
-        At once, naming the setting, what was expected and what was found.
     slip_offset : float, m
         Standard deviation of the displacements from assembly at which friction has no force, drawn for every contact point;
         the static analysis starts from them.
     slip_offset_seed : int
         Equal seeds draw equal offsets.
+
+    Raises
+    ------
+    SettingError, ModelError
+        At once, naming the setting, what was expected and what was found.
     """
 
     model: Model = field(repr=False)
