@@ -99,6 +99,8 @@ class PeakOptions:
 class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     """A maximum of the response amplitude along a response curve, or the place where the search for it ended.
 
+    Drawn by :func:`bdamper.plot.plot_peak`.
+
     Parameters
     ----------
     parameter : float
@@ -106,10 +108,8 @@ class Peak(Plottable, Comparable, Tabular, Storable, kind="bdamper-peak"):
     frequency : float, Hz
     amplitude : float, m
         Of the first harmonic of the response.
-    y : (n_unknowns + 1,) float
-    tangent : (n_unknowns + 1,) float
-        Of the response curve, unit length in unknowns divided by ``scale``.
-    scale : (n_unknowns + 1,) float
+    y, tangent, scale : (n_unknowns + 1,) float
+        The tangent of the response curve has unit length in unknowns divided by ``scale``.
     slope, curvature : float
         First and second derivative of ln(amplitude) along the curve in scaled unknowns.
     shares : (3,) float

@@ -119,7 +119,7 @@ def test_ctrl_c_ends_an_optimal_curve_whose_threads_are_at_work(monkeypatch, at)
         point = next(points)
         if point == at:
             signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
-        if point >= at and _stop.get().wait(60.0):
+        if point >= at and _stop.get()[-1].wait(60.0):
             ended.append(point)
         return inner(*args, **keywords)
 
