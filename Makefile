@@ -10,6 +10,7 @@
 #   make nastran   Nastran readers, with the NumPy that pyNastran asks for
 #   make oldest    quick tests with the oldest supported dependencies (make newest: with the newest ones)
 #   make wheel     source distribution and a wheel for every Python of this machine, in dist/, each tried in an empty environment
+#   make browser   the explorer in a real browser (Debian: chromium, chromium-driver)
 #   make cross     the core compiled for aarch64 Linux
 #   make peers     small problems beside a published package, in an environment of its own (needs a network)
 
@@ -30,7 +31,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel cross peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -78,6 +79,9 @@ newest: | prerequisites
 
 wheel: | prerequisites
 	$(call step,wheels in empty environments,sh tools/test_wheel.sh)
+
+browser: $(VENV)/test.stamp
+	$(call step,explorer in a browser,$(PY) -m pip install -qq --no-build-isolation -e ".[app-test]" && $(PY) -m pytest -n 0 tests/app)
 
 cross: $(VENV)/dev.stamp
 	$(call step,the core for aarch64,PATH="$(CURDIR)/$(VENV)/bin:$$PATH" sh tools/cross_aarch64.sh)
