@@ -344,8 +344,8 @@ class Problem(Settings):
 
     @part
     def damper_load(self) -> tuple[NDArray, NDArray]:
-        """Per newton of preload: modal force (n_modes,), and motion of the points that the modes do not carry (n_points,
-        3)."""
+        """Modal force (n_modes,) per newton of preload, and motion (n_points, 3) of the points that the modes do not
+        carry."""
         force, shift = self.coupling.load(spinning=self.speed is not None)
         return np.pad(force, (0, self.static_basis.n_modes - len(force))), shift
 
