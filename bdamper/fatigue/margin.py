@@ -25,6 +25,7 @@ from bdamper.util.hdf5 import Storable
 from bdamper.util.kept import Kept
 from bdamper.util.plotting import Fact, Plottable, draw
 from bdamper.util.repr import brief
+from bdamper.util.status import COMPLETE, word
 from bdamper.util.tables import ROW, Column, Hertz, Metres, Newtons, Numbers, Quantity, RadiansPerSecond, Tabular
 from bdamper.util.text import amount
 
@@ -384,7 +385,8 @@ def _as_kept(found: StressCycle, kept: Kept | None) -> StressCycle:
     coefficients = found.coefficients.copy()
     coefficients[..., 1:] *= kept.factor
     note = f"vibration scaled by {kept.factor:.3g}: a blade keeps up to {amount(kept.highest, 'm')} in time"
-    return replace(found, coefficients=coefficients, notes=(*found.notes, note))
+    doubt = () if word(kept.status) == COMPLETE else (f"what a blade keeps is {kept.status}",)
+    return replace(found, coefficients=coefficients, notes=(*found.notes, note, *doubt))
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from bdamper.util.kept import Kept
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import Fact, Plottable
 from bdamper.util.repr import brief
-from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, Statuses, Translated, because, word
 from bdamper.util.tables import Hertz, Kinds, Metres, Newtons, Numbers, Quantity, Resonance, Shares, Tabular
 from bdamper.util.text import amount, height
 
@@ -410,7 +410,10 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         numbers = self.settings.get("harmonics", ())
         of = f"{amount(kept.balance, 'm')} with {len(numbers)} harmonic{'s' if len(numbers) != 1 else ''}"
         at = "" if kept.preload == self.optimum.preload else f"At {amount(kept.preload, 'N')} "
-        return f"{at}{of}; a blade keeps {kept.text}."
+        known = np.isfinite(kept.mean)
+        said = f"a blade keeps {kept.text}" if known else f"what a blade keeps is {kept.status}"
+        doubt = f", {kept.status}" if known and word(kept.status) != COMPLETE else ""
+        return f"{at}{of}; {said}{doubt}."
 
     def details(self) -> str:
         bad = int(np.count_nonzero(~np.isfinite(self.amplitude)))

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.contact.laws import LAW_NORMAL
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.problem.problem import Problem
@@ -29,7 +30,7 @@ from bdamper.util.cost import Cost, Stopwatch
 from bdamper.util.errors import SettingError
 from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork
-from bdamper.util.status import COMPLETE, INTERRUPTED, NOT_FOUND, because
+from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,9 @@ class Rules:
         Another solution below this part of the amplitude is another level, and no ripple of the branch.
     drop : float
         Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none.
+    memory, stretch : float
+        Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most:
+        within a part of a transient no mean is one of the motion that is to come.
     """
 
     window: int = 40
@@ -57,18 +61,28 @@ class Rules:
     drift: float = 0.03
     lower: float = 0.9
     drop: float = 0.7
+    memory: float = 100.0
+    stretch: float = 4.0
+
+    def stretched(self, memory: float) -> Rules:
+        """With the periods that a memory takes."""
+        factor = min(max(1.0, memory / self.memory), self.stretch)
+        window, fewest, most = (2 * round(0.5 * factor * n) for n in (self.window, self.fewest, self.most))
+        return replace(self, window=window, fewest=fewest, most=most)
 
 
 RULES = Rules()
 
 
 class Place(NamedTuple):
-    """What was found at one frequency (Hz): amplitudes (m) of the last periods, whether the motion stays, where it is."""
+    """What was found at one frequency (Hz): amplitudes (m) of the last periods, whether the motion stays, where it is, and
+    the relative change between its last two means."""
 
     frequency: float
     amplitude: NDArray
     stays: bool
     motion: Motion
+    drift: float = 0.0
 
     @property
     def mean(self) -> float:
@@ -143,23 +157,26 @@ class Walk:
         march = March(self.ring, TWO_PI * frequency, start, finer * self.steps)
         lower = self.levels.lower(frequency, own)
         limit = max(0.5 * (own + lower) if lower else 0.0, RULES.drop * own)
+        rules, drift = RULES.stretched(march.memory), np.inf
         while True:
-            march.run(len(march.harmonics) + RULES.window // 2)
-            self.periods += RULES.window // 2
+            done = len(march.harmonics)
+            march.run(done + rules.window // 2)
             n, amplitude = len(march.harmonics), march.amplitude
-            if march.overflowed or n >= RULES.most:
+            self.periods += n - done
+            if march.overflowed:
                 break
-            if n < 2 * RULES.window:
+            if n < 2 * rules.window:
                 continue
             last, before = (
-                float(amplitude[-RULES.window :].mean()),
-                float(amplitude[-2 * RULES.window : -RULES.window].mean()),
+                float(amplitude[-rules.window :].mean()),
+                float(amplitude[-2 * rules.window : -rules.window].mean()),
             )
+            drift = last / before - 1.0
             fallen = last < limit and before < limit
-            if fallen or ((n >= RULES.fewest or not lower) and abs(last / before - 1.0) <= RULES.drift):
+            if fallen or n >= rules.most or ((n >= rules.fewest or not lower) and abs(drift) <= rules.drift):
                 break
-        kept = amplitude[-(2 if finer > 1 else 1) * RULES.window :]
-        return Place(float(frequency), kept, bool(kept.mean() >= limit), march.motion)
+        kept = amplitude[-(2 if finer > 1 else 1) * rules.window :]
+        return Place(float(frequency), kept, bool(kept.mean() >= limit), march.motion, drift)
 
     def go(self, start: float, step: float) -> None:
         """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
@@ -188,12 +205,27 @@ class Walk:
         return self.visit(frequency, last.motion, last.mean * float(np.clip(now / then, 0.8, 1.25)))
 
     def best(self) -> Place | None:
-        """The highest motion that stays in steps of half the length, too."""
+        """The highest motion that stays in steps of half the length, too; it falls where the next one does not."""
+        fallen: list[float] = []
         for place in sorted(self.places, key=lambda p: -p.mean):
             found = self.visit(place.frequency, place.motion._replace(a=None), place.mean, finer=2)
             if found.stays:
+                way = self.places[-1].frequency - self.places[0].frequency
+                beyond = [f for f in fallen if (f - found.frequency) * way > 0.0]
+                self.fall = min(beyond, key=lambda f: abs(f - found.frequency), default=self.fall)
                 return found
+            fallen.append(place.frequency)
         return None
+
+    def open_end(self, best: Place) -> str:
+        """What says that a higher motion may be kept; "" if nothing does."""
+        if self.ring.unsolved:
+            return self.ring.unsolved
+        if abs(best.drift) > RULES.drift:
+            return f"its mean still changes by {100.0 * best.drift:+.2g} % within {len(best.amplitude) // 2} periods"
+        if self.fall != self.fall and best.frequency == self.places[-1].frequency:
+            return "it is the last before the end of the curve; follow more of it"
+        return ""
 
 
 @one_thread
@@ -215,7 +247,8 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     Returns
     -------
     Kept
-        After Ctrl-C the highest motion so far that stays; "not found" where none does.
+        After Ctrl-C the highest motion so far that stays; "not found" where none does; "incomplete" where its mean still
+        drifts, contact forces were not found in some steps, or the curve ends before the motion falls.
 
     Raises
     ------
@@ -231,7 +264,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
     found = Kept(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude)
-    if not (np.asarray(curve.shares)[near, 2] > 0.0).any() and not any(near[f.index] for f in curve.folds):
+    if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
         return replace(found, cost=Cost(**watch.read()))
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
@@ -247,12 +280,25 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
         best = max(walk.places, key=lambda p: p.mean, default=None)
     carried, all_ = len(ring.nodal_diameters), ring.n // 2 + 1
     short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
+    left = walk.open_end(best) if best is not None else ring.unsolved
     cost = replace(ring.cost, **watch.read())
     none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
     if best is None:
-        return replace(none, status=INTERRUPTED if work.interrupted else because(NOT_FOUND, "no motion stays"))
+        why = f"no motion stays, {left}" if left else "no motion stays"
+        return replace(none, status=INTERRUPTED if work.interrupted else because(NOT_FOUND, why))
     return replace(
         none, mean=best.mean, lowest=float(best.amplitude.min()), highest=float(best.amplitude.max()), fall=walk.fall,
         frequency=best.frequency, direction="up" if step < 0.0 else "down",
-        status=INTERRUPTED if work.interrupted else because(COMPLETE, short),
+        status=INTERRUPTED if work.interrupted else because(INCOMPLETE, left) if left else because(COMPLETE, short),
     )  # fmt: skip
+
+
+def _opens(problem: Problem, curve: Curve, near: NDArray) -> bool:
+    """Whether a contact is open for a part of the cycle at one of some points, one without friction, too."""
+    if (np.asarray(curve.shares)[near, 2] > 0.0).any():
+        return True
+    system = problem.system(curve.preload)
+    if not (np.asarray(system.points.law) == LAW_NORMAL).any():
+        return False
+    shares = (system.contact(u)[2][:, 4] for u in np.asarray(curve.unknowns)[near])
+    return any(((open_ > 0.0) & (open_ < 1.0)).any() for open_ in shares)

@@ -74,6 +74,9 @@ def test_what_a_blade_keeps_scales_the_vibration(study, peak):
     np.testing.assert_allclose(scaled.amplitude, 1.2 * plain.amplitude)
     np.testing.assert_allclose(scaled.mean, plain.mean)
     assert scaled.least == pytest.approx(plain.least / 1.2) and "vibration scaled by 1.2" in scaled.notes[-1]
+    assert not any("what a blade keeps" in note for note in scaled.notes)
+    cut = study.margin(peak, AISI_1050, kept=replace(kept, status="interrupted"))
+    assert "what a blade keeps is interrupted" in cut.notes
     with pytest.raises(SettingError, match=r"^kept: expected what a blade keeps at 200 N, found .* at 100 N"):
         study.margin(peak, AISI_1050, kept=replace(kept, preload=100.0))
 

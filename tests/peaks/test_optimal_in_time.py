@@ -60,3 +60,11 @@ def test_what_cannot_be_marched_says_why(study, curve, monkeypatch):
     assert found.status.startswith("not found: ") and "single_basis" in found.status and np.isnan(found.mean)
     with pytest.raises(bd.SettingError, match=r"^check: expected .*, found 'ladder'"):
         study.optimal_curve((1000.0, 5000.0), 3, check="ladder")
+
+
+def test_the_bottom_line_says_what_is_open(study, curve):
+    best = curve.optimum
+    known = Kept(9e-6, 8e-6, 1e-5, 300.0, best.preload, 1e-5, periods=9, status="incomplete: some steps failed")
+    assert "(8 to 10), incomplete: some steps failed." in replace(curve, kept=(known,)).bottom_line()
+    none = Kept(*(np.nan,) * 4, best.preload, 1e-5, status="not found: no motion stays")
+    assert "; what a blade keeps is not found: no motion stays." in replace(curve, kept=(none,)).bottom_line()

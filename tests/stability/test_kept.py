@@ -66,6 +66,44 @@ def test_where_contacts_stay_closed_the_peak_is_kept():
     assert "the peak of the harmonic balance is kept" in str(found)
 
 
+def test_a_contact_without_friction_that_opens_is_marched():
+    """Shares of the cycle count points with friction alone: of this one they say nothing."""
+    contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)
+    study = bd.lumped([1.0], [0.2 * W0], [W0**2], contacts=[contact], forces={0: 20.0}, harmonics=3)
+    curve = study.track(0.0, (6.0, 15.0))
+    assert not curve.folds and not curve.shares[:, 2].any()
+    found = study.kept(curve)
+    assert found.marched and found.mean == pytest.approx(curve.peak.amplitude, rel=0.02)
+
+
+def test_long_transients_take_more_periods():
+    """With 0.1 % of damping a transient is seen in part within 40 periods, and the motion seemed to fall at once."""
+    contact = bd.Contact(normal=0, kn=0.5 * W0**2, preload=5.0)
+    study = bd.lumped([1.0], [2e-3 * W0], [W0**2], contacts=[contact], forces={0: 0.05}, harmonics=3)
+    curve = study.track(0.0, (11.0, 13.0))
+    assert study.kept(curve).mean > 0.8 * curve.peak.amplitude
+    assert room.RULES.stretched(93.0) == room.RULES and room.RULES.stretched(200.0).window == 80
+    assert room.RULES.stretched(1e9).most == 4 * room.RULES.most
+
+
+def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
+    study, curve = bent
+    study, ring = study.with_(harmonics=5), type(room.ring_of(study, 0.0))
+    monkeypatch.setattr(room, "RULES", room.Rules(drift=1e-12, most=160))
+    assert study.kept(curve).status.startswith("incomplete: its mean still changes by ")
+    monkeypatch.setattr(ring, "unsolved", "contact forces were not found in 3 of 9 steps")
+    assert study.kept(curve).status == "incomplete: contact forces were not found in 3 of 9 steps"
+
+
+def test_the_end_of_the_curve_is_no_fall(bent):
+    walk = room.Walk(room.ring_of(bent[0], 0.0), Levels(bent[1]), 256)
+    place = room.Place(11.0, np.ones(80), True, None)
+    walk.places = [place._replace(frequency=12.0), place]
+    assert "follow more of it" in walk.open_end(place)
+    walk.fall = 10.9
+    assert not walk.open_end(place)
+
+
 def test_a_curve_that_ends_before_the_branch_is_alone_is_no_start(bent):
     study, _ = bent
     curve = study.with_(harmonics=5).track(0.0, (9.0, 10.6))
