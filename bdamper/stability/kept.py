@@ -248,7 +248,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     -------
     Kept
         After Ctrl-C the highest motion so far that stays; "not found" where none does; "incomplete" where its mean still
-        drifts, contact forces were not found in some steps, or the curve ends before the motion falls.
+        drifts, contact forces were not found in some steps, the curve is so itself or ends before the motion falls.
 
     Raises
     ------
@@ -264,8 +264,9 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     width = max((abs(w) for w, _ in sides if np.isfinite(w)), default=np.inf)
     near = np.abs(curve.frequency - top.frequency) <= width
     found = Kept(*(top.amplitude,) * 3, top.frequency, curve.preload, top.amplitude)
+    part = "" if curve.complete else f"there may be a higher peak, as the curve is {curve.status}"
     if not _opens(problem, curve, near) and not any(near[f.index] for f in curve.folds):
-        return replace(found, cost=Cost(**watch.read()))
+        return replace(found, status=because(INCOMPLETE, part) if part else COMPLETE, cost=Cost(**watch.read()))
     none = replace(found, mean=np.nan, lowest=np.nan, highest=np.nan, frequency=np.nan)
     ways = [side for side in sides if np.isfinite(side[1])]
     if not ways:
@@ -280,7 +281,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
         best = max(walk.places, key=lambda p: p.mean, default=None)
     carried, all_ = len(ring.nodal_diameters), ring.n // 2 + 1
     short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
-    left = walk.open_end(best) if best is not None else ring.unsolved
+    left = (walk.open_end(best) or part) if best is not None else ring.unsolved
     cost = replace(ring.cost, **watch.read())
     none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
     if best is None:

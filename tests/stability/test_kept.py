@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.stability import kept as room
 from bdamper.stability.kept import Levels
 from tests.stability.test_march import structure
@@ -93,6 +94,16 @@ def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
     assert study.kept(curve).status.startswith("incomplete: its mean still changes by ")
     monkeypatch.setattr(ring, "unsolved", "contact forces were not found in 3 of 9 steps")
     assert study.kept(curve).status == "incomplete: contact forces were not found in 3 of 9 steps"
+
+
+@pytest.mark.parametrize("budget", [100, 250])
+def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
+    """Its highest point is where the evaluations were used up: nothing says that it is the peak."""
+    study = bent[0].with_(harmonics=5)
+    curve = study.track(0.0, (9.0, 14.0), options=ContinuationOptions(budget=budget))
+    found = study.kept(curve)
+    assert not curve.complete and found.marched == (budget == 250)
+    assert found.status == "incomplete: there may be a higher peak, as the curve is incomplete"
 
 
 def test_the_end_of_the_curve_is_no_fall(bent):
