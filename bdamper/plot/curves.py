@@ -232,8 +232,9 @@ def plot_optimal(
         for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
             ax.plot(preload[part], values[part], "-", color="0.1", marker="." if first == last else None)
-        for k in np.flatnonzero(~goes_on[1:]):  # where another peak becomes the highest, or one was lost
-            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8)
+        for n, k in enumerate(np.flatnonzero(~goes_on[1:])):  # where another peak becomes the highest, or one was lost
+            label = "" if n else "another peak takes over"
+            ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8, label=label)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
             return ax
