@@ -31,6 +31,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork
 from bdamper.util.status import COMPLETE, INCOMPLETE, INTERRUPTED, NOT_FOUND, because
+from bdamper.util.text import amount
 
 
 @dataclass(frozen=True)
@@ -150,6 +151,7 @@ class Walk:
         self.ring, self.levels, self.steps = ring, levels, steps
         self.places: list[Place] = []
         self.fall = float("nan")
+        self.astray = ""
         self.periods = 0
 
     def visit(self, frequency: float, start: NDArray | Motion, own: float, finer: int = 1) -> Place:
@@ -182,6 +184,9 @@ class Walk:
         """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
         own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
         here = self.visit(start, self.levels.start(start), own)
+        if not here.stays:
+            comes = f"comes to {amount(here.mean, 'm')}, the balance has {amount(own, 'm')}; use more harmonics"
+            self.astray = f"where the march begins, at {start:.6g} Hz, the motion {comes}"
         while here.stays:
             self.places.append(here)
             beyond = (here.frequency - tip) * np.sign(step) > 0.0
@@ -281,7 +286,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
         best = max(walk.places, key=lambda p: p.mean, default=None)
     carried, all_ = len(ring.nodal_diameters), ring.n // 2 + 1
     short = f"{carried} of {all_} nodal diameters were marched" if carried < all_ else ""
-    left = (walk.open_end(best) or part) if best is not None else ring.unsolved
+    left = (walk.open_end(best) or part) if best is not None else ring.unsolved or walk.astray
     cost = replace(ring.cost, **watch.read())
     none = replace(none, periods=walk.periods, diameters=ring.nodal_diameters, cost=cost)
     if best is None:

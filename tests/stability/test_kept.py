@@ -96,6 +96,14 @@ def test_what_leaves_the_answer_open_is_its_status(bent, monkeypatch):
     assert study.kept(curve).status == "incomplete: contact forces were not found in 3 of 9 steps"
 
 
+def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
+    study, curve = bent
+    visit = room.Walk.visit
+    monkeypatch.setattr(room.Walk, "visit", lambda *given: visit(*given)._replace(stays=False))
+    status = study.with_(harmonics=5).kept(curve).status
+    assert status.startswith("not found: no motion stays, where the march begins, at ") and "use more harmonics" in status
+
+
 @pytest.mark.parametrize("budget", [100, 250])
 def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
     """Its highest point is where the evaluations were used up: nothing says that it is the peak."""
