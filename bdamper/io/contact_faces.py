@@ -46,7 +46,7 @@ class ContactFaces:
     sector_b : int, optional
         Sector in which body b is met, -1, 0 or 1; found from the positions by default.
     gap : float (in the units of the files) or "measured"
-        Initial normal distance, in metres; "measured" takes that of the two meshes.
+        Initial normal distance; "measured" takes that of the two meshes.
     frame : (3, 3) float, optional
         Rows t1, t2, n in the axes of the model; by default n is the mean outward normal of face a, and t2 points
         against the axis of rotation.

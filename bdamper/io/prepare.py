@@ -241,6 +241,7 @@ class PreparedBody:
             known = sorted({*self.given.node_sets, *self.given.face_sets})
             raise self.error(item, f"a set out of {known}", f"'{given}'")
         array = np.asarray(given)
+        self.require(array.dtype.kind != "U", item, "the name of one set, or node numbers", f"{given}")
         self.require(array.ndim == 1 and len(array) != 0, item, "node numbers (n,)", f"shape {array.shape}")
         return np.unique(self.index(array, item))
 
@@ -297,7 +298,9 @@ class PreparedBody:
         if distance.min() > 0.1 * self.size:
             found = f"{distance.min():.4g} m from the nearest node"
             raise self.error(item, "a position on the body", found)
-        return int(distance.argmin())
+        nearest = int(distance.argmin())
+        self.checks.append(f"{item}: node {self.given.numbers[nearest]}, {distance[nearest]:.2g} m from the position given")
+        return nearest
 
     def damper_axes(self, centre: NDArray) -> NDArray:
         """(3, 3) rows: tangential, radial and axial direction at the centre of mass (3,) of a free body.
