@@ -88,7 +88,7 @@ def sweep(settings: dict[str, Any]) -> dict[str, Any]:
     curve = asked.track(preload, DRIVEN[1][2])
     start = int(np.argmin(np.abs(curve.frequency - first)))
     omega, end = 2.0 * np.pi * curve.frequency[start], 2.0 * np.pi * last
-    ring, steps = Ring(asked.system(preload), asked.model.n_blades, 5), STEPS
+    ring, steps = Ring(asked.system(preload), asked.model.n_blades, 5), 2 * STEPS
     settled = ring.march(ring.start(curve.unknowns[start], omega, steps), omega, steps, 60)
     found = ring.march(settled.motion, omega, steps, periods, omega_end=end)
     amplitude = np.abs(found.harmonics[:, 1])

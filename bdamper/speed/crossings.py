@@ -21,7 +21,7 @@ from bdamper.fatigue.cycle import chosen_sets
 from bdamper.fatigue.margin import LeastMargin
 from bdamper.problem.at_speed import RPM, Conditions, asked_speeds, preload_at
 from bdamper.problem.problem import Problem
-from bdamper.speed.crossing import CrossingTask
+from bdamper.speed.crossing import BOTH, CrossingTask
 from bdamper.util import validate
 from bdamper.util.cost import Cost
 from bdamper.util.differences import Comparable
@@ -179,9 +179,12 @@ class Crossings(OverSpeed, Plottable, Comparable, Tabular, Storable, kind="bdamp
         if not self.found.any():
             return head
         i = int(np.nanargmax(np.where(self.found, self.amplitude, np.nan)))
+        fixed = float(self.fixed_speed_amplitude[i])
+        differs = abs(fixed / self.amplitude[i] - 1.0) > BOTH
         return (
             *head,
             Fact("highest amplitude", float(self.amplitude[i]), "m"),
+            *((Fact("peak at fixed speed", fixed, "m"),) if differs else ()),
             Fact("there: engine order", int(self.engine_order[i])),
             Fact("there: damper mass", float(self.mass[i]), "kg"),
             Fact("there: speed", float(self.speed[i]), "rad/s"),

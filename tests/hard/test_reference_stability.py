@@ -41,7 +41,8 @@ def test_growth_and_decay_in_time_are_those_of_the_exponents(reference, frequenc
     assert 3e-4 < abs(critical.real) < 1e-3 and (critical.real > 0) == grows
     assert 0.96 < critical.imag < 0.98  # a blade mode of nodal diameter 0, which the wave itself leaves at rest
 
-    ring, steps, periods, window = Ring(system, 65, 5), 1040, 96, 32
+    # with 1,040 steps a period the decay is 0.0011: too fast by 0.0004, whatever its damping and tolerance
+    ring, steps, periods, window = Ring(system, 65, 5), 4160, 96, 32
     assert ring.n == 13
     w = ring.initial_slider(u, omega, steps)
     q, v = ring.state(u, omega, 0.0)
