@@ -93,6 +93,9 @@ def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> N
 def fit_units(ax: Axes) -> None:
     """Numbers and labels of axes in the unit that fits, as µm for metres; logarithmic ones get few and plain numbers."""
     for axis in (ax.xaxis, ax.yaxis):
+        shared = ax.get_shared_x_axes() if axis is ax.xaxis else ax.get_shared_y_axes()
+        if not axis.get_label_text() and len(shared.get_siblings(ax)) > 1:
+            continue  # the axes that it shares its numbers with say the unit
         log = axis.get_scale() == "log"
         low, high = sorted(np.abs(axis.get_view_interval()))
         name, _, unit = axis.get_label_text().rpartition(" (")
