@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -37,6 +39,13 @@ def sector_and_damper(fe: SectorFE) -> tuple[FEBody, FEBody]:
             )
         )
     return bodies[0], bodies[1]
+
+
+def blade_and_damper(fe: SectorFE) -> tuple[FEBody, FEBody]:
+    """Both bodies, the nodes of the blade above its disk in a set of their own, as a wheel asks for."""
+    blade, damper = sector_and_damper(fe)
+    sets = {**blade.node_sets, "BLADE": FIRST_NUMBER + fe.blade_part().nodes}
+    return replace(blade, node_sets=sets), damper
 
 
 def contacts(points: int = 9, end_gap: float = 2e-4) -> list[ContactFaces]:

@@ -13,7 +13,7 @@ from bdamper.io.build import _diameters
 from bdamper.util import hdf5
 from bdamper.util.errors import SettingError
 from tests.annulus import small_sector
-from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
+from tests.fe_bodies import blade_and_damper, contacts
 
 N = 6
 SETTINGS = {
@@ -29,8 +29,7 @@ def fe():
 
 @pytest.fixture(scope="module")
 def bodies(fe):
-    blade, damper = sector_and_damper(fe)
-    return replace(blade, node_sets={**blade.node_sets, "BLADE": FIRST_NUMBER + fe.blade_part().nodes}), damper
+    return blade_and_damper(fe)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from bdamper.io import ContactFaces, build_model
 from bdamper.io.prepare import placement
 from bdamper.model.model import turn
 from tests.annulus import small_sector
-from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
+from tests.fe_bodies import blade_and_damper, contacts
 
 N = 6
 SETTINGS = {
@@ -30,9 +30,7 @@ def fe():
 
 @pytest.fixture(scope="module")
 def bodies(fe):
-    blade, damper = sector_and_damper(fe)
-    sets = {**blade.node_sets, "BLADE": FIRST_NUMBER + fe.blade_part().nodes}
-    return replace(blade, node_sets=sets), damper
+    return blade_and_damper(fe)
 
 
 def turned(body, rotation):

@@ -13,7 +13,7 @@ from bdamper.model import check_model
 from bdamper.reduction import LocalSizes, cyclic
 from bdamper.util.errors import BdamperError
 from tests.annulus import small_sector
-from tests.fe_bodies import FIRST_NUMBER, contacts, sector_and_damper
+from tests.fe_bodies import FIRST_NUMBER, blade_and_damper, contacts
 
 N = 6
 SETTINGS = {
@@ -29,9 +29,7 @@ def fe():
 
 @pytest.fixture(scope="module")
 def bodies(fe):
-    blade, damper = sector_and_damper(fe)
-    sets = {**blade.node_sets, "BLADE": FIRST_NUMBER + fe.blade_part().nodes}
-    return replace(blade, node_sets=sets), damper
+    return blade_and_damper(fe)
 
 
 def test_a_set_of_nodes_makes_the_local_basis(fe, bodies):
