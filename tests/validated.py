@@ -279,8 +279,8 @@ def planar_wedge() -> Problem:
         ]
 
     def draw(ax):
-        for mu, mode in curves:
-            ax.plot(1e6 * mode.amplitude, mode.damping_ratio, label=f"friction coefficient {mu}")
+        for colour, (mu, mode) in zip(("0.1", "#c55a11", "0.7"), curves):  # dark, middle, light
+            ax.plot(1e6 * mode.amplitude, mode.damping_ratio, color=colour, label=f"friction coefficient {mu}")
             ax.plot(
                 1e6 * mode.amplitude[mode.folds], mode.damping_ratio[mode.folds], "ok", markersize=3.0, markerfacecolor="w"
             )
@@ -354,9 +354,11 @@ def paper() -> Problem:
 
     def draw(ax):
         for mode, curve in curves:
-            ax.plot(curve.preload, curve.amplitude / curve.stuck.amplitude, ".-", label=f"mode {mode}")
-            ax.axhline(1.0 / PAPER[mode][0], color="0.6", linewidth=0.8)
-        ax.set(xlabel="Preload (N)", ylabel="Resonance over the stuck one", xscale="log", yscale="log")
+            (line,) = ax.plot(curve.preload, 100.0 * curve.amplitude / curve.stuck.amplitude, ".-", label=f"mode {mode}")
+            ax.axhline(100.0 / PAPER[mode][0], color=line.get_color(), linewidth=0.8, label="its optimum in the paper")
+        ax.set(xlabel="Preload (N)", ylabel="Resonance (% of the stuck one)", xscale="log", yscale="log")
+        ax.set_yticks([20, 30, 50, 100], ["20", "30", "50", "100"])
+        ax.minorticks_off()
         ax.legend(fontsize=7.0)
 
     return Problem(

@@ -93,7 +93,7 @@ def states():
             slider = u - friction[i] / 1.2
             kind[i] = 2 if n == 0.0 else int(abs(trial) > limit)
     for ax in axes:
-        for state, colour in enumerate(("0.8", "#f4c79a", "#cfe3ee")):
+        for state, colour in enumerate(("0.65", "#f6d3ac", "#f1f8fb")):
             ax.fill_between(theta / (2.0 * np.pi), 0.0, 1.0, where=kind == state, color=colour, linewidth=0.0,
                             transform=ax.get_xaxis_transform(), label=("stick", "slip", "open")[state])
         ax.set(yticks=[])
