@@ -1,5 +1,8 @@
-/* March in time: one oscillator against its steps in closed form, a slider against the clip, all builds of the loop alike. */
-#include "bd_time.h"
+/* March in time: one oscillator against its steps in closed form, a slider against the clip, derivatives of the forces against
+ * differences, all builds of the loop alike. */
+#define BD_VARIANT of_the_test
+#define BD_VARIANT_NAME "of the test"
+#include "bd_time_loop.c" /* for the derivatives, which no other file sees */
 #include "check.h"
 
 #include <string.h>
@@ -131,23 +134,22 @@ static void test_sliders(void) {
 }
 
 /* Many points under all laws, on two families. */
-static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) {
+static void create_all(bd_time *t, unsigned long long *seed) {
     static double G[2 * 3 * POINTS * MODES], stiffness[MODES], mass[MODES], damping[MODES], kt[2 * POINTS], kn[POINTS],
         mu[POINTS], n0[POINTS], load[POINTS], shift[3 * POINTS], force[FORCES * 4 * MODES], row[2 * MODES];
     static int law[POINTS], held[2 * POINTS];
     const int n_mode[FAMILIES] = {3, 9}, diameter[FAMILIES] = {0, 2}, order[FORCES] = {0, 1};
-    unsigned long long seed = 11;
-    for (int i = 0; i < 2 * 3 * POINTS * MODES; ++i) G[i] = uniform(&seed);
+    for (int i = 0; i < 2 * 3 * POINTS * MODES; ++i) G[i] = uniform(seed);
     for (int j = 0; j < MODES; ++j) {
-        stiffness[j] = 3.0 + 2.0 * uniform(&seed), mass[j] = j % 5 == 1 ? 0.0 : 1.5 + uniform(&seed), damping[j] = 0.1;
-        row[j] = uniform(&seed), row[MODES + j] = j < 3 ? 0.0 : uniform(&seed);
-        for (int i = 0; i < FORCES * 4; ++i) force[i * MODES + j] = j < 3 && i % 2 ? 0.0 : uniform(&seed);
+        stiffness[j] = 3.0 + 2.0 * uniform(seed), mass[j] = j % 5 == 1 ? 0.0 : 1.5 + uniform(seed), damping[j] = 0.1;
+        row[j] = uniform(seed), row[MODES + j] = j < 3 ? 0.0 : uniform(seed);
+        for (int i = 0; i < FORCES * 4; ++i) force[i * MODES + j] = j < 3 && i % 2 ? 0.0 : uniform(seed);
     }
     for (int p = 0; p < POINTS; ++p) {
         kt[2 * p] = 1.0, kt[2 * p + 1] = 1.5, kn[p] = p % BD_N_LAW == BD_LAW_CUBIC ? 0.0 : 1.2, mu[p] = 0.4;
-        n0[p] = 0.5 * uniform(&seed), load[p] = 0.5 + uniform(&seed), law[p] = p % BD_N_LAW;
+        n0[p] = 0.5 * uniform(seed), load[p] = 0.5 + uniform(seed), law[p] = p % BD_N_LAW;
         held[2 * p] = p == 8;
-        for (int d = 0; d < 3; ++d) shift[3 * p + d] = 0.2 * uniform(&seed);
+        for (int d = 0; d < 3; ++d) shift[3 * p + d] = 0.2 * uniform(seed);
     }
     const bd_time_input in = {.n_sector = SECTORS,
                               .n_point = POINTS,
@@ -170,8 +172,13 @@ static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) 
                               .order = order,
                               .force = force,
                               .row = row};
+    CHECK(bd_time_create(t, &in) == BD_OK);
+}
+
+static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) {
+    unsigned long long seed = 11;
     bd_time t;
-    CHECK(bd_time_create(&t, &in) == BD_OK);
+    create_all(&t, &seed);
     t.kernel = kernel;
     const bd_time_path path = {
         .n_step = 300, .per_period = 200, .omega = 1.1, .omega_end = 1.3, .radius = 0.5, .tolerance = 1e-12, .fresh = 1};
@@ -181,6 +188,41 @@ static void march_all(const bd_kernel *kernel, double *q, double *v, double *w) 
     bd_time_effort effort = {0};
     bd_time_march(&t, &path, q, v, a, w, &effort);
     CHECK(effort.n_unsolved == 0);
+    bd_time_destroy(&t);
+}
+
+/* Away from places where a point begins to slip, stick, open or close, where differences to both sides part. */
+static void test_derivatives(void) {
+    const double h = 1e-6;
+    unsigned long long seed = 12;
+    bd_time t;
+    create_all(&t, &seed);
+    const size_t s = t.stride;
+    int smooth = 0, pressed = 0;
+    for (int draw = 0; draw < 200; ++draw) {
+        for (size_t i = 0; i < (size_t)SECTORS * t.rows; ++i) t.x[i] = uniform(&seed);
+        for (size_t i = 0; i < (size_t)SECTORS * 2 * s; ++i) t.w[i] = uniform(&seed);
+        for (size_t p = 0; p < POINTS; ++p) {
+            double D[9], F[3][3];
+            const double x[3] = {t.x[p], t.x[s + p], t.x[2 * s + p]}, w[2] = {t.w[p], t.w[s + p]};
+            differentiate(&t, p, x, w, D);
+            for (size_t e = 0; e < 3; ++e) {
+                for (int side = 0; side < 3; ++side) {
+                    t.x[e * s + p] = x[e] + (side - 1) * h;
+                    press_all(&t, t.x, t.F);
+                    for (size_t d = 0; d < 3; ++d) F[side][d] = t.F[d * s + p];
+                }
+                t.x[e * s + p] = x[e];
+                for (size_t d = 0; d < 3; ++d) {
+                    if (fabs(F[2][d] - 2.0 * F[1][d] + F[0][d]) > 1e-3 * h) continue;
+                    CHECK_NEAR((F[2][d] - F[0][d]) / (2.0 * h), D[3 * d + e], 1e-6);
+                    ++smooth;
+                    pressed += e == 2 && d < 2 && D[3 * d + e] != 0.0;
+                }
+            }
+        }
+    }
+    CHECK(smooth > 9 * 190 * POINTS && pressed > 500); /* nearly everywhere, and often on points that slip */
     bd_time_destroy(&t);
 }
 
@@ -203,6 +245,7 @@ int main(void) {
     test_oscillator(0);
     test_oscillator(1);
     test_sliders();
+    test_derivatives();
     test_kernels();
     return check_result();
 }
