@@ -41,7 +41,7 @@ from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem import at_speed
 from bdamper.problem import compare_stiffness as methods
 from bdamper.problem.plausible import check_question, check_settings
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
@@ -72,7 +72,7 @@ class Study(Problem, Comparable):
     """
 
     def __dir__(self) -> list[str]:
-        """What a user asks of a study; settings and what is made of them are there, but not named."""
+        """What a user asks of a study; settings and arrays, which analyses read from it as a problem, are not named."""
         return [name for name in (*vars(Study), *SHOWN) if not name.startswith("_")]
 
     def __post_init__(self, residual_traction: str, _given: Mapping[str, Any] | None) -> None:
@@ -177,7 +177,7 @@ class Study(Problem, Comparable):
         ``contact_status(study.of(curve), curve.unknowns[i], curve.preload)``.
         """
         kinds = Curve, Peak, OptimalCurve
-        return self.matching(validate.instance("result", result, kinds, "a curve or a peak of this study").settings)
+        return matching(self, validate.instance("result", result, kinds, "a curve or a peak of this study").settings)
 
     # stability and time
     with_stability = floquet.with_stability

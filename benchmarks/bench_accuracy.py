@@ -24,6 +24,7 @@ from bdamper.fe import MeshDensity, SectorFE, bladed_disk
 from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.newton import Peak, peak_scale
 from bdamper.plot import plot_accuracy, save_figure
+from bdamper.problem.problem import stuck_springs
 from bdamper.stability.time_integration import STEPS, Motion, Ring
 from bdamper.util.cost import CostMeter
 from bdamper.util.text import percent
@@ -186,7 +187,7 @@ def sweep_peak(problem: bd.Study, preload: float, interval: tuple[float, float],
     """
     system = problem.system(preload)
     state = problem.equilibrium(preload)
-    springs = problem.stuck_springs(state)
+    springs = stuck_springs(problem, state)
     omegas = 2.0 * np.pi * np.linspace(*interval, n)
     best = (np.nan, np.nan)
     for sweep in (omegas, omegas[::-1]):

@@ -15,6 +15,7 @@ import numpy as np
 import bdamper as bd
 from bdamper.continuation.curve import Curve
 from bdamper.problem.effects import Effects
+from bdamper.problem.problem import stuck_springs
 from tests import models
 from tests.plain import plain_study
 
@@ -116,7 +117,7 @@ def scene(study: bd.Study, case: Case) -> tuple[float, tuple[float, float]] | No
     c, s = system.slices(1)
     q = stuck.unknowns[at][c] - 1j * stuck.unknowns[at][s]
     motion = np.abs(study.bases[1].G @ q)[:, :2]
-    springs = study.stuck_springs(state)[:, :2]
+    springs = stuck_springs(study, state)[:, :2]
     tangential = float((springs * motion).sum())
     capacity = case.friction * float(state.force[study.friction > 0.0, 2].sum()) / 100.0
     return case.level * tangential / capacity, (low, 1.06 * high)

@@ -8,6 +8,7 @@ import scipy.linalg
 
 import bdamper as bd
 from bdamper.harmonic_balance.cycle import energies, histories
+from bdamper.problem.problem import stuck_springs
 from bdamper.stability.floquet import shooting_monodromy
 
 JENKINS = bd.Contact(0, kt=1.0, mu=0.5, preload=1.0)
@@ -39,7 +40,7 @@ def test_linear_responses_are_those_of_the_matrices(damping):
     )
     rows = np.array([[0.0, 0.0, 1.0], [-1.0, 1.0, 0.0], [0.6, 0.0, -0.8]])
     system = study.system(0.0)
-    springs = study.stuck_springs(study.static(0.0))
+    springs = stuck_springs(study, study.static(0.0))
     for omega in (0.3, 0.9, 2.2):
         for k, given in ((np.array([0.7, 0.9, 0.5]), springs), (np.zeros(3), None)):
             expected = plain_response(omega, C, stiffness, rows, k, [0.5, 0.0, 0.2 * np.exp(0.7j)])

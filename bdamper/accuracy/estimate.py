@@ -47,7 +47,7 @@ from bdamper.peaks.highest import NEAR, highest_of_curve
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.effects import BLADE_MODES, MAX_HARMONIC, Effects, harmonic_numbers
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
@@ -90,7 +90,7 @@ def estimate_errors(
     kinds = Curve, Peak, OptimalCurve
     validate.instance("result", result, kinds, "a Curve, a Peak or an OptimalCurve of this study")
     begin = time.perf_counter()
-    problem = problem.matching(result.settings)
+    problem = matching(problem, result.settings)
     location = 0.0, 0.0
     if isinstance(result, OptimalCurve):
         best, found = result.optimum, _at_optimum(problem, result)

@@ -27,7 +27,7 @@ from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.newton import Peak
 from bdamper.problem.plausible import check_question
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError, SettingError
@@ -293,7 +293,7 @@ def slipping_preload(problem: Problem, frequency: tuple[float, float], share: fl
     c, s = problem.system(1.0).slices(1)
     u = response.unknowns[int(np.argmax(response.amplitude))]
     motion = np.abs(problem.bases[1].G[:, :2] @ (u[c] - 1j * u[s]))
-    return share * float((problem.stuck_springs(state)[:, :2] * motion).sum()) / capacity
+    return share * float((stuck_springs(problem, state)[:, :2] * motion).sum()) / capacity
 
 
 # ---- the search ----

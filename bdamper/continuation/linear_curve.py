@@ -16,7 +16,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.harmonic_balance.linear import NEAREST, around, linear_maximum, linear_resonances
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.plausible import check_interval
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import Cost, Stopwatch
@@ -45,7 +45,7 @@ def stuck(problem: Problem, frequency: tuple[float, float], preload: float = 1.0
     """
     if not problem.carries_load:
         preload = 0.0
-    return _linear(problem, "stuck", preload, frequency, problem.stuck_springs(problem.equilibrium(preload)))
+    return _linear(problem, "stuck", preload, frequency, stuck_springs(problem, problem.equilibrium(preload)))
 
 
 def _linear(problem: Problem, kind: str, preload: float, frequency: tuple[float, float], springs: NDArray | None) -> Curve:

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.contact.laws import LAW_BONDED
 from bdamper.continuation.coverage import Coverage, LeftOut, Piece, ending, evaluation_budget, in_order
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.follower import OUT_OF_BUDGET, TWO_PI
@@ -24,7 +25,7 @@ from bdamper.continuation.rattle import NO_STEADY, open_at_rest, rattles
 from bdamper.continuation.start import DRIFTED_AWAY, first_point
 from bdamper.continuation.unloaded import free_of_contact
 from bdamper.harmonic_balance.linear import linear_resonances, reach
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread, single_thread
 from bdamper.util.cost import Cost, CostMeter
@@ -110,7 +111,7 @@ def _search(problem: Problem, preload: float, frequency: tuple[float, float], op
         options = replace(options, budget=evaluation_budget(system))
     assert options.budget is not None
     system = system.within(options.budget)
-    springs = None, problem.stuck_springs(problem.static(preload))
+    springs = None, stuck_springs(problem, problem.static(preload))
     free, stuck = (linear_resonances(system, (k,), ELASTIC * low, np.inf) for k in springs)
     system.watched = [there for there in (*free, *stuck) if low < there[0] < high]
     search = Coverage(system, (low, high), options, CostMeter(time.perf_counter()))
@@ -123,7 +124,7 @@ def _start(problem: Problem, preload: float, search: Coverage, omega: float) -> 
     """A solution at one frequency (rad/s); the log of the search says how."""
     state = problem.static(preload)
     found, tried, last = first_point(
-        search.system, state, problem.stuck_springs(state), omega, search.options, search.meter
+        search.system, state, stuck_springs(problem, state), omega, search.options, search.meter
     )
     why = "" if found is not None or search.system.spent else _why_none(problem, search, last)
     for line in [*tried, why] if why else tried:
@@ -150,7 +151,7 @@ def find_start(
         return None, [f"static state: {state.note}"]
     search = Coverage(problem.system(preload), (omega, omega), options, meter)
     meter.watch(search.system)
-    found, log, last = first_point(search.system, state, problem.stuck_springs(state), omega, options, meter)
+    found, log, last = first_point(search.system, state, stuck_springs(problem, state), omega, options, meter)
     why = "" if found is not None else _why_none(problem, search, last)
     return found, [*log, why] if why else log
 
@@ -256,7 +257,7 @@ def _curve(problem: Problem, search: Coverage, preload: float, tried: int) -> Cu
         model_hash=problem.model.hash,
         start_log=tuple(search.log),
         notes=notes(system, problem.coupling.model, problem.bases[0].coordinates, points)
-        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in problem.self_locking),
+        + tuple(f"{name} is self-locking: its static normal load is not unique" for name in self_locking(problem)),
     )
 
 
@@ -277,3 +278,21 @@ def check_curve(problem: Problem, curve: Curve) -> None:
         raise SettingError(
             f"curve: expected one of this study, found one with other settings (residual {error:.2g} at its peak)"
         )
+
+
+def self_locking(problem: Problem) -> tuple[str, ...]:
+    """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
+
+    Those for which :meth:`Problem.wedge_friction` finds no upper bound of the normal force.
+    """
+    if not any(body.kind == "free" and body.load is not None for body in problem.model.bodies.values()):
+        return ()
+    try:
+        found = problem.wedge_friction()
+    except SettingError:  # nothing holds the load
+        return ()
+    faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
+    holders = {problem.coupling.model.interfaces[name].body_a for name in faces}
+    springs = {name for name, law in problem.law_by_interface().items() if law == LAW_BONDED}
+    holders -= {problem.coupling.model.interfaces[name].body_a for name in springs}
+    return tuple(body.name for body in problem.model.bodies.values() if body.load is not None and body.name in holders)

@@ -27,7 +27,7 @@ from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, hi
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -329,7 +329,7 @@ def _solutions(problem: Problem, result: Solved, index: int | None, name: str) -
     """The problem with the harmonics of a result, and its solutions: all of them, or one."""
     kinds = Curve, Peak, OptimalCurve
     validate.instance(name, result, kinds, "a tracking curve, a peak or an optimal curve of this study")
-    problem = problem.matching(result.settings)
+    problem = matching(problem, result.settings)
     own = problem.record()["response"]
     found_at = result.settings.get("response", own)
     if found_at != own:

@@ -25,7 +25,7 @@ from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.loads import direction_vector
 from bdamper.model.model import Body, ModalBasis
 from bdamper.model.stress import StressSet
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.problem.settings import check_result
 from bdamper.util import validate
 from bdamper.util.differences import Comparable
@@ -172,7 +172,7 @@ def stress(
 
 def of(problem: Problem, result: Any) -> Problem:
     """The problem with the harmonics that a tolerance chose for a result."""
-    return problem.matching(getattr(result, "settings", {}))
+    return matching(problem, getattr(result, "settings", {}))
 
 
 def _highest(result: Any, found: Solutions) -> int:

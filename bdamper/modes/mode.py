@@ -20,7 +20,7 @@ from bdamper.continuation.path import ContinuationOptions, Path, PathPoint
 from bdamper.harmonic_balance.modes import ModeSystem
 from bdamper.harmonic_balance.system import OK, Correction
 from bdamper.modes.result import NonlinearMode
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.cost import CostMeter
@@ -119,7 +119,7 @@ def mode_system(problem: Problem, preload: float, mode: int, low: float) -> tupl
     free, alone = driven.linear_modes(None)
     elastic = np.flatnonzero(free > RIGID * free[-1])
     mode = validate.whole("mode", mode, least=1, most=len(elastic))
-    frequencies, shapes = driven.linear_modes(problem.stuck_springs(state))
+    frequencies, shapes = driven.linear_modes(stuck_springs(problem, state))
     across = np.abs((driven.bases[1].mass * alone[:, elastic[mode - 1]].conj()) @ shapes)
     k = int(np.argmax(across))
     row, shape = driven.response_rows[1], shapes[:, k]

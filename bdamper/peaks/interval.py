@@ -6,7 +6,7 @@ import numpy as np
 
 from bdamper.harmonic_balance.linear import around, linear_maximum, linear_resonances
 from bdamper.peaks.optimal_curve import Limit
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
 
@@ -33,7 +33,7 @@ def resonance_interval(problem: Problem, mode: int = 1) -> tuple[float, float]:
     if not 1 <= mode <= len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {mode}")
     free = np.sqrt(elastic[mode - 1]) / (2.0 * np.pi)
-    springs = problem.stuck_springs(problem.equilibrium(1.0 if problem.carries_load else 0.0))
+    springs = stuck_springs(problem, problem.equilibrium(1.0 if problem.carries_load else 0.0))
     poles = system.linear_modes(springs)[0] / (2.0 * np.pi)
     above = poles[poles >= free * (1.0 - 1e-9)]
     stuck = float(above[0]) if len(above) else free
@@ -54,7 +54,7 @@ def linear_peak(problem: Problem, frequency: tuple[float, float], preload: float
     if stuck and not problem.static(preload).converged:
         return Limit(np.nan, np.nan)
     system = problem.system(preload if stuck else 0.0)
-    springs = problem.stuck_springs(problem.static(preload)) if stuck else None
+    springs = stuck_springs(problem, problem.static(preload)) if stuck else None
     low, high = (2.0 * np.pi * f for f in frequency)
     poles = linear_resonances(system, (springs,), *around(low, high))
     tops = [linear_maximum(system, springs, w, width) for w, width, _ in poles]

@@ -18,7 +18,7 @@ from bdamper.continuation.slow_sweep import SlowSweep
 from bdamper.continuation.track import track
 from bdamper.peaks.optimal import BUDGET
 from bdamper.peaks.optimal_curve import Marched, OptimalCurve, Swept
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.floquet import with_stability
 from bdamper.stability.kept import kept
 from bdamper.stability.steady_state import FEWEST, settle
@@ -191,7 +191,7 @@ def _matching(problem: Problem, curve: OptimalCurve) -> Problem:
     validate.instance("curve", curve, OptimalCurve)
     if curve.model_hash != problem.model.hash:
         raise validate.unfit("curve", "an optimal curve of this study", "one of another model")
-    return problem.matching(curve.settings)
+    return matching(problem, curve.settings)
 
 
 def _tracked(problem: Problem, curve: OptimalCurve, preload: float) -> Curve:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from bdamper.contact.stiffness import PerArea
 from bdamper.model.model import Model
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import ModelError
@@ -112,7 +112,7 @@ def check_interval(problem: Problem, frequency: tuple[float, float], preload: fl
     state = problem.static(preload)
     if not state.converged:
         return
-    system, springs = problem.system(preload), (None, problem.stuck_springs(state))
+    system, springs = problem.system(preload), (None, stuck_springs(problem, state))
     low, high = frequency
     found = [(w, k) for k in springs for w in system.linear_modes(k)[0] if w > 0.0]
     mistaken = [(w, k) for w, k in found if low < w < high]

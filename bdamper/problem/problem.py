@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import InitVar, dataclass, field, replace
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from bdamper.util.errors import ModelError, SettingError, StaticError
 from bdamper.util.repr import brief, short
 from bdamper.util.warn import say
 
+P = TypeVar("P", bound="Problem")
 SMALLEST_SHARE = 1e-3
 """Share of a damper's load that its rigid-body modes in the study must carry."""
 
@@ -86,7 +87,7 @@ class Problem(Settings):
             f"  harmonics {harmonics}, blade modes {self.blade_modes}, elastic damper modes {self.damper_modes}, "
             f"{(~self.coupling.spring_points).sum()} contact points",
             f"  friction {friction} ({law}), contact stiffness {stiffness}{factor}, evaluation {self.evaluation}",
-            *(f"  {name.replace('_', ' ')}: {value}" for name, value in self.unusual().items()),
+            *(f"  {name.replace('_', ' ')}: {value}" for name, value in self._unusual().items()),
         ]
         return "\n".join(lines)
 
@@ -122,31 +123,10 @@ class Problem(Settings):
         """The same problem with parts that were made elsewhere, by name."""
         return replace(self, _given=self.parts | parts)
 
-    def with_bases(self, bases: list[HarmonicBasis]) -> Self:
-        """The same problem, its unknowns those of other bases, from the mean on; the mean starts from the static state."""
-        return self.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))
-
     def with_effects(self, effects: Effects) -> Self:
         """The same problem with other effects; what does not depend on them is shared."""
         settings = self.settings_for(validate.instance("effects", effects, Effects))
         return self.with_(**{name: value for name, value in settings.items() if value != getattr(self, name)})
-
-    def matching(self, settings: Mapping[str, Any]) -> Self:
-        """The same problem with the harmonics and the evaluation of a result.
-
-        Parameters
-        ----------
-        settings : mapping
-            Of the result.  Where they do not say that a tolerance chose them, the problem itself is returned.
-        """
-        if "tolerance" not in settings:
-            return self
-        evaluation = settings["evaluation"]
-        harmonics = tuple(settings["harmonics"])
-        chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
-        if harmonics == self.harmonic_numbers and chosen == self.evaluation:
-            return self
-        return self.sharing(["static_states"], harmonics=harmonics, evaluation=chosen)
 
     # ---- parts, made once ----
 
@@ -461,24 +441,6 @@ class Problem(Settings):
         """Interval of normal forces that statics and friction leave possible; names a self-locking wedge."""
         return wedge_friction(self.coupling, self.friction, self.check_preload(preload))
 
-    @part
-    def self_locking(self) -> tuple[str, ...]:
-        """Bodies that friction alone holds between their faces, so that their static normal load is not unique.
-
-        Those for which :meth:`wedge_friction` finds no upper bound of the normal force.
-        """
-        if not any(body.kind == "free" and body.load is not None for body in self.model.bodies.values()):
-            return ()
-        try:
-            found = self.wedge_friction()
-        except SettingError:  # nothing holds the load
-            return ()
-        faces = [name for name, high in zip(found.interfaces, found.highest) if np.isinf(high)]
-        holders = {self.coupling.model.interfaces[name].body_a for name in faces}
-        springs = {name for name, law in self.law_by_interface().items() if law == LAW_BONDED}
-        holders -= {self.coupling.model.interfaces[name].body_a for name in springs}
-        return tuple(body.name for body in self.model.bodies.values() if body.load is not None and body.name in holders)
-
     def check_preload(self, preload: float) -> float:
         """The preload (N), refused where it is none or where nothing carries it."""
         preload = validate.number("preload", preload, least=0.0, unit="N")
@@ -572,12 +534,6 @@ class Problem(Settings):
         system.springs = self.point_stiffness * self.coupling.spring_points[:, None]
         return system
 
-    def stuck_springs(self, state: PreloadState) -> NDArray:
-        """(n_points, 3) linear springs: points that the preload has closed do not slip."""
-        closed = ~(state.status == OPEN).any(axis=1) & ~self.coupling.spring_points
-        springs = np.concatenate([self.tangential_stiffness, self.point_stiffness[:, 2:]], axis=1)
-        return springs * closed[:, None]
-
     def major_directions(self, preload: float) -> NDArray:
         """Angle of the major direction of the stuck motion from the first contact axis, at every contact point.
 
@@ -592,9 +548,34 @@ class Problem(Settings):
         """
         if preload in self._angles:
             return self._angles[preload]
-        springs = self.stuck_springs(self.equilibrium(preload))
+        springs = stuck_springs(self, self.equilibrium(preload))
         system = self.sharing(self.parts, friction_axes="contact").system(preload)
         motions = [system.linear_response(w, springs) for w in system.linear_modes(springs)[0] if w > 0.0]
         largest = max(motions, key=lambda motion: abs(motion @ self.response_rows[1]))
         self._angles[preload] = major_angles(self.bases[1].G[:, :2] @ largest)
         return self._angles[preload]
+
+
+def stuck_springs(problem: Problem, state: PreloadState) -> NDArray:
+    """(n_points, 3) linear springs: points that the preload has closed do not slip."""
+    closed = ~(state.status == OPEN).any(axis=1) & ~problem.coupling.spring_points
+    springs = np.concatenate([problem.tangential_stiffness, problem.point_stiffness[:, 2:]], axis=1)
+    return springs * closed[:, None]
+
+
+def matching(problem: P, settings: Mapping[str, Any]) -> P:
+    """The same problem with the harmonics and the evaluation of a result.
+
+    Parameters
+    ----------
+    settings : mapping
+        Of the result.  Where they do not say that a tolerance chose them, the problem itself is returned.
+    """
+    if "tolerance" not in settings:
+        return problem
+    evaluation = settings["evaluation"]
+    harmonics = tuple(settings["harmonics"])
+    chosen = evaluation if isinstance(evaluation, str) else Sampled(**evaluation)
+    if harmonics == problem.harmonic_numbers and chosen == problem.evaluation:
+        return problem
+    return problem.sharing(["static_states"], harmonics=harmonics, evaluation=chosen)

@@ -340,7 +340,7 @@ class Settings:
         orders = {self.engine_order * (1 if self.single_basis else l) for l in {1, *self.active_harmonics}} | {0}
         return {self.model.folded_nodal_diameter(order)[0] for order in orders}
 
-    def unusual(self) -> dict[str, Any]:
+    def _unusual(self) -> dict[str, Any]:
         """Values of settings that are told only where they are not the usual ones, by name."""
         off = [f.name for f in fields(self) if f.name in SWITCHES and not getattr(self, f.name)]
         gap = {} if self.gap is None else {name: f"{1e6 * np.max(g):.3g} um" for name, g in self.gap.items()}

@@ -21,7 +21,7 @@ from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.model.validation import as_checked
 from bdamper.problem.at_speed import Conditions, preload_at, under
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.problem.variation import vary
 from bdamper.util.errors import SettingError
 
@@ -55,7 +55,8 @@ def aligned(basis: HarmonicBasis, reference: HarmonicBasis) -> HarmonicBasis:
 
 def like(problem: P, reference: Problem) -> P:
     """A problem with its unknowns turned onto those of another one."""
-    return problem.with_bases([aligned(b, other) for b, other in zip(problem.bases, reference.bases)])
+    bases = [aligned(b, other) for b, other in zip(problem.bases, reference.bases)]
+    return problem.given(bases=bases, **({"static_basis": bases[0]} if bases[0].n_modes else {}))
 
 
 def with_needed_bases(problem: P) -> P:
@@ -164,7 +165,7 @@ def free_and_stuck(problem: Problem, state: PreloadState, modes: int) -> tuple[N
     if modes > len(elastic):
         raise SettingError(f"mode: expected 1 to {len(elastic)}, found {modes}")
     free = np.sqrt(elastic[:modes])
-    poles = list(system.linear_modes(problem.stuck_springs(state))[0])
+    poles = list(system.linear_modes(stuck_springs(problem, state))[0])
     stuck = []
     for w in free:
         poles = [p for p in poles if p >= w * (1.0 - 1e-9)]

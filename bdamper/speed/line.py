@@ -29,7 +29,7 @@ from bdamper.harmonic_balance.system import OK
 from bdamper.peaks.highest import highest
 from bdamper.peaks.interval import beyond
 from bdamper.peaks.newton import LOOSEST, Peak, PeakOptions, amplitude_at, coarse_options, find_peak
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, stuck_springs
 from bdamper.speed.family import SpeedFamily
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import BdamperError
@@ -127,7 +127,7 @@ def follow_line(
         problem, preload = _nearest(family, equations, omega / order)
         state, here = problem.equilibrium(preload), equations.at(omega)
         meter.watch(here)
-        found, tried, _ = first_point(here, state, problem.stuck_springs(state), omega, options, meter)
+        found, tried, _ = first_point(here, state, stuck_springs(problem, state), omega, options, meter)
         for line in tried:
             search.note(omega, line)
         return found
@@ -168,7 +168,7 @@ def _watched(family: SpeedFamily[Any], equations: HarmonicFamily, mode: int) -> 
     out = []
     for stuck, speed in enumerate(family.resonances(*ends, mode)):
         problem, preload = _nearest(family, equations, speed)
-        springs = problem.stuck_springs(problem.equilibrium(preload)) if stuck else None
+        springs = stuck_springs(problem, problem.equilibrium(preload)) if stuck else None
         omega = equations.engine_order * speed
         if not ends[0] < speed < ends[1]:
             continue

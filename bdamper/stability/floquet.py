@@ -57,7 +57,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.model.coupling import HarmonicBasis
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI, cycles
 from bdamper.stability.in_time import COUNTS, InTimeJudge, SectorMap
 from bdamper.stability.march import AGREES, BOUNDS, UNDECIDED
@@ -303,7 +303,7 @@ def with_stability(
     progress : bool
         Show a bar of the points marched in time; mostly about half of them are.
     """
-    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    problem = matching(problem, validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     oscillating, every_point = validate.flag("oscillating", oscillating), validate.flag("every_point", every_point)
     in_time = validate.flag("in_time", in_time)

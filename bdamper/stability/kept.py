@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from bdamper.contact.laws import LAW_NORMAL
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import March
 from bdamper.stability.time_integration import STEPS, Motion, Ring, ring_of
@@ -260,7 +260,7 @@ def kept(problem: Problem, curve: Curve, *, steps_per_period: int | None = None)
     SettingError
         If the curve has no peak, or the settings describe something else than a structure in time.
     """
-    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    problem = matching(problem, validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     if curve.peak_at_end:
         raise SettingError(f"kept: expected a curve with a peak, found its highest amplitude at its end, {curve.peak}")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, UNDECIDED, March, repeats_after, second_half, to_come
 from bdamper.stability.time_integration import Motion, ring_of
@@ -230,7 +230,7 @@ def settle(
     """
     validate.instance("start", start, (Curve, SettledResponse))
     if isinstance(start, Curve):
-        problem = problem.matching(start.settings)
+        problem = matching(problem, start.settings)
     if frequency is not None:
         frequency = validate.number("frequency", frequency, above=0.0, unit="Hz")
     if isinstance(start, Curve):

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve, track
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import BOUNDS, March
 from bdamper.stability.time_integration import ring_of
@@ -342,7 +342,7 @@ def _start(
             raise validate.unfit("index", "a point of a curve that is given (start)", index)
         start = track(problem, preload, (first * (1.0 - NEAR), first * (1.0 + NEAR)))
     else:
-        problem = problem.matching(validate.instance("start", start, Curve, "a tracking curve").settings)
+        problem = matching(problem, validate.instance("start", start, Curve, "a tracking curve").settings)
         check_curve(problem, start)
         if start.preload != preload:
             raise validate.unfit("start", f"a curve at {preload:g} N", start.preload)

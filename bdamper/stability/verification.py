@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.stability.disturbances import TWO_PI
 from bdamper.stability.march import AGREES, BOUNDS, DIFFERS, March
 from bdamper.stability.time_integration import ring_of
@@ -200,7 +200,7 @@ def verify(
     SettingError
         If the settings describe something else than a structure in time, or a number does not fit.
     """
-    problem = problem.matching(validate.instance("curve", curve, Curve, "a tracking curve").settings)
+    problem = matching(problem, validate.instance("curve", curve, Curve, "a tracking curve").settings)
     check_curve(problem, curve)
     i = curve.peak.index if index is None else validate.whole("index of a point", index, -len(curve), len(curve) - 1)
     system, u, omega = problem.system(curve.preload), curve.unknowns[i], TWO_PI * float(curve.frequency[i])

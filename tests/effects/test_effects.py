@@ -13,6 +13,7 @@ from bdamper.continuation.mean_position import notes, why_no_solution
 from bdamper.continuation.path import PathPoint
 from bdamper.harmonic_balance.linear import linear_resonances
 from bdamper.model.coarsening import group_patches, unite_contact_points
+from bdamper.problem.problem import stuck_springs
 from tests import models
 from tests.plain import plain_study
 
@@ -379,7 +380,7 @@ def test_linear_resonances_are_those_of_the_linear_curves(full):
     """With residual modes, which have no inertia or that of the modes left out, as well as without."""
     for method in ("unit_traction", "residual_modes"):
         study = replace(full, contact_stiffness=method)
-        system, springs = study.system(PRELOAD), study.stuck_springs(study.static(PRELOAD))
+        system, springs = study.system(PRELOAD), stuck_springs(study, study.static(PRELOAD))
         low, high = 2.0 * np.pi * 100.0, 2.0 * np.pi * 1e4
         found = linear_resonances(system, (springs,), low, high)
         assert len(found) >= 4

@@ -13,6 +13,8 @@ from bdamper.contact.friction_axes import major_angles, turned
 from bdamper.contact.laws import LAW_BONDED, LAW_CONSTANT, LAW_COUPLED, LAW_COUPLED_CONSTANT, LAW_NORMAL
 from bdamper.contact.points import PointArrays
 from bdamper.contact.preload import STICK
+from bdamper.continuation.track import self_locking
+from bdamper.problem.problem import stuck_springs
 from tests.models import acyclic_model, wedge_model
 from tests.plain import plain_study
 
@@ -97,7 +99,7 @@ def test_the_static_state_of_bonded_points_is_that_of_linear_springs(model):
     np.testing.assert_allclose(state.force, springs, atol=1e-8 * np.abs(springs).max())
     assert springs[:, 2].min() < 0.0
     assert (state.status == STICK).all()
-    assert study.self_locking == ()
+    assert self_locking(study) == ()
     curve = study.track(load, (250.0, 400.0))
     assert curve.complete
     assert curve.shares[:, 0].min() > 0.999
@@ -156,7 +158,7 @@ class TestMajorAxes:
 
     def test_stuck_motion_is_along_the_major_axes(self, study):
         angles = replace(study, friction_axes="major").major_directions(500.0)
-        springs, system = study.stuck_springs(study.static(500.0)), study.system(500.0)
+        springs, system = stuck_springs(study, study.static(500.0)), study.system(500.0)
         motions = [system.linear_response(w, springs) for w in system.linear_modes(springs)[0] if w > 0.0]
         linear = motions[int(np.argmax([abs(motion @ study.response_rows[1]) for motion in motions]))]
         bases, _ = turned(study.bases, system.points, angles)

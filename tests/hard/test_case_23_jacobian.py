@@ -20,6 +20,7 @@ from bdamper.contact.laws import (
 )
 from bdamper.contact.points import PointArrays
 from bdamper.harmonic_balance.system import HarmonicSystem, segments
+from bdamper.problem.problem import stuck_springs
 from tests import oracle
 from tests.hard.random_studies import number_of_cases, random_study
 
@@ -50,7 +51,7 @@ class State:
         plain = study.system(preload)
         self.omega = 2 * np.pi * rng.uniform(*interval)
         state = study.static(preload)
-        u = plain.pack(state.q, plain.linear_response(self.omega, study.stuck_springs(state)))
+        u = plain.pack(state.q, plain.linear_response(self.omega, stuck_springs(study, state)))
         u = u + np.abs(u).max() * 10.0 ** rng.uniform(-3.0, -0.5) * rng.standard_normal(len(u)) / np.sqrt(len(u))
         self.u = u
         self.name = TURN[seed % len(TURN)]

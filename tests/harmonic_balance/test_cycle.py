@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.harmonic_balance.cycle import energies, histories
+from bdamper.problem.problem import stuck_springs
 from tests.oscillators import oscillator
 from tests.plain import plain_study
 
@@ -84,7 +85,7 @@ def test_histories_have_the_harmonics_of_the_core(settings, error):
     system, static = study.system(500.0), study.static(500.0)
     # small enough for points that come to rest in a disk
     size, frequency = (0.3, 360.0) if "evaluation" in settings else (0.5, 355.0)
-    u = system.pack(static.q, size * system.linear_response(2.0 * np.pi * frequency, study.stuck_springs(static)))
+    u = system.pack(static.q, size * system.linear_response(2.0 * np.pi * frequency, stuck_springs(study, static)))
     _, forces, share = system.contact(u)
     n = 3000 if error < 1e-4 else 256
     theta = 2.0 * np.pi * np.arange(n) / n

@@ -7,6 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.peaks.interval import linear_peak
+from bdamper.problem.problem import stuck_springs
 from tests.plain import plain_study
 
 
@@ -26,7 +27,7 @@ def test_every_resonance_is_a_maximum(study, kind):
     at = marked(curve)
     assert len(at) > 2
     system = study.system(curve.preload)
-    springs = None if kind == "free" else study.stuck_springs(study.static(curve.preload))
+    springs = None if kind == "free" else stuck_springs(study, study.static(curve.preload))
     grid = np.arange(200.0, 2100.0, 0.2)
     a = np.array([abs(system.linear_response(2 * np.pi * f, springs) @ system.response_rows[1]) for f in grid])
     tops = np.flatnonzero((a[1:-1] > a[:-2]) & (a[1:-1] > a[2:])) + 1

@@ -10,6 +10,7 @@ import bdamper as bd
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import find_start
 from bdamper.harmonic_balance.system import OK
+from bdamper.problem.problem import stuck_springs
 from bdamper.util.cost import CostMeter
 from bdamper.util.errors import SettingError
 from tests import oracle
@@ -221,7 +222,7 @@ class TestSpecialPreloads:
         np.testing.assert_allclose(curve.amplitude[away], expected[away], rtol=2e-2)
         omega = 2 * np.pi * curve.frequency[0]
         system = study.system(1e5)
-        springs = study.stuck_springs(study.static(1e5))
+        springs = stuck_springs(study, study.static(1e5))
         assert not springs[:, :2].any()
         linear = system.linear_response(omega, springs) @ system.response_rows[1]
         assert curve.harmonics[0, 1] == pytest.approx(linear, rel=1e-7)
@@ -307,7 +308,7 @@ def test_linear_response_without_damping_is_unbounded_and_says_so(kind):
     assert "no damping" in curve.details()
     pole = float(curve.reason.split("unbounded at ")[1].split()[0])
     system = s.system(0.0 if kind == "free" else 1.0)
-    springs = None if kind == "free" else s.stuck_springs(s.static(1.0))
+    springs = None if kind == "free" else stuck_springs(s, s.static(1.0))
     exact = min(system.linear_modes(springs)[0] / (2.0 * np.pi), key=lambda f: abs(f - pole))
     distance = curve.frequency / exact - 1.0
     for side in (-1.0, 1.0):

@@ -7,7 +7,7 @@ import pytest
 
 import bdamper as bd
 from bdamper.continuation.track import track
-from bdamper.problem.problem import Problem
+from bdamper.problem.problem import Problem, matching
 from bdamper.problem.variation import vary
 from tests.plain import PLAIN, plain_study
 
@@ -73,8 +73,8 @@ def test_settings_that_are_varied_keep_the_type(model, problem):
 
 def test_results_tell_the_settings_that_a_tolerance_chose(problem):
     three, state = problem.with_(harmonics=3), problem.static(PRELOAD)
-    assert problem.matching(three.record()) is problem  # nothing was chosen
-    chosen = problem.matching(three.record() | {"tolerance": 0.01})
+    assert matching(problem, three.record()) is problem  # nothing was chosen
+    chosen = matching(problem, three.record() | {"tolerance": 0.01})
     assert chosen.harmonic_numbers == (1, 2, 3)
     assert chosen.static(PRELOAD) is state
 
