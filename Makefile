@@ -3,6 +3,7 @@
 #   make test      test suite (make test-slow: the tests that take minutes)
 #   make examples  all figures of the paper, with times, in figures/
 #   make docs      documentation with the gallery, in docs/_build/html (the first time some four minutes)
+#   make docs-check  the same pages without running notebooks and examples, half a minute
 #   make links     whether pages that the documentation names still exist (needs a network)
 # For developers: bench, accuracy, hard, fuzz, lint, sanitize, clean, and what .ci/run calls besides:
 #   make validate  public problems and closed forms computed again, into docs/validated.md (needs CalculiX)
@@ -31,7 +32,7 @@ define step
 @echo "== $(1)"; { $(2); } || { status=$$?; echo "make: FAILED: $(1)"; exit $$status; }
 endef
 
-.PHONY: demo test test-slow bench examples docs links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel browser cross peers clean prerequisites
+.PHONY: demo test test-slow bench examples docs docs-check links accuracy validate hard fuzz lint sanitize kernels nastran oldest newest wheel browser cross peers clean prerequisites
 
 demo: $(VENV)/demo.stamp
 	$(call step,demonstration,$(PY) examples/demo.py)
@@ -60,6 +61,11 @@ examples: $(VENV)/docs.stamp
 docs: $(VENV)/docs.stamp
 	$(call step,documentation,$(PY) -m sphinx -q -W --keep-going -b html docs docs/_build/html)
 	@echo "docs/_build/html/index.html"
+
+# pictures that only the examples make are missing here, so that no missing picture counts (tests/test_links.py has those of pages)
+docs-check: $(VENV)/docs.stamp
+	$(call step,documentation without its notebooks and examples,$(PY) -m sphinx -q -W --keep-going -b html -D nb_execution_mode=off -D plot_gallery=0 \
+	  -D suppress_warnings=image.not_readable docs docs/_build/check)
 
 links: $(VENV)/docs.stamp
 	$(call step,external links of the documentation,$(PY) -m sphinx -q -b linkcheck -D nb_execution_mode=off -D plot_gallery=0 docs docs/_build/linkcheck >/dev/null 2>&1 \

@@ -26,9 +26,8 @@ stands here, too, with the reason.
 """
 TAIL = """## Elsewhere, and not here
 
-* Stress of a sector and frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/wheel`;
-  forced responses beside marches in time: [in time](in-time.md); times beside pyHarm: [compared](compared.md).
-* NLvib's two masses with friction and the chain of its example 7 are not here: no figures of theirs were at hand.
+* Frequencies over rotor speed beside CalculiX: `tests/anchors`; mistuned wheels: `tests/wheel`; what blades keep beside an
+  independent march: [in time](in-time.md); times beside pyHarm: [compared](compared.md).
 """
 
 

@@ -3,7 +3,9 @@
 import re
 
 import numpy as np
+from scipy.sparse.linalg import splu
 
+from bdamper.io.calculix import read_frd_stress
 from examples.calculix.decks import deck_of, numbers_of, run_job
 
 
@@ -45,3 +47,22 @@ def run(text, folder):
     if not len(frequencies):
         raise RuntimeError(f"CalculiX gave no frequencies:\n{output[-1500:]}")
     return frequencies
+
+
+def centrifugal_stress(fe, rows, nodes, folder, speed=300.0):
+    """(n, 6) nodal stress (Pa) of rows (6 n, dofs) at nodes (n,) and of CalculiX, under rotation (rad/s).
+
+    The sector is held at the bore; its cut faces are free.
+    """
+    held = ["*NSET, NSET=CLAMPED", numbers_of(fe.clamped), "*BOUNDARY", "CLAMPED, 1, 3"]
+    load = ["*STEP", "*STATIC", "*DLOAD", f"BODY, CENTRIF, {speed**2:.12e}, 0., 0., 0., 0., 0., 1."]
+    run_job(
+        "\n".join([deck_of(fe.blade), *held, *load, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""]), folder, "job"
+    )
+    numbers, theirs = read_frd_stress(folder / "job.frd")[0]
+    body = fe.blade
+    free = np.setdiff1d(np.arange(body.n_dof), body.dofs(fe.clamped))
+    force = body.body_force(speed**2 * body.nodes * [1.0, 1.0, 0.0]).ravel()
+    u = np.zeros(body.n_dof)
+    u[free] = splu(body.stiffness[np.ix_(free, free)].tocsc()).solve(force[free])
+    return (rows @ u).reshape(-1, 6), theirs[np.searchsorted(numbers, nodes + 1)]

@@ -260,6 +260,89 @@ def two_masses() -> Problem:
     )  # fmt: skip
 
 
+NLVIB = "<https://github.com/julianjurai/NLvib-py>, examples/comparison, where NLvib was run by Octave"
+"""Where its figures stand; frequencies are those of the highest points computed, 0.005 to 0.01 rad/s apart."""
+NLVIB_TWO = (
+    ("cubic springs, mass 1", 2, 0, 0.41849, 1.0278),
+    ("cubic springs, mass 2", 2, 1, 1.71678, 1.0337),
+    ("spring on one side, mass 1", 3, 0, 0.98093, 0.7541),
+)
+NLVIB_CHAIN = (("mass 1", 7, 0, 0.167247, 1.2585), ("mass 2", 7, 1, 0.206248, 1.2684), ("mass 3", 7, 2, 0.699148, 1.6642))
+"""What is seen, number of the example and of the mass from 0, largest root mean square, its frequency (rad/s)."""
+
+
+def _chain(springs):
+    """Matrix of springs between the ground, masses in a row and the ground."""
+    a, b = np.asarray(springs[:-1]), np.asarray(springs[1:])
+    return np.diag(a + b) - np.diag(b[:-1], 1) - np.diag(b[:-1], -1)
+
+
+def _nlvib_study(example, mass):
+    """The study of an example with the response of a mass, and its frequencies (rad/s)."""
+    if example == 2:
+        cubic, settings = {0: 1.0, (0, 1): 0.0042}, {"forces": {0: 0.11}, "response": mass, "harmonics": 7}
+        damping = _chain([0.002, 0.013, 0.0])
+        return bd.lumped([1.0, 0.05], damping, _chain([1.0, 0.0453, 0.0]), cubic=cubic, **settings), (0.8, 1.4)
+    if example == 3:
+        K, stop = _chain([0.0, 1.0, 1.0]), bd.Contact(normal=0, kn=100.0, gap=1.0)
+        study = bd.lumped([1.0, 1.0], 0.03 * K, K, contacts=[stop], forces={1: 0.1}, response=mass, harmonics=21)
+        return study, (0.5, 0.8)
+    K, friction = _chain(np.ones(4)), {"kt": 20.0, "mu": 1.0, "preload": 1.0}
+    contacts = [bd.Contact(0, **friction), bd.Contact((1, 0), **friction), bd.Contact(normal=2, kn=1.0, gap=0.25)]
+    study = bd.lumped(
+        np.ones(3), 0.02 * K, K, contacts=contacts, cubic={1: 1.0, (2, 1): 1.0}, forces={1: 1.0}, response=mass, harmonics=7
+    )
+    return study, (0.5, 2.0)
+
+
+def _nlvib(figures, measure) -> Problem:
+    rows, curves = [], []
+    for name, example, mass, height, omega in figures:
+        study, ends = _nlvib_study(example, mass)
+        fine = bd.ContinuationOptions(max_step=0.02, step=0.02)
+        curve = study.track(0.0, (ends[0] / TWO_PI, ends[1] / TWO_PI), options=fine)
+        assert curve.complete
+        square = np.linalg.norm(curve.harmonics, axis=1) / np.sqrt(2.0)  # as NLvib takes it, the mean halved, too
+        top = int(np.argmax(square))
+        rows += [
+            Row(f"example {example}, {name}: largest root mean square", height, float(square[top]), 1e-3),
+            Row(f"example {example}, {name}: its frequency (rad/s)", omega, TWO_PI * float(curve.frequency[top]), 3e-3),
+        ]
+        curves.append((f"example {example}, {name}", TWO_PI * curve.frequency, square))
+
+    def draw(ax):
+        for k, (name, omega, square) in enumerate(curves):
+            ax.plot(omega, square, linestyle=("-", "--", ":")[k], label=name)
+        ax.plot(
+            *np.transpose([figure[:2:-1] for figure in figures]),
+            "ok",
+            markersize=5.0,
+            markerfacecolor="none",
+            label="NLvib",
+        )
+        ax.set(xlabel="Frequency (rad/s)", ylabel="Root mean square", yscale="log")
+        ax.legend(fontsize=7.0)
+
+    source = (
+        f'M. Krack and J. Gross, "Harmonic Balance for Nonlinear Vibration Problems" (2019), NLvib; its figures: {NLVIB}'
+    )
+    return Problem(source, measure, tuple(rows), draw)
+
+
+def nlvib_two_masses() -> Problem:
+    return _nlvib(
+        NLVIB_TWO,
+        "two masses, with cubic springs and with a stiff spring on one side (its 1,024 samples move the peak by 3e-4); the "
+        "friction of its example 5 follows the velocity, a law that this package does not have",
+    )
+
+
+def nlvib_chain() -> Problem:
+    return _nlvib(
+        NLVIB_CHAIN, "a chain of three masses with two friction elements, two cubic springs and a stop with a gap"
+    )
+
+
 def planar_wedge() -> Problem:
     rows, curves = [], []
     for mu, harmonics in ((0.3, 1), (0.5, 3), (0.8, 1)):
@@ -300,6 +383,16 @@ FORCE, DRIVEN = 120.0, 150.0
 """N on the first mass of the wedge along x, at so many Hz."""
 
 
+def _marched_wedge(force):
+    """Mean amplitude (µm) of the last 40 of 200 periods from rest."""
+    rest = wedge.Program(0.5, 1)
+    (slide, close), at, k = wedge.rows().swapaxes(0, 1), np.eye(6), wedge.STIFFNESS
+    matrices, faces = (wedge.MASS, wedge.DAMPING, wedge.stiffness()), (slide, close, k, k, 0.5, 0.0)
+    start = rest.q, 0.0 * rest.q, rest.slider
+    seen = jenkins.marched(matrices, faces, wedge.LOAD * at[5], TWO_PI * DRIVEN, *start, 200, force * at[0])
+    return 1e6 * float(np.mean(seen[-40:]))
+
+
 def forced_wedge() -> Problem:
     rows, cycles = [], []
     for harmonics in (1, 3, 5, 9):
@@ -320,17 +413,23 @@ def forced_wedge() -> Problem:
             )
         )
         cycles.append((harmonics, curve))
+    why = "it beats between 231 and 236 µm in time: the periodic motion is not stable"
+    half = wedge.Program(0.5, 9).forced(TWO_PI * DRIVEN, 0.5 * FORCE)
+    for force, found, known in ((0.5 * FORCE, 1e6 * np.hypot(*half[0, 1:3]), ""), (FORCE, rows[-1].ours, why)):
+        rows.append(
+            Row(f"marched in time under {force:g} N, beside 9 harmonics", _marched_wedge(force), found, 1e-3, known)
+        )
 
     def draw(ax):
         for harmonics, curve in cycles:
             ax.plot(curve.frequency, 1e6 * curve.amplitude, label=f"{harmonics} harmonics")
-        ax.plot(np.full(len(rows), DRIVEN), [row.reference for row in rows], "o", color="k", markerfacecolor="none",
+        ax.plot(np.full(4, DRIVEN), [row.reference for row in rows[:4]], "o", color="k", markerfacecolor="none",
                 label="independent program")  # fmt: skip
         ax.set(xlabel="Frequency (Hz)", ylabel="Amplitude (µm)")
         ax.legend(fontsize=7.0)
 
     return Problem(
-        "the planar wedge of Balaji and Ferhatoglu, and the same program in plain NumPy",
+        "the planar wedge of Balaji and Ferhatoglu, the same program in plain NumPy, and a march by a Runge-Kutta method",
         f"forced response at {DRIVEN:g} Hz under {FORCE:g} N", tuple(rows), draw,
     )  # fmt: skip
 
@@ -400,8 +499,10 @@ def whitehead() -> Problem:
 
 def calculix() -> Problem:
     from bdamper.fe.sector import SectorFE
+    from bdamper.fe.stress import blade_points, solids_of
+    from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
     from examples.calculix.decks import sector_input
-    from tests.calculix_runs import run
+    from tests.calculix_runs import centrifugal_stress, run
 
     fe, rows, seen = SectorFE(), [], []
     for d in (0, 5):
@@ -410,20 +511,29 @@ def calculix() -> Problem:
         with tempfile.TemporaryDirectory() as folder:
             theirs = run(text, Path(folder)).reshape(-1, 2)[:, 0]
         worst = int(np.argmax(np.abs(ours / theirs - 1.0)))
-        rows.append(
-            Row(f"nodal diameter {d}: worst of 8 frequencies (Hz)", theirs[worst], ours[worst], 1e-5)
-        )
-        seen.append((d, theirs, ours))
+        rows.append(Row(f"nodal diameter {d}: worst of 8 frequencies (Hz)", theirs[worst], ours[worst], 1e-5))
+        seen.append((f"frequency, nodal diameter {d}", np.abs(ours / theirs - 1.0)))
+    nodes = blade_points(fe.blade, fe.geometry)
+    pairs, owner = element_rows(solids_of(fe.blade), fe.blade.nodes, nodes)
+    with tempfile.TemporaryDirectory() as folder:
+        ours, theirs = centrifugal_stress(fe, node_average(owner, len(nodes)) @ pairs, nodes, Path(folder))
+    size, apart = von_mises_size(theirs), von_mises_size(ours - theirs)
+    worst = int(np.argmax(apart / size))
+    rows.append(
+        Row(f"stress of rotation, worst of {len(nodes)} nodes (MPa)", 1e-6 * size[worst],
+            1e-6 * (size[worst] + apart[worst]), 3e-4)
+    )  # fmt: skip
+    seen.append(("stress of rotation", np.sort(apart / size)))
 
     def draw(ax):
-        for d, theirs, ours in seen:
-            ax.semilogy(np.arange(1, 9), np.abs(ours / theirs - 1.0), "o-", label=f"nodal diameter {d}")
-        ax.set(xlabel="Mode", ylabel="Difference of the frequency")
+        for what, error in seen:
+            ax.plot(np.linspace(0.0, 100.0, len(error)), np.sort(error), ".-", label=what)
+        ax.set(xlabel="Modes or nodes (%)", ylabel="Relative difference", yscale="log")
         ax.legend(fontsize=7.0)
 
     return Problem(
         "CalculiX (ccx), an independent finite element program, on the same mesh",
-        "frequencies of a sector",
+        "frequencies of a sector; its nodal stress under rotation, with the difference of all components",
         tuple(rows),
         draw,
     )
@@ -441,6 +551,8 @@ PROBLEMS: dict[str, Callable[[], Problem]] = {
     "Nonlinear mode of the Jenkins element": jenkins_mode,
     "Limit cycles": limit_cycles,
     "Two masses beside pyHarm": two_masses,
+    "NLvib's two masses": nlvib_two_masses,
+    "NLvib's chain of three masses": nlvib_chain,
     "Planar wedge": planar_wedge,
     "Planar wedge, forced": forced_wedge,
     "The paper's four numbers": paper,

@@ -21,10 +21,9 @@ from bdamper.fe.mesh import join_blocks
 from bdamper.fe.reference import bladed_disk
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_points, solids_of
-from bdamper.io.calculix import read_frd_stress
 from bdamper.reduction.element_stress import element_rows, node_average, von_mises_size
 from bdamper.reduction.stress import StressRows, near_patches
-from examples.calculix.decks import deck_of, numbers_of, run_job
+from tests.calculix_runs import centrifugal_stress
 
 PRELOAD = 20e3
 
@@ -188,19 +187,6 @@ def test_nodes_on_a_cut_face_are_refused(fe):
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed")
 def test_stress_is_that_of_calculix(fe, rows, tmp_path):
     """Centrifugal load on the sector, held at the bore and with its cut faces free: nodal stress of both programs."""
-    speed = 300.0
-    held = ["*NSET, NSET=CLAMPED", numbers_of(fe.clamped), "*BOUNDARY", "CLAMPED, 1, 3"]
-    load = ["*STEP", "*STATIC", "*DLOAD", f"BODY, CENTRIF, {speed**2:.12e}, 0., 0., 0., 0., 0., 1."]
-    text = "\n".join([deck_of(fe.blade), *held, *load, "*NODE FILE", "U", "*EL FILE", "S", "*END STEP", ""])
-    run_job(text, tmp_path, "job")
-    numbers, theirs = read_frd_stress(tmp_path / "job.frd")[0]
-    nodes = blade_points(fe.blade, fe.geometry)
-    theirs = theirs[np.searchsorted(numbers, nodes + 1)]
-    body = fe.blade
-    free = np.setdiff1d(np.arange(body.n_dof), body.dofs(fe.clamped))
-    force = body.body_force(speed**2 * body.nodes * [1.0, 1.0, 0.0]).ravel()
-    u = np.zeros(body.n_dof)
-    u[free] = splu(body.stiffness[np.ix_(free, free)].tocsc()).solve(force[free])
-    ours = (rows @ u).reshape(-1, 6)
+    ours, theirs = centrifugal_stress(fe, rows, blade_points(fe.blade, fe.geometry), tmp_path)
     apart = von_mises_size(ours - theirs) / von_mises_size(theirs)
     assert apart.max() < 3e-4  # digits of the file; 0.03 with the strain at the nodes themselves

@@ -57,26 +57,27 @@ def exact(amplitude):
     return np.pi / found[1], found[2] * found[1] / (2.0 * np.pi)
 
 
-def marched(matrices, contacts, load, omega, x, v, slider, periods):
+def marched(matrices, contacts, load, omega, x, v, slider, periods, swing=0.0):
     """(periods,) first harmonic of the first freedom: Runge-Kutta with friction sliders, 120 steps in a period.
 
-    M, C, K and contacts as rows of sliding and closing with kt, kn, mu and a constant normal load.
+    Given are M, C and K, and contacts as rows of sliding and closing with kt, kn, mu and a constant normal load.  ``load``
+    is static, ``swing`` that of a cosine.
     """
     (mass, damping, stiffness), (slide, close, kt, kn, mu, constant) = matrices, contacts
     steps, seen = 120, []
     h = 2.0 * np.pi / omega / steps
 
-    def rate(x, v):
+    def rate(x, v, t):
         n = np.maximum(constant + kn * (close @ x), 0.0)
-        t = np.clip(kt * (slide @ x - w), -mu * n, mu * n)
-        return v, (load - damping * v - stiffness @ x - slide.T @ t - close.T @ n) / mass
+        friction = np.clip(kt * (slide @ x - w), -mu * n, mu * n)
+        return v, (load + swing * np.cos(omega * t) - damping * v - stiffness @ x - slide.T @ friction - close.T @ n) / mass
 
     w = slider
-    for _ in range(periods * steps):
-        a = rate(x, v)
-        b = rate(x + 0.5 * h * a[0], v + 0.5 * h * a[1])
-        c = rate(x + 0.5 * h * b[0], v + 0.5 * h * b[1])
-        d = rate(x + h * c[0], v + h * c[1])
+    for t in h * np.arange(periods * steps):
+        a = rate(x, v, t)
+        b = rate(x + 0.5 * h * a[0], v + 0.5 * h * a[1], t + 0.5 * h)
+        c = rate(x + 0.5 * h * b[0], v + 0.5 * h * b[1], t + 0.5 * h)
+        d = rate(x + h * c[0], v + h * c[1], t + h)
         x, v = (y + h / 6.0 * (p + 2.0 * (q + r) + s) for y, p, q, r, s in zip((x, v), a, b, c, d))
         limit = mu * np.maximum(constant + kn * (close @ x), 0.0) / kt
         w = np.clip(w, slide @ x - limit, slide @ x + limit)
