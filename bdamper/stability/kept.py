@@ -49,8 +49,11 @@ class Rules:
         Relative change between two means above which a motion has not settled.
     lower : float
         Another solution below this part of the amplitude is another level, and no ripple of the branch.
-    drop : float
-        Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none.
+    drop, grown : float
+        Part of the amplitude that was expected below which a motion has fallen, be there a lower solution or none, and
+        above which it has grown: 23 times where unresolved contacts gain energy.
+    apart : float
+        From the tip, relative to its frequency, at least, where a response so flat that it has no half width is begun with.
     memory, stretch : float
         Periods in which a transient falls to 1/e from which on all numbers of periods grow with it, and how far at most:
         within a part of a transient no mean is one of the motion that is to come.
@@ -62,6 +65,8 @@ class Rules:
     drift: float = 0.03
     lower: float = 0.9
     drop: float = 0.7
+    grown: float = 4.0
+    apart: float = 0.01
     memory: float = 100.0
     stretch: float = 4.0
 
@@ -118,22 +123,23 @@ class Levels:
 
     def side(self, sign: float) -> tuple[float, float]:
         """Half width (Hz, with its sign) on one side of the tip, and the first frequency half of it away where the branch
-        is alone; NaN where it ends before."""
+        is alone; NaN where it ends before.  A response that does not fall by that much has twice the way to that place."""
         tip, height = self.frequency[self.top], self.amplitude[self.top]
         end = self.frequency.max() if sign > 0.0 else self.frequency.min()
         width, before = np.nan, height
         for f in np.linspace(tip, end, 400)[1:-1]:
             own = float(max(self.at(f), default=0.0))
             if own < RULES.drop * before:
-                break
-            if np.isnan(width) and own <= height / np.sqrt(2.0):
-                width = f - tip
-            if not np.isnan(width):
-                away = np.linspace(tip + 0.5 * width, end, 400)[:-1]
-                alone = (x for x in away if len(self.at(x)) and not self.lower(x, self.at(x)[0]))
-                return width, float(next(alone, np.nan))
+                return width, np.nan
             before = own
-        return width, np.nan
+            if own <= height / np.sqrt(2.0):
+                width = f - tip
+                break
+        apart = sign * RULES.apart * tip if np.isnan(width) else 0.5 * width
+        away = np.linspace(tip + apart, end, 400)[:-1] if abs(end - tip) > abs(apart) else np.zeros(0)
+        alone = (x for x in away if len(self.at(x)) and not self.lower(x, self.at(x)[0]))
+        start = float(next(alone, np.nan))
+        return 2.0 * (start - tip) if np.isnan(width) else width, start
 
 
 class Walk:
@@ -174,18 +180,20 @@ class Walk:
                 float(amplitude[-2 * rules.window : -rules.window].mean()),
             )
             drift = last / before - 1.0
-            fallen = last < limit and before < limit
-            if fallen or n >= rules.most or ((n >= rules.fewest or not lower) and abs(drift) <= rules.drift):
+            most = RULES.grown * own
+            gone = (last < limit and before < limit) or (last > most and before > most)
+            if gone or n >= rules.most or ((n >= rules.fewest or not lower) and abs(drift) <= rules.drift):
                 break
         kept = amplitude[-(2 if finer > 1 else 1) * rules.window :]
-        return Place(float(frequency), kept, bool(kept.mean() >= limit), march.motion, drift)
+        return Place(float(frequency), kept, bool(limit <= kept.mean() <= RULES.grown * own), march.motion, drift)
 
     def go(self, start: float, step: float) -> None:
         """From the solution at a frequency in steps (Hz) until the motion falls, or is past the tip and low."""
         own, tip, ends = self.levels.at(start)[0], self.levels.frequency[self.levels.top], self.levels.frequency
         here = self.visit(start, self.levels.start(start), own)
         if not here.stays:
-            comes = f"comes to {amount(here.mean, 'm')}, the balance has {amount(own, 'm')}; use more harmonics"
+            more = "steps_per_period" if here.mean > own else "harmonics"
+            comes = f"comes to {amount(here.mean, 'm')}, the balance has {amount(own, 'm')}; use more {more}"
             self.astray = f"where the march begins, at {start:.6g} Hz, the motion {comes}"
         while here.stays:
             self.places.append(here)
@@ -205,9 +213,16 @@ class Walk:
                 self.fall = here.frequency
 
     def follow(self, last: Place, frequency: float) -> Place:
-        """From one place to the next, where the motion is expected to change as the curve does, by a quarter at most."""
+        """From one place to the next, where the motion is expected to change as the curve does, by a quarter at most.
+
+        The frequency goes there over one window: at once it would throw off a motion that a slow sweep keeps.
+        """
         now, then = (float(max(self.levels.at(f), default=last.mean)) for f in (frequency, last.frequency))
-        return self.visit(frequency, last.motion, last.mean * float(np.clip(now / then, 0.8, 1.25)))
+        own = last.mean * float(np.clip(now / then, 0.8, 1.25))
+        march = March(self.ring, TWO_PI * last.frequency, last.motion, self.steps)
+        march.sweep((march.omega, TWO_PI * frequency), RULES.stretched(march.memory).window, lambda: None)
+        self.periods += len(march.harmonics)
+        return self.visit(frequency, march.motion, own)
 
     def best(self) -> Place | None:
         """The highest motion that stays in steps of half the length, too; it falls where the next one does not."""

@@ -104,6 +104,37 @@ def test_a_motion_that_leaves_the_balance_at_once_says_so(bent, monkeypatch):
     assert status.startswith("not found: no motion stays, where the march begins, at ") and "use more harmonics" in status
 
 
+def test_a_motion_that_grows_beyond_all_bounds_says_so(bent, monkeypatch):
+    """As one does of which unresolved contacts gain energy; it is no motion that a blade keeps."""
+    study, curve = bent
+    monkeypatch.setattr(room, "RULES", room.Rules(grown=0.9))
+    status = study.with_(harmonics=5).kept(curve).status
+    assert status.startswith("not found: no motion stays, where the march begins, at ")
+
+
+def test_a_response_so_flat_that_it_has_no_half_width_is_walked_along():
+    """Ten per cent lower at the end of the curve, with a lower solution up to 103 Hz: the walk starts where that ends."""
+    flat = object.__new__(Levels)
+    flat.frequency = np.array([101.0, 106.0, 111.0, 95.0, 103.0])
+    flat.amplitude, flat.branch, flat.top = np.array([1.0, 0.95, 0.9, 0.3, 0.5]), np.array([0, 0, 0, 1, 1]), 0
+    width, start = flat.side(1.0)
+    assert start == pytest.approx(103.0, abs=0.05) and width == pytest.approx(2.0 * (start - 101.0))
+    flat.frequency[4] = 101.5
+    assert flat.side(1.0)[1] == pytest.approx(101.0 * 1.01), "never nearer than that to the tip"
+
+
+def test_the_way_from_one_frequency_to_the_next_is_a_sweep(bent, monkeypatch):
+    """A jump of the frequency would throw off motions that a slow sweep keeps."""
+    swept, sweep = [], room.March.sweep
+    monkeypatch.setattr(room.March, "sweep", lambda march, ends, *rest: swept.append(ends) or sweep(march, ends, *rest))
+    walk = room.Walk(room.ring_of(bent[0].with_(harmonics=5), 0.0), Levels(bent[1]), 64)
+    f = walk.levels.frequency[walk.levels.top] + 1.5
+    first = walk.visit(f, walk.levels.start(f), walk.levels.at(f)[0])
+    periods = walk.periods
+    walk.follow(first, f - 0.2)
+    assert swept == [pytest.approx((2.0 * np.pi * f, 2.0 * np.pi * (f - 0.2)))] and walk.periods > periods + 40
+
+
 @pytest.mark.parametrize("budget", [100, 250])
 def test_a_part_of_a_curve_gives_a_lower_bound(bent, budget):
     """Its highest point is where the evaluations were used up: nothing says that it is the peak."""
