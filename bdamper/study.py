@@ -45,7 +45,6 @@ from bdamper.problem.problem import Problem, matching
 from bdamper.problem.settings import Settings, settings_of
 from bdamper.speed import campbell, crossings, run_up
 from bdamper.stability import floquet, steady_state, time_sweep, verification
-from bdamper.stability import kept as in_time
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.differences import Comparable
@@ -184,7 +183,7 @@ class Study(Problem, Comparable):
     verify = verification.verify
     settle = steady_state.settle
     sweep_in_time = time_sweep.sweep_in_time
-    kept = in_time.kept
+    kept = marched.kept
 
     # peaks and the optimal curve
     @validate.spelt
@@ -280,11 +279,13 @@ class Study(Problem, Comparable):
         if curve.interrupted or not check:
             return curve
         if check in ("time", "neighbours"):
-            return marched.with_kept(self, curve, neighbours=check == "neighbours", progress=progress)
+            best = curve.optimum.preload  # NaN where there is no optimum
+            places = [best / 1.2, best, 1.2 * best] if check == "neighbours" and best > 0.0 else None
+            return marched.with_kept(self, curve, places, progress=progress)
         return accuracy_tolerance.with_ladder(self, curve, tolerance, **shown)
 
     peak_sensitivities = sensitivity.peak_sensitivities
-    with_marched = marched.with_marched
+    with_kept = marched.with_kept
     with_sweeps = marched.with_sweeps
 
     # free vibration

@@ -52,12 +52,21 @@ def bands(*names: str) -> Iterator[dict[str, Any]]:
         middle = time.process_time()
         study.optimal_curve(curve.preload[curve.preload > curve.no_steady_below], check=False)
         alone = time.process_time() - middle
-        marched = study.with_marched(curve, periods=BAND_PERIODS[name])
-        if name == "unit tractions":
-            marched = study.with_marched(marched, [ABOVE * curve.no_steady_below], periods=BAND_PERIODS[name])
-        values = [m._asdict() for m in marched.marched]
+        low = curve.preload[curve.preload <= curve.no_steady_below]
+        above = [ABOVE * curve.no_steady_below] if name == "unit tractions" else []
+        values = [settled(study, curve, p, BAND_PERIODS[name]) for p in (*low[[0, len(low) // 2, -1]], *above)]
         yield {"study": name, "below": curve.no_steady_below, "seconds": middle - begin, "seconds_above": alone,
                "optimum": str(curve.optimum), "marched": values}  # fmt: skip
+
+
+def settled(study: bd.Study, curve: bd.OptimalCurve, preload: float, periods: int) -> dict[str, Any]:
+    """Mean and range of a march from the highest solution at a preload, at its frequency."""
+    frequency = curve.settings["frequency"]
+    tracked = study.track(float(preload), frequency, options=ContinuationOptions(budget=BUDGET))
+    found = study.settle(tracked, float(tracked.frequency[np.argmax(tracked.amplitude)]), periods=periods)
+    low, high = found.range
+    return {"preload": float(preload), "frequency": found.frequency, "mean": found.mean, "low": low, "high": high,
+            "status": found.status}  # fmt: skip
 
 
 def wedge(mass: float, harmonics: int) -> bd.Study:

@@ -1,13 +1,14 @@
 """What stands beside an optimal curve at some preloads.
 
-Where it has no steady response, mean and range of the amplitude of a march in time.  Where several solutions are stable,
-the curve shows the highest; a slow sweep of frequency up meets another one than a sweep down, below it or on it.
+What a blade keeps of its values, by a march in time.  Where several solutions are stable, the curve shows the highest; a
+slow sweep of frequency up meets another one than a sweep down, below it or on it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,33 +17,54 @@ from bdamper.continuation.curve import Curve, uninterrupted
 from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.slow_sweep import SlowSweep
 from bdamper.continuation.track import track
+from bdamper.peaks.interval import resonance_interval
+from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal import BUDGET
-from bdamper.peaks.optimal_curve import Marched, OptimalCurve, Swept
+from bdamper.peaks.optimal_curve import OptimalCurve, Swept
 from bdamper.problem.problem import Problem, matching
+from bdamper.stability import kept as in_time
 from bdamper.stability.floquet import with_stability
-from bdamper.stability.kept import kept
-from bdamper.stability.steady_state import FEWEST, settle
 from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import BdamperError
 from bdamper.util.kept import Kept
 from bdamper.util.progress import LongWork, each
-from bdamper.util.status import NOT_FOUND, because
+from bdamper.util.status import INTERRUPTED, NOT_FOUND, because
+
+
+def kept(problem: Problem, result: Curve | Peak, *, steps_per_period: int | None = None) -> Kept:
+    """What a blade keeps at the preload of a tracking curve or of a peak (:func:`bdamper.stability.kept.kept`).
+
+    Parameters
+    ----------
+    problem : Problem
+    result : Curve or Peak
+        Of this study.  For a peak a curve is tracked over the resonance of the mode that it belongs to.
+    steps_per_period : int, optional
+        256 by default; what is kept is marched again with twice as many.
+
+    Returns
+    -------
+    Kept
+
+    Raises
+    ------
+    SettingError
+        If it is of another study, is no peak, or the settings describe something else than a structure in time.
+    """
+    if isinstance(result, Peak):
+        if not result.converged or not np.isfinite(result.parameter):
+            raise validate.unfit("result", "a peak at a preload", result.status)
+        intervals = (resonance_interval(problem, mode) for mode in count(1))
+        result = track(problem, result.parameter, next(ends for ends in intervals if result.frequency <= ends[1]))
+    return in_time.kept(problem, result, steps_per_period=steps_per_period)
 
 
 @one_thread
-def with_marched(
-    problem: Problem,
-    curve: OptimalCurve,
-    preload: Sequence[float] | NDArray | None = None,
-    *,
-    periods: int = 200,
-    progress: bool = False,
+def with_kept(
+    problem: Problem, curve: OptimalCurve, preload: Sequence[float] | NDArray | None = None, *, progress: bool = False
 ) -> OptimalCurve:
-    """The optimal curve with mean and range of the amplitude that a march in time finds at some preloads.
-
-    At each preload a tracking curve is followed over the frequencies of the optimal curve, and the march starts from its
-    highest solution and stays at its frequency (:meth:`bdamper.Study.settle`).
+    """The optimal curve with the amplitude that a blade keeps at some preloads, by a march in time.
 
     Parameters
     ----------
@@ -50,63 +72,16 @@ def with_marched(
     curve : OptimalCurve
         Of this study.
     preload : sequence of float, N, optional
-        By default the lowest, the middle and the highest of the curve's preloads without a steady response.
-    periods : int
-        Of the excitation at each preload; mean and range are those of the second half.
+        Its optimum by default.
     progress : bool
         Show a bar of the preloads.
 
     Returns
     -------
     OptimalCurve
-        With the new values in ``marched``, besides those at other preloads that it had; after Ctrl-C of the preloads
-        that were finished.  A preload at which no solution was found has none.
-
-    Raises
-    ------
-    SettingError
-        If the curve is of another model, if it has a steady response at each preload and none is given, or the settings
-        describe something else than a structure in time.
-    """
-    problem = _matching(problem, curve)
-    if preload is None:
-        low = curve.preload[curve.preload <= curve.no_steady_below]
-        if not len(low):
-            raise validate.unfit("preload", "some in N, as the curve has a steady response at each", None)
-        preload = low[sorted({0, len(low) // 2, len(low) - 1})]
-    periods = validate.whole("periods", periods, least=FEWEST)
-    values = validate.numbers("preload", preload, above=0.0, unit="N")
-    found = {m.preload: m for m in curve.marched}
-    with LongWork():
-        for p in each([float(value) for value in values], progress, "marching", "preload"):
-            tracked = _tracked(problem, curve, p)
-            if not len(tracked):
-                continue
-            top = int(np.argmax(tracked.amplitude))
-            settled = settle(problem, tracked, float(tracked.frequency[top]), periods=periods)
-            found[p] = Marched(p, settled.frequency, settled.mean, *settled.range, settled.status)
-    return replace(curve, marched=tuple(found[p] for p in sorted(found)))
-
-
-@one_thread
-def with_kept(problem: Problem, curve: OptimalCurve, *, neighbours: bool = False, progress: bool = False) -> OptimalCurve:
-    """The optimal curve with the amplitude that a blade keeps at its optimum, by a march in time.
-
-    Parameters
-    ----------
-    problem : Problem
-    curve : OptimalCurve
-        Of this study.
-    neighbours : bool
-        Also at preloads a factor of 1.2 below and above.
-    progress : bool
-        Show a bar of the preloads.
-
-    Returns
-    -------
-    OptimalCurve
-        With :class:`~bdamper.util.kept.Kept` in ``kept``, by rising preload; one that says why where nothing can be
-        marched, none where the curve has no optimum.  After Ctrl-C those of the preloads that were finished.
+        With :class:`~bdamper.util.kept.Kept` in ``kept``, by rising preload, besides those that it had; one that says why
+        where nothing can be marched, none where the curve has no optimum.  After Ctrl-C those at the preloads that were
+        not finished say "interrupted".
 
     Raises
     ------
@@ -114,16 +89,21 @@ def with_kept(problem: Problem, curve: OptimalCurve, *, neighbours: bool = False
         If the curve is of another model.
     """
     problem = _matching(problem, curve)
-    best, found = curve.optimum.preload, {k.preload: k for k in curve.kept}
-    places = [best * factor for factor in ((1.0 / 1.2, 1.0, 1.2) if neighbours else (1.0,)) if np.isfinite(best)]
-    with LongWork():
+    given = [p for p in (curve.optimum.preload,) if np.isfinite(p)] if preload is None else preload
+    places = [float(p) for p in validate.numbers("preload", given, above=0.0, unit="N")] if len(given) else []
+    found = {k.preload: k for k in curve.kept}
+    with LongWork() as work:
         for p in each(places, progress, "marching in time", "preload"):
+            found[p] = Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED)
             tracked = _tracked(problem, curve, p)
+            top = tracked.peak.amplitude if len(tracked) else np.nan
+            found[p] = replace(found[p], balance=top)
             try:
-                found[p] = kept(problem, tracked)
+                found[p] = in_time.kept(problem, tracked)
             except BdamperError as error:
-                top = tracked.peak.amplitude if len(tracked) else np.nan
-                found[p] = Kept(*(np.nan,) * 4, p, top, status=because(NOT_FOUND, error))
+                found[p] = replace(found[p], status=because(NOT_FOUND, error))
+    if work.interrupted:
+        found |= {p: Kept(*(np.nan,) * 4, p, np.nan, status=INTERRUPTED) for p in places if p not in found}
     return replace(curve, kept=tuple(found[p] for p in sorted(found)))
 
 

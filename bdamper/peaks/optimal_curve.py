@@ -52,34 +52,6 @@ class Limit:
     amplitude: float
 
 
-class Marched(NamedTuple):
-    """Amplitude of a march in time at one preload, of its second half.
-
-    Parameters
-    ----------
-    preload, frequency : float, N and Hz
-    mean, low, high : float, m
-    status : str
-        As that of :class:`bdamper.stability.steady_state.SettledResponse`.
-    """
-
-    preload: float
-    frequency: float
-    mean: float
-    low: float
-    high: float
-    status: str
-
-    @property
-    def spread(self) -> float:
-        """Range over mean."""
-        return (self.high - self.low) / self.mean
-
-    def __str__(self) -> str:
-        text = f"{self.preload:.6g} N: {self.mean:.4g} m, {self.low:.4g} to {self.high:.4g} m at {self.frequency:.6g} Hz"
-        return f"{text}, {self.status}"
-
-
 class Swept(NamedTuple):
     """Highest amplitudes that slow sweeps of frequency meet at one preload, by its tracking curve.
 
@@ -204,14 +176,12 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     no_steady_below : float, N
         No steady periodic response is expected up to this preload, by the sign of :mod:`bdamper.continuation.rattle`: the
         damper rattles.  There are no values there and nothing was searched below; 0 where nothing shows it.
-    marched : tuple of Marched
-        What :meth:`bdamper.Study.with_marched` has found at some preloads.
     swept : tuple of Swept
         What :meth:`bdamper.Study.with_sweeps` has found at some preloads.
     margins : tuple of MarginCurve
         Margins against fatigue along the curve, where they were asked for.
     kept : tuple of Kept
-        What a blade keeps by a march in time at the optimum, and at its neighbours where they were asked for.
+        What a blade keeps by a march in time at the optimum, and wherever :meth:`bdamper.Study.with_kept` was asked.
     """
 
     preload: Newtons
@@ -236,7 +206,6 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
     curves: tuple[Curve, ...] = ()
     detached: tuple[str, ...] = ()
     no_steady_below: float = 0.0
-    marched: tuple[Marched, ...] = ()
     swept: tuple[Swept, ...] = ()
     margins: tuple[MarginCurve, ...] = ()
     kept: tuple[Kept, ...] = ()
@@ -411,6 +380,8 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
         of = f"{amount(kept.balance, 'm')} with {len(numbers)} harmonic{'s' if len(numbers) != 1 else ''}"
         at = "" if kept.preload == self.optimum.preload else f"At {amount(kept.preload, 'N')} "
         known = np.isfinite(kept.mean)
+        if kept.status == INTERRUPTED and not known:
+            return f"{at}What a blade keeps is not known: the march in time was interrupted."
         said = f"a blade keeps {kept.text}" if known else f"what a blade keeps is {kept.status}"
         doubt = f", {kept.status}" if known and word(kept.status) != COMPLETE else ""
         return f"{at}{of}; {said}{doubt}."
@@ -438,12 +409,14 @@ class OptimalCurve(Plottable, Comparable, Tabular, Storable, kind="bdamper-optim
             lines += [f"  {line}" for line in (note, *table)]
         if self.no_steady_below:
             lines.append(f"  {self.status[0]}")
-        lines += [f"  marched at {item}" for item in self.marched]
         lines += [f"  slow sweeps at {item}" for item in self.swept]
         lines += [f"  {line}" for item in self.kept for line in str(item).split("\n")]
         for item in self.margins:
             best = f"largest {item.best_margin:.4g} at {item.best_value:.6g} N, {item.best_status}"
-            lines.append(f"  margin against fatigue ({item.rule}): {best}")
+            of = ", of the harmonic balance: margin(peak, material, kept=...) has that of what a blade keeps" * bool(
+                self.kept
+            )
+            lines.append(f"  margin against fatigue ({item.rule}): {best}{of}")
         told = self.status[0] if self.no_steady_below else None
         open_ = [w for w in self.warnings if w != told and not w.startswith("optimum")]
         if open_:

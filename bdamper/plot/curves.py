@@ -135,8 +135,16 @@ def plot_curves(
         for direction, style in SWEEPS.items() if sweeps else ():
             ax.plot([], [], **style, label=f"sweep {direction}")
         if any(len(c) and c.peak_at_end for c in tracking):
-            ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                    label="highest at the end of the interval")
+            ax.plot(
+                [],
+                [],
+                "o",
+                color="k",
+                markersize=5.0,
+                markerfacecolor="w",
+                markeredgewidth=0.6,
+                label="highest at the end of the interval",
+            )
         if any(c.left_out for c in tracking):
             ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
         if logarithmic:
@@ -264,11 +272,7 @@ def _with_optimum(result: OptimalCurve, quantity: str) -> tuple[NDArray, NDArray
 
 
 def _mark_checks(ax: Axes, result: OptimalCurve) -> None:
-    """What marches in time, slow sweeps and more harmonics have found at some preloads."""
-    if result.marched:
-        preload, _, mean, low, high = np.array([m[:5] for m in result.marched]).T
-        ax.errorbar(preload, mean, [mean - low, high - mean], fmt="s", color="k", markersize=3.0, markerfacecolor="w",
-                    capsize=2.0, linewidth=0.8, label="time integration, mean and range")  # fmt: skip
+    """What slow sweeps, marches in time and more harmonics have found at some preloads."""
     if result.swept:
         preload, up, _, down, _ = np.array([s[:5] for s in result.swept]).T
         ax.vlines(preload, np.fmin(up, down), np.fmax(up, down), color="0.5", linewidth=0.8)
@@ -315,11 +319,27 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
             continue
         hatch, reason = looks[int(kind[first])]
         label = reason if first == np.argmax(kind == kind[first]) else None
-        ax.axvspan(edges[first], edges[last + 1], facecolor="none", edgecolor="0.75", linewidth=0.0, zorder=0, hatch=hatch,
-                   label=label)
+        ax.axvspan(
+            edges[first],
+            edges[last + 1],
+            facecolor="none",
+            edgecolor="0.75",
+            linewidth=0.0,
+            zorder=0,
+            hatch=hatch,
+            label=label,
+        )
     if np.isfinite(result.lower_bound).any():
-        ax.plot(result.preload, result.lower_bound, "^", color="0.4", markersize=4.0, markerfacecolor="w",
-                linestyle="none", label="lower bound")
+        ax.plot(
+            result.preload,
+            result.lower_bound,
+            "^",
+            color="0.4",
+            markersize=4.0,
+            markerfacecolor="w",
+            linestyle="none",
+            label="lower bound",
+        )
 
 
 def plot_over_measurement(

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from bdamper.util.cost import Cost
+from bdamper.util.hdf5 import Storable
 from bdamper.util.plotting import Fact, draw
 from bdamper.util.repr import brief
 from bdamper.util.status import COMPLETE
@@ -13,7 +15,7 @@ from bdamper.util.text import amount
 
 @brief
 @dataclass(frozen=True)
-class Kept:
+class Kept(Storable, kind="bdamper-kept"):
     """The highest amplitude that a blade keeps at one preload, by a march in time toward the tip of the response.
 
     Parameters
@@ -34,6 +36,8 @@ class Kept:
     status : str
         "complete", "interrupted", or "incomplete: " with the reason.
     cost : Cost
+    settings : mapping
+    model_hash : str
     """
 
     mean: float
@@ -48,6 +52,8 @@ class Kept:
     diameters: tuple[int, ...] = ()
     status: str = COMPLETE
     cost: Cost = field(default_factory=Cost)
+    settings: dict[str, Any] = field(default_factory=dict, repr=False)
+    model_hash: str = ""
 
     @property
     def marched(self) -> bool:

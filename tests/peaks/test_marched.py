@@ -29,28 +29,41 @@ def found():
     return study, study.optimal_curve((40.0, 60.0, 90.0), frequency=(300.0, 380.0), check=False)
 
 
-def test_mean_and_range_are_those_of_a_march_from_the_highest_solution(found, tmp_path):
+def test_what_is_kept_is_that_of_the_curve_at_the_preload(found, tmp_path):
     study, curve = found
-    out = study.with_marched(study.with_marched(curve, [90.0], periods=20), [50.0], periods=20)
-    assert [m.preload for m in out.marched] == [50.0, 90.0]
-    tracked = study.track(50.0, (300.0, 380.0))
-    settled = study.settle(tracked, tracked.peak.frequency, periods=20)
-    there = out.marched[0]
-    assert there.frequency == pytest.approx(tracked.peak.frequency)
-    assert there[2:] == (pytest.approx(settled.mean), *map(pytest.approx, settled.range), settled.status)
-    assert there.low < there.mean < there.high
-    assert there.spread == pytest.approx((there.high - there.low) / there.mean)
-    assert f"marched at {there}" in out.details()
+    out = study.with_kept(study.with_kept(curve, [90.0]), [60.0])
+    assert [k.preload for k in out.kept] == [60.0, 90.0]
+    own = study.kept(study.track(60.0, (300.0, 380.0)))
+    there = out.kept[0]
+    plain = {"cost": own.cost, "fall": 0.0}  # NaN, as nothing had to be marched
+    assert replace(there, **plain) == replace(own, **plain) and there.model_hash == curve.model_hash and there.settings
+    assert there.status == "complete" and str(there).split("\n")[0] in out.details()
     out.save(tmp_path / "curve.h5")
-    assert bd.load(tmp_path / "curve.h5").marched == out.marched
+    own.save(tmp_path / "kept.h5")
+    for read in (bd.load(tmp_path / "curve.h5").kept[0], bd.load(tmp_path / "kept.h5")):
+        assert replace(read, **plain) == replace(own, **plain) and read.made_with == own.made_with
 
 
-def test_preloads_that_rattle_are_marched_by_default(found):
+def test_an_interruption_of_the_march_keeps_the_curve_and_says_so(found, monkeypatch):
     study, curve = found
-    with pytest.raises(bd.SettingError, match="preload: expected some in N"):
-        study.with_marched(curve)
-    low = replace(curve, no_steady_below=60.0)
-    assert [m.preload for m in study.with_marched(low, periods=16).marched] == [40.0, 60.0]
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(marched.in_time, "kept", stopped)
+    out = study.with_kept(curve, [60.0, 90.0])
+    assert [(k.preload, k.status) for k in out.kept] == [(60.0, "interrupted"), (90.0, "interrupted")]
+    assert out.kept[0].balance > 0.0 and np.isnan(out.kept[0].mean)
+    assert "What a blade keeps is not known: the march in time was interrupted." in out.bottom_line()
+
+
+def test_a_peak_keeps_what_its_curve_keeps(found, monkeypatch):
+    study, _ = found
+    monkeypatch.setattr(marched.in_time, "kept", lambda problem, curve, **_: curve.peak)
+    peak = study.peak(60.0, frequency=(300.0, 380.0))
+    assert study.kept(peak).amplitude == pytest.approx(peak.amplitude, rel=1e-4)
+    with pytest.raises(bd.SettingError, match="result: expected a peak at a preload, found 'not found"):
+        study.kept(replace(peak, status="not found: nothing"))
 
 
 def test_preloads_that_rattle_are_told_once(found):
@@ -60,7 +73,7 @@ def test_preloads_that_rattle_are_told_once(found):
     assert gone.details().count(told) == 1 and "with a warning" not in gone.details()
 
 
-@pytest.mark.parametrize("method", ["with_marched", "with_sweeps"])
+@pytest.mark.parametrize("method", ["with_kept", "with_sweeps"])
 def test_another_model_is_refused(found, method):
     with pytest.raises(bd.SettingError, match="curve: expected an optimal curve of this study"):
         getattr(wedge(mass=0.2), method)(found[1], [50.0])
@@ -94,13 +107,12 @@ def test_sweeps_go_by_judged_stability_where_the_study_has_it(monkeypatch):
     assert study.with_sweeps(curve, [90.0]).swept[0].up_frequency < 330.0
 
 
-def test_the_band_and_the_marches_are_drawn(found):
-    study, curve = found
+def test_the_band_without_a_steady_response_is_drawn(found):
+    _, curve = found
     gone = np.where(curve.preload <= 60.0, np.nan, curve.amplitude)
-    marched = study.with_marched(curve, [50.0], periods=16).marched
-    left, _ = replace(curve, amplitude=gone, no_steady_below=60.0, marched=marched).plot()
+    left, _ = replace(curve, amplitude=gone, no_steady_below=60.0).plot()
     labels = left.get_legend_handles_labels()[1]
-    assert {"no steady periodic response below 60 N", "time integration, mean and range"} <= set(labels)
+    assert "no steady periodic response below 60 N" in labels
     assert not any(label.startswith("no value") for label in labels)
     plt.close(left.figure)
 

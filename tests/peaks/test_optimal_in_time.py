@@ -30,7 +30,7 @@ def keeps(problem, tracked):
 
 
 def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tmp_path):
-    monkeypatch.setattr(marched, "kept", keeps)
+    monkeypatch.setattr(marched.in_time, "kept", keeps)
     found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0))
     (one,) = found.kept
     assert found.ladder is None and one.preload == curve.optimum.preload and found.least_kept is one
@@ -44,8 +44,8 @@ def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tm
 
 
 def test_neighbours_on_request(study, curve, monkeypatch):
-    monkeypatch.setattr(marched, "kept", keeps)
-    found = marched.with_kept(study, curve, neighbours=True)
+    monkeypatch.setattr(marched.in_time, "kept", keeps)
+    found = study.optimal_curve((1000.0, 5000.0), 3, frequency=(280.0, 370.0), check="neighbours")
     best = curve.optimum.preload
     np.testing.assert_allclose([k.preload for k in found.kept], [best / 1.2, best, best * 1.2])
     assert found.least_kept.mean == min(k.mean for k in found.kept)

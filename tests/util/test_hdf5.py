@@ -124,7 +124,6 @@ class TestWriting:
         Special(**{f.name: getattr(curve, f.name) for f in fields(curve)}).save(tmp_path / "curve.h5")
         assert same(bd.load(tmp_path / "curve.h5"), curve)
 
-
     def test_a_file_is_replaced_once_all_is_written(self, tmp_path, curve):
         path = tmp_path / "curve.h5"
         curve.save(path)
@@ -205,7 +204,7 @@ class TestVersions:
 
     def test_files_of_version_0_5_are_of_every_kind(self):
         kinds = {cls.__name__ for cls in Storable.__subclasses__() if cls.__module__.startswith("bdamper.")}
-        since = {"Flutter", "NonlinearMode", "Peak", "PreloadState"}
+        since = {"Flutter", "Kept", "NonlinearMode", "Peak", "PreloadState"}
         assert kinds - {item["kind"] for item in EXPECTED_0_5.values()} <= since
 
     @pytest.mark.parametrize("name", ["laws", "advice", "accuracy"])
