@@ -51,8 +51,7 @@ def band(wheel: WheelProblem, preload: float) -> tuple[float, float, float]:
         if len(near):
             alike = np.abs(reference.conj() @ own[:, near]) / np.linalg.norm(own[:, near], axis=0)
             found[d] = float(np.sqrt(squares[near[int(np.argmax(alike))]]))
-    deviation = np.asarray(wheel.mistuning.deviation)
-    mean, spread = float(deviation.mean()), float(deviation.std())
+    mean, spread = float(wheel.deviation.mean()), float(wheel.deviation.std())
     low = min(omega, *found.values()) * (1.0 + mean - spread) - 2.0 * width
     high = max(omega, *found.values()) * (1.0 + mean + spread) + 2.0 * width
     return low / tau, high / tau, width / tau

@@ -15,15 +15,9 @@ from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
 
 
-def wheel_points(structure: Structure, dampers: DamperVariation | None) -> PointArrays:
+def wheel_points(structure: Structure, dampers: DamperVariation) -> PointArrays:
     """Contact points of all sectors, sector by sector, with sliders at zero and no shift."""
     tuned, N = structure.tuned, structure.n_blades
-    one = np.ones(N)
-    mu = stiffness = one
-    gap, missing = 0.0 * one, np.zeros(N, bool)
-    if dampers is not None:
-        mu, stiffness = dampers.friction_coefficient, dampers.contact_stiffness
-        gap, missing = dampers.gap, dampers.missing
     n_points = len(structure.sector)
     # points of the damper; others belong to blades alone
     own = structure.rows[..., structure.n :].any(axis=(1, 2)) if structure.n_damper else np.zeros(n_points, bool)
@@ -31,15 +25,15 @@ def wheel_points(structure: Structure, dampers: DamperVariation | None) -> Point
     def spread(factor: NDArray, neutral: float) -> NDArray:
         return np.where(own, factor[:, None], neutral)
 
-    there = spread(np.where(missing, 0.0, 1.0), 1.0)
-    k = spread(stiffness, 1.0) * there
+    there = spread(np.where(dampers.missing, 0.0, 1.0), 1.0)
+    k = spread(dampers.contact_stiffness, 1.0) * there
     kn = k * tuned.point_stiffness[:, 2]
     kt = k[..., None] * tuned.point_stiffness[:, :2] * (tuned.point_laws != LAW_NORMAL)[:, None]
     return PointArrays(
         kt=kt.reshape(-1, 2),
         kn=kn.ravel(),
-        mu=(spread(mu, 1.0) * there * tuned.friction).ravel(),
-        n0=(-kn * (tuned.point_gaps + spread(gap, 0.0))).ravel(),
+        mu=(spread(dampers.friction_coefficient, 1.0) * there * tuned.friction).ravel(),
+        n0=(-kn * (tuned.point_gaps + spread(dampers.gap, 0.0))).ravel(),
         slider=np.zeros((N * n_points, 2)),
         law=np.tile(tuned.point_laws, N),
         shift=np.zeros((N * n_points, 3)),
@@ -69,12 +63,15 @@ class Loaded:
         Of the static state.
     force : (n_blades, n_points, 3) float, N
         Of the contacts there.
+    missing : (n_blades,) bool
+        Dampers that are not there.
     """
 
     points: PointArrays
     load: NDArray
     mean: NDArray
     force: NDArray
+    missing: NDArray
 
 
 def loaded(structure: Structure, preload: float, dampers: DamperVariation | None) -> Loaded:
@@ -86,12 +83,12 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
         If no static state was found.
     """
     tuned, N, n = structure.tuned, structure.n_blades, structure.n
-    pinned = missing(structure, dampers)
-    points = wheel_points(structure, dampers)
+    given = DamperVariation.of(N) if dampers is None else dampers
+    pinned, points = given.missing, wheel_points(structure, given)
     modal, shift = tuned.damper_load
     load = np.tile(local_vector(structure, preload * modal, True), (N, 1))
     constant = np.tile(local_vector(structure, tuned.constant_force, True), (N, 1))
-    factor = np.ones(N) if dampers is None else np.where(pinned, 0.0, dampers.mass)
+    factor = np.where(pinned, 0.0, given.mass)
     load[:, n:] *= factor[:, None]
     constant[pinned, n:] = 0.0
     moved = preload * factor[:, None, None] * shift
@@ -104,17 +101,10 @@ def loaded(structure: Structure, preload: float, dampers: DamperVariation | None
         mean, slider, force = whole.q, whole.slider, whole.force
     slider = np.where(np.tile(tuned.bonded_points, N)[:, None], 0.0, slider)
     points = replace(points, slider=slider, shift=moved.reshape(-1, 3))
-    return Loaded(points, load + constant, mean, force.reshape(N, -1, 3))
+    return Loaded(points, load + constant, mean, force.reshape(N, -1, 3), pinned)
 
 
-def missing(structure: Structure, dampers: DamperVariation | None) -> NDArray:
-    """(n_blades,) bool: dampers that are not there."""
-    return np.zeros(structure.n_blades, bool) if dampers is None else dampers.missing
-
-
-def wheel_system(
-    structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray, missing: NDArray
-) -> WheelSystem:
+def wheel_system(structure: Structure, state: Loaded, excitation: NDArray, response_row: NDArray) -> WheelSystem:
     """Equations of the vibration about a static state under an excitation (n_blades, n_sector) complex, N kg^-1/2."""
     tuned = structure.tuned
     scale = float(np.abs(excitation).max())
@@ -125,6 +115,5 @@ def wheel_system(
         shift = shift + structure.motion(state.mean).reshape(-1, 3)
     return WheelSystem(
         structure, replace(state.points, shift=shift), tuned.active_harmonics, state.load, excitation, response_row,
-        missing,
-        (largest, scale), state.mean, tuned.evaluation,
+        state.missing, (largest, scale), state.mean, tuned.evaluation,
     )  # fmt: skip

@@ -75,6 +75,14 @@ class Mistuning(Plottable, Tabular, Storable, kind="bdamper-mistuning", row="bla
     # ---- where deviations come from ----
 
     @classmethod
+    def of(cls, n_blades: int, given: Mistuning | ArrayLike | None) -> Mistuning:
+        """Deviations as a wheel takes them: an object, an array of them, or none."""
+        out = given if isinstance(given, Mistuning) else cls(np.zeros(n_blades) if given is None else np.asarray(given))
+        if out.n_blades != n_blades:
+            raise SettingError(f"mistuning: expected deviations of {n_blades} blades, found {out.n_blades}")
+        return out
+
+    @classmethod
     def from_frequencies(
         cls, frequency: ArrayLike, reference: ArrayLike | None = None, source: str = "given frequencies"
     ) -> Self:
@@ -294,9 +302,7 @@ class DamperVariation(Storable, kind="bdamper-damper-variation"):
         return cls(**full, missing=gone, seed=tuple(seed))
 
     @classmethod
-    def drawn(
-        cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float
-    ) -> Self:
+    def drawn(cls, n_blades: int, *, missing: Sequence[int] = (), seed: int | Sequence[int] = 0, **spread: float) -> Self:
         """Dampers drawn independently.
 
         Parameters

@@ -139,12 +139,10 @@ def optimal_curve(
         residual=np.array([p.residual for p in found]),
         springs=np.array([p.springs for p in found]),
         error=np.array([p.error for p in found]),
-        deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         cost=Cost(
             seconds=time.perf_counter() - watch[0],
             processor=time.process_time() - watch[1],
             **{name: sum(getattr(p.cost, name) for p in found) for name in counts},
         ),
-        settings=wheel.settings(),
-        model_hash=wheel.study.model.hash,
+        **wheel.record(),
     )

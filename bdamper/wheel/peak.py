@@ -97,9 +97,7 @@ class _Equations:
             return cls(whole, whole, None, state.mean[:, :n])
         shapes = family_shapes(s, tau * wheel.tuned_peak(preload).frequency)
         excitation = np.hstack([wheel.excitation[:, :n] @ shapes, wheel.excitation[:, n:]])
-        system = wheel_system(
-            s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes, wheel.missing
-        )  # fmt: skip
+        system = wheel_system(s.reduced(shapes), reduced_state(s, state, shapes), excitation, wheel.response_row @ shapes)
         return cls(whole, system, shapes, state.mean[:, :n])
 
     def expanded(self, y: NDArray) -> NDArray:
@@ -180,11 +178,9 @@ def peak(
         error=np.nan if top is None else _error(top, peaks, changed, equations),
         connected=joined,
         interval=(low, high),
-        deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         unknowns=np.zeros(equations.whole.shape) if system is None or u is None else system.array(u),
         cost=meter.read(time.perf_counter()),
-        settings=wheel.settings(),
-        model_hash=wheel.study.model.hash,
+        **wheel.record(),
     )
 
 

@@ -32,11 +32,6 @@ from bdamper.wheel.structure import Structure
 NEUTRAL = 1e-8
 """Springs on the mean of a damper's coordinates in the Jacobian alone, relative to its stiffness when stuck: a damper that
 slips fully is free along the axis, and the matrix of its sector singular.  They change steps by as much, not solutions."""
-KEPT = 8
-"""Shapes of the root, the most important ones, whose coupling to neighbours the elimination keeps.  On the shipped disk (9
-points, 16 shapes) with one harmonic 16, 8, 6 and 4 take 3, 3, 3 and 4 iterations to 1e-2; with three harmonics 16, 8 and 6
-take 29, 36 and 104 to 1e-4.  The cost of the ring falls with the third power of their number."""
-
 WIDTHS = 10.0
 """Of the narrowest resonance: the unit of frequency along a curve.  With that of the interval the first step of a curve of
 a lumped wheel of six blades passes over all its resonances."""
@@ -111,11 +106,12 @@ class WheelSystem(HarmonicSystem):
         self.row_scale = np.full(self.n_unknowns, 1.0 / force_scale[1])
         self.row_scale[: self.n_mean] = 1.0 / force_scale[0]
         self.stuck = _stuck_springs(structure, points)
-        half, kept = N // 2 + 1, min(KEPT, structure.n_root)
+        half = N // 2 + 1
         n, n_root = structure.n, structure.n_root
         self.arrays = {
             "n_sector": N, "n_harm": self.n_harmonics, "n_blade": n, "n_damper": structure.n_damper, "n_root": n_root,
-            "n_kept": kept, "n_point": len(structure.sector), "next": structure.sector == 1, "rows": structure.rows,
+            "n_kept": min(structure.n_kept, n_root), "n_point": len(structure.sector), "next": structure.sector == 1,
+            "rows": structure.rows,
             "active": self.active, "pinned": missing, "stiffness": structure.stiffness, "mass": structure.mass,
             "disk_stiffness": structure.disk_stiffness[:half], "disk_mass": structure.disk_mass[:half],
             "damping": structure.damping[:half], "damper_stiffness": structure.damper_stiffness,

@@ -116,8 +116,6 @@ def track(
         status=status,
         reason=reason,
         left_out=tuple(str(part) for part in (*left_out, *search.lost)),
-        deviation=wheel.mistuning.deviation.reshape(wheel.n_blades, -1),
         cost=meter.read(time.perf_counter()),
-        settings=wheel.settings(),
-        model_hash=wheel.study.model.hash,
+        **wheel.record(),
     )

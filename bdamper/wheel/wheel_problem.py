@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from bdamper.peaks.highest import highest_peak
 from bdamper.peaks.newton import Peak
@@ -16,7 +16,7 @@ from bdamper.util import validate
 from bdamper.util.blas import one_thread
 from bdamper.util.errors import SettingError
 from bdamper.util.repr import brief
-from bdamper.wheel.loading import Loaded, loaded, missing, wheel_system
+from bdamper.wheel.loading import Loaded, loaded, wheel_system
 from bdamper.wheel.mistuning import DamperVariation, Mistuning
 from bdamper.wheel.structure import Structure
 from bdamper.wheel.system import WheelSystem
@@ -28,9 +28,9 @@ class WheelProblem:
     """A wheel with its equations at a preload; parameters are those of :class:`~bdamper.wheel.wheel.Wheel`."""
 
     study: Problem
-    mistuning: Any = None
+    mistuning: Mistuning | ArrayLike | None = None
     dampers: DamperVariation | None = None
-    forces: Any = None
+    forces: ArrayLike | None = None
     _tuned_peaks: dict[float, Peak] = field(default_factory=dict, repr=False)
     _states: dict[float, Loaded] = field(default_factory=dict, init=False, repr=False)
     _structure: Structure | None = field(default=None, repr=False)
@@ -38,13 +38,7 @@ class WheelProblem:
     def __post_init__(self) -> None:
         validate.instance("study", self.study, Problem, "a Study")
         n = self.study.model.n_blades
-        given = self.mistuning
-        if given is None:
-            given = np.zeros(n)
-        mistuning = given if isinstance(given, Mistuning) else Mistuning(given)
-        if mistuning.n_blades != n:
-            raise SettingError(f"mistuning: expected deviations of {n} blades, found {mistuning.n_blades}")
-        object.__setattr__(self, "mistuning", mistuning)
+        object.__setattr__(self, "mistuning", mistuning := Mistuning.of(n, self.mistuning))
         if self.dampers is not None:
             validate.instance("dampers", self.dampers, DamperVariation)
             if self.dampers.n_blades != n:
@@ -59,7 +53,7 @@ class WheelProblem:
             object.__setattr__(self, "forces", forces)
         shared = self._structure
         if shared is None:
-            shared = Structure.of(self.study, self.mistuning)
+            shared = Structure.of(self.study, mistuning)
         if self.dampers is not None:
             shared = shared.with_damper_mass(self.dampers.mass)
         object.__setattr__(self, "_structure", shared)
@@ -69,11 +63,8 @@ class WheelProblem:
         for name in changes:
             validate.choice("settings of a wheel", name, ("mistuning", "dampers", "forces"))
         if "mistuning" in changes:
-            given = np.zeros(self.n_blades) if changes["mistuning"] is None else changes["mistuning"]
-            mistuning = given if isinstance(given, Mistuning) else Mistuning(given)
-            changes["mistuning"] = mistuning
-            if mistuning.n_blades == self.n_blades:
-                changes["_structure"] = self.structure.with_mistuning(mistuning)
+            changes["mistuning"] = mistuning = Mistuning.of(self.n_blades, changes["mistuning"])
+            changes["_structure"] = self.structure.with_mistuning(mistuning)
         if "dampers" in changes and changes["dampers"] is None:
             changes["_structure"] = changes.get("_structure", self.structure).with_damper_mass(np.ones(self.n_blades))
         return replace(self, **changes)
@@ -87,6 +78,11 @@ class WheelProblem:
     @property
     def n_blades(self) -> int:
         return self.study.model.n_blades
+
+    @property
+    def deviation(self) -> NDArray:
+        """(n_blades, n_modes) float: frequency deviations of the blades."""
+        return Mistuning.of(self.n_blades, self.mistuning).deviation.reshape(self.n_blades, -1)
 
     def tuned(self) -> Problem:
         """The study of one sector that spans the same space as this wheel, with the same contact stiffness."""
@@ -102,7 +98,7 @@ class WheelProblem:
         turned = (int(tuned.engine_order) * n) % self.n_blades / self.n_blades
         wave = e.amplitude * np.exp(1j * e.phase + 2j * np.pi * turned)
         out = np.zeros((self.n_blades, s.n_sector), complex)
-        out[:, : s.n] = (wave if self.forces is None else self.forces)[:, None] * row
+        out[:, : s.n] = np.outer(wave if self.forces is None else np.asarray(self.forces), row)
         if not out.any():
             raise SettingError(f"excitation: expected a force on the blades, found {e.amplitude:g} N at '{e.location}'")
         return out
@@ -120,11 +116,6 @@ class WheelProblem:
         stick, slip = 0.5 * (part[..., 0] + part[..., 2]), 0.5 * (part[..., 1] + part[..., 3])
         return np.stack([stick, slip, part[..., 4]], axis=-1).mean(axis=1)
 
-    @property
-    def missing(self) -> NDArray:
-        """(n_blades,) bool: dampers that are not there."""
-        return missing(self.structure, self.dampers)
-
     def state(self, preload: float) -> Loaded:
         """The static state under a preload (N)."""
         preload = self.tuned().check_preload(preload)
@@ -134,7 +125,7 @@ class WheelProblem:
 
     def system(self, preload: float) -> WheelSystem:
         """Equations at a preload (N), with counts of their own."""
-        return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row, self.missing)
+        return wheel_system(self.structure, self.state(preload), self.excitation, self.response_row)
 
     @one_thread
     def tuned_peak(self, preload: float) -> Peak:
@@ -143,9 +134,12 @@ class WheelProblem:
             self._tuned_peaks[preload] = highest_peak(self.tuned(), preload)
         return self._tuned_peaks[preload]
 
-    def settings(self) -> dict[str, Any]:
-        """Settings that results keep."""
-        return self.tuned().record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)}
+    def record(self) -> dict[str, Any]:
+        """What all results keep of the wheel."""
+        return {
+            "deviation": self.deviation, "model_hash": self.study.model.hash,
+            "settings": self.tuned().record() | {"mistuning": str(self.mistuning), "dampers": str(self.dampers)},
+        }  # fmt: skip
 
     def __str__(self) -> str:
         s = self.structure

@@ -68,6 +68,7 @@ def test_the_tail_of_a_weibull_distribution_is_found():
     tail, k, b = np.sort(values)[2000:], found.shape, found.bound
     power = (((b - tail) ** k).sum() + 2000 * (b - found.threshold) ** k) / 2000
     assert np.isclose(found.scale**k, power, rtol=1e-10)
+
     # and shape and bound leave the likelihood flat
     def likelihood(k, b, s):
         return weibull_max.logpdf(tail, k, b, s).sum() + 2000 * weibull_max.logcdf(found.threshold, k, b, s)
