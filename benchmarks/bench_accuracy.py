@@ -1,6 +1,7 @@
 """What accuracy costs on the reference bladed disk: ladders into docs/measured.md with figures.
 
-``python -m benchmarks.bench_accuracy`` runs all ladders (minutes); names of ladders as arguments run only these and print.
+``python -m benchmarks.bench_accuracy`` runs all ladders (minutes); names of ladders as arguments run only these and print;
+``--draw`` draws the figures anew from the tables of the page.
 Only ratios of times mean something.
 """
 
@@ -17,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 import bdamper as bd
-from bdamper.accuracy.ladders import AccuracyCost, by_peak, by_tracking
+from bdamper.accuracy.ladders import AccuracyCost, Run, by_peak, by_tracking
 from bdamper.continuation.curve import Fold
 from bdamper.continuation.track import find_start
 from bdamper.fe import MeshDensity, SectorFE, bladed_disk
@@ -390,11 +391,55 @@ def markdown(result: AccuracyCost) -> str:
     return "\n".join(lines)
 
 
+FIGURES = {
+    "samples": ("Samples, with separation, preload 2 kN", "response at one frequency"),
+    "samples_without_separation": ("Samples, without separation, preload 2 kN", "response at one frequency"),
+    "samples_peak": ("Samples, preload 2 kN", "peak"),
+    "harmonics": ("Harmonics, preload 5 kN", "peak"),
+    "contact_points": ("Contact points, unit tractions, preload 4 kN", "peak"),
+    "contact_points_residual": ("Contact points, residual modes, preload 4 kN", "peak"),
+    "blade_modes": ("Blade modes, unit tractions, preload 2 kN", "peak"),
+    "blade_modes_residual": ("Blade modes, residual modes, preload 2 kN", "peak"),
+    "damper_modes": ("Elastic modes of the damper, preload 2 kN", "peak"),
+    "combined": ("All settings, preload 6.7 kN", "peak"),
+}
+"""Title of the figure of a ladder, and what its errors are of."""
+
+
+def on_page(text: str, name: str) -> AccuracyCost:
+    """A ladder as its table on the page says it, with the steps of its reference."""
+    (table,) = re.findall(rf"<!-- {name} -->\n(.*?)<!-- end -->", text, re.S)
+    head, *rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| ")]
+    varied = tuple(column.replace(" ", "_") for column in head[:-3])
+    (richest,) = (row for row in rows if row[-3] == "richest")
+    own = ["3", "24", "10"] if name == "combined" else []  # default settings
+    runs = []
+    for *values, error, milliseconds, _ in rows:
+        poorer = [n for n, value, best in zip(varied, values, richest) if value != best]
+        part = "the study" if values == own else poorer[0] if len(poorer) == 1 else "combination"
+        known = {"richest": 0.0, "not known": np.nan}
+        number, seconds = known[error] if error in known else float(error), float(milliseconds) / 1e3
+        runs.append(Run("richest" if error == "richest" else part, tuple(values), 1.0, 1.0, number, seconds))
+    runs.sort(key=lambda r: (r.part != "richest", [-int("0" + re.sub(r"\D", "", value)) for value in r.values]))
+    return AccuracyCost(name, PRELOAD, INTERVAL, 0.05 if name == "combined" else SHOWN, varied, tuple(runs), (), REPEATS)
+
+
+def draw(name: str, given: AccuracyCost) -> None:
+    """The figure of a ladder."""
+    title, of = FIGURES[name]
+    save_figure(plot_accuracy(given, title=title, of=of), DOCS / "images" / f"accuracy_{name}.png")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", help=f"out of {', '.join([*LADDERS, *TABLES])}; all by default")
     parser.add_argument("--write", action="store_true", help="write docs/measured.md and its figures also for some names")
+    parser.add_argument("--draw", action="store_true", help="only draw the figures, from the tables of the page")
     given = parser.parse_args()
+    if given.draw:
+        for name in given.names or FIGURES:
+            draw(name, on_page((DOCS / "measured.md").read_text(), name))
+        return
     names = given.names or [*LADDERS, *TABLES]
     for name in names:
         begin = time.perf_counter()
@@ -412,7 +457,7 @@ def main() -> None:
             page = DOCS / "measured.md"
             page.write_text(fill(page.read_text(), name, table))
             if f"accuracy_{name}.png" in page.read_text():
-                save_figure(plot_accuracy(result), DOCS / "images" / f"accuracy_{name}.png")
+                draw(name, result)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ import numpy as np
 
 import bdamper as bd
 from bdamper.plot import save_figure
-from bdamper.plot.axes import MARKERS, PAPER, colours
+from bdamper.plot.axes import MARKERS, PAPER, colours, fit_units, legend_beside
 from bdamper.stability.time_integration import STEPS, Ring
 
 RESULTS = Path(__file__).parent / "results" / "paper.json"
@@ -119,20 +119,21 @@ def jobs() -> dict[str, Any]:
 def draw(found: dict[str, dict[str, Any]]) -> None:
     """Peaks over the number of harmonics, and the sweep in time."""
     with plt.rc_context(PAPER):
-        figure, axes = plt.subplots(1, 2, figsize=(7.6, 3.5), sharey=True)
-    for ax, name in zip(axes, LADDER):
-        for preload, shade, marker in zip(PRELOADS, colours(len(PRELOADS)), MARKERS):
-            known = [h for h in HARMONICS if f"ladder/{name}/{h}/{preload:g}" in found]
-            values = [found[f"ladder/{name}/{h}/{preload:g}"]["amplitude"] for h in known]
-            ax.semilogy(known, values, color=shade, marker=marker, markersize=4.5, label=f"{preload:g} N")
-        ax.set_title(name[0].upper() + name[1:], fontsize=9.0)
-        ax.set(xlabel="Harmonics", xticks=HARMONICS)
-    swept = found.get("sweep in time/equations (4), (10)/3")
-    if swept:
-        label = f"sweep in time, {SWEEP[0]:g} N"
-        axes[0].axhline(swept["amplitude"], color="0.2", linestyle="--", linewidth=1.0, label=label)
-    axes[0].set_ylabel("Peak of |X1| tip trailing edge, tangential (m)")
-    axes[0].legend(fontsize=7.0, ncols=2)
+        figure, axes = plt.subplots(1, 2, figsize=(8.6, 3.5), sharey=True)
+        swept = found.get("sweep in time/equations (4), (10)/3")
+        for ax, name in zip(axes, LADDER):
+            for preload, shade, marker in zip(PRELOADS, colours(len(PRELOADS)), MARKERS):
+                known = [h for h in HARMONICS if f"ladder/{name}/{h}/{preload:g}" in found]
+                values = [found[f"ladder/{name}/{h}/{preload:g}"]["amplitude"] for h in known]
+                ax.semilogy(known, values, color=shade, marker=marker, markersize=4.5, label=f"preload {preload:g} N")
+                if preload == SWEEP[0] and swept and ax is axes[0]:
+                    label = f"slow sweep in time, {preload:g} N"
+                    ax.axhline(swept["amplitude"], color=shade, linestyle="-.", linewidth=1.0, label=label)
+            ax.set_title(f"Contact stiffness by {name}", fontsize=9.0)
+            ax.set(xlabel="Harmonics", xticks=HARMONICS)
+        axes[0].set_ylabel("Peak at the tip, first harmonic (m)")
+        legend_beside(axes[1], handles=axes[0].get_legend_handles_labels()[0])
+        fit_units(axes[0])
     save_figure(figure, PICTURE)
 
 

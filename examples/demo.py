@@ -49,7 +49,7 @@ def main(
     curves = [study.free(BAND), study.stuck(BAND), *(study.track(load, BAND) for load in loads)]
     print(curves[3], end="\n\n")
     gain = optimal.free.amplitude / optimal.optimum.amplitude
-    title = f"The right preload on the damper: {gain:.2g} times less vibration (1 N on each blade)"
+    title = f"The right preload: {gain:.2g} times less vibration (excitation 1 N on each blade)"
     save_figure(plot_optimal(optimal, new_axes(6.8, 3.4), title=title), figures / "optimum.png")
     save_figure(plot_curves(curves), figures / "tracking.png")
     (figures / "optimum.json").write_text(drawn(optimal, curves) + "\n")

@@ -8,7 +8,7 @@ matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.patches import Polygon, Rectangle
+from matplotlib.patches import Arc, Polygon, Rectangle
 
 from bdamper.plot.axes import PAPER, save_figure
 
@@ -40,15 +40,16 @@ def damper():
         ax.annotate("", middle + 0.75 * normal, middle, arrowprops=ARROW)
         along = np.array([-side * np.sin(a), np.cos(a)])
         ax.annotate("", middle + 0.45 * along, middle - 0.45 * along, arrowprops=BOTH)
-    ax.text(-0.62, 0.22, "$N$", color="tab:red", fontsize=11.0)
-    ax.text(1.18, 0.98, r"$\mu N$", color="tab:blue", fontsize=11.0)
+        ax.text(side * 0.62, 0.2, "$N$", color="tab:red", fontsize=11.0, ha="center")
+        ax.text(side * 1.33, 0.6, r"$\mu N$", color="tab:blue", fontsize=11.0, ha="center")
     ax.text(0.0, 0.75, "damper", ha="center", fontsize=9.0)
     ax.annotate("", (0.0, 1.25), (0.0, 0.95), arrowprops={**ARROW, "color": "k"})
     ax.text(0.0, 0.42, r"$m r \Omega^2$", ha="center", fontsize=10.0)
     ax.plot([foot, foot], [0.0, -0.9], "--", color="0.4", linewidth=0.9)
     ax.plot([foot, foot + 0.9 * np.tan(a)], [0.0, -0.9], color="0.4", linewidth=0.9)
-    ax.text(foot + 0.2, -0.7, "$a$", fontsize=11.0)
-    ax.annotate("radial", (-2.9, 0.6), (-2.9, -0.8), ha="center", fontsize=8.5, arrowprops={"arrowstyle": "-|>"})
+    ax.add_patch(Arc((foot, 0.0), 1.3, 1.3, theta1=-90.0, theta2=-90.0 + np.degrees(a), color="0.4"))
+    ax.text(foot + 0.24, -0.86, "$a$", fontsize=11.0, ha="center")
+    ax.annotate("radial", (-2.9, 0.6), (-2.9, -0.8), ha="center", fontsize=8.5, arrowprops={**ARROW, "color": "k"})
     ax.set(xlim=(-3.3, 3.3), ylim=(-1.0, 2.0))
     return ax
 
@@ -72,8 +73,9 @@ def point():
     ax.text(0.16, 0.45, "$k_n$: normal force $N$,\nopen where $N$ would pull", fontsize=8.5)
     ax.add_patch(Rectangle((-2.4, 0.0), 0.5, 0.28, facecolor="tab:blue", edgecolor="0.2"))
     ax.plot([-2.5, -1.8], [0.0, 0.0], color="k", linewidth=2.0)
-    spring(ax, (-1.9, 0.14), (-0.9, 1.2))
-    ax.text(-2.3, 0.95, "$k_{t1}$, $k_{t2}$", fontsize=9.0)
+    ax.plot([-0.8, -0.8], [1.1, 0.14], color="k", linewidth=2.0)
+    spring(ax, (-1.9, 0.14), (-0.8, 0.14))
+    ax.text(-1.35, 0.38, "$k_{t1}$, $k_{t2}$", fontsize=9.0, ha="center")
     ax.text(-2.5, -0.2, r"slider: $|T| \leq \mu N$", va="center", color="tab:blue", fontsize=8.5)
     ax.set(xlim=(-2.8, 2.8), ylim=(-0.5, 1.7))
     return ax
@@ -93,18 +95,20 @@ def states():
             slider = u - friction[i] / 1.2
             kind[i] = 2 if n == 0.0 else int(abs(trial) > limit)
     for ax in axes:
-        for state, colour in enumerate(("0.65", "#f6d3ac", "#f1f8fb")):
+        for state, colour in enumerate(("0.88", "#f6c78f", "#ffffff")):
             ax.fill_between(theta / (2.0 * np.pi), 0.0, 1.0, where=kind == state, color=colour, linewidth=0.0,
-                            transform=ax.get_xaxis_transform(), label=("stick", "slip", "open")[state])
+                            transform=ax.get_xaxis_transform())
         ax.set(yticks=[])
         ax.grid(False)
     axes[0].plot(theta / (2.0 * np.pi), normal, color="tab:red")
     axes[0].set(ylabel="Normal force", xlim=(0.0, 1.0))
-    axes[0].legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=8.0)
-    axes[1].plot(theta / (2.0 * np.pi), friction, color="tab:blue", label="friction")
-    axes[1].plot(theta / (2.0 * np.pi), 0.5 * normal, color="0.4", linewidth=0.8)
-    axes[1].plot(theta / (2.0 * np.pi), -0.5 * normal, color="0.4", linewidth=0.8)
-    axes[1].text(0.12, 0.66, r"$\pm \mu N$", color="0.3", fontsize=9.0)
+    for at, name in ((0.12, "stick"), (0.355, "slip"), (0.6, "open"), (0.84, "slip")):
+        axes[0].text(at, 1.0, name, transform=axes[0].get_xaxis_transform(), ha="center", va="bottom", fontsize=8.5)
+    axes[1].axhline(0.0, color="0.4", linewidth=0.6)
+    for sign, name in ((1.0, r"$\mu N$"), (-1.0, r"$-\mu N$")):
+        axes[1].plot(theta / (2.0 * np.pi), 0.5 * sign * normal, color="0.4", linewidth=0.8, linestyle="-.")
+        axes[1].text(0.3, 0.5 * sign, name, color="0.2", fontsize=9.0, va="center")
+    axes[1].plot(theta / (2.0 * np.pi), friction, color="tab:blue")
     axes[1].set(ylabel="Friction force", xlabel="Time (periods)")
     return axes[0]
 

@@ -29,13 +29,14 @@ from bdamper.util.tables import label
 from bdamper.util.text import FITTING, PREFIXES, fitting
 
 MARKERS = "osD^v<>pP*hX"
+MINUS = "\N{MINUS SIGN}"
 SHEET = Path(__file__).with_name("style.mplstyle")
 PAPER: dict[Any, Any] = matplotlib.rc_params_from_file(SHEET, use_default_template=False)
 """The style of this room, for ``plt.rc_context``."""
 FIXED: dict[Any, Any] = {**PAPER, "figure.constrained_layout.use": False}
 """The same for a figure whose axes have their places given."""
-STYLES = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 1)))
-"""Lines that are told apart in grey."""
+STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
+"""Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
 """Line of what is unstable, and of means."""
 
@@ -71,6 +72,12 @@ def drawing(
             fit_units(each)
 
 
+def stacked(height: float = 4.8, ratios: tuple[float, float] = (1.0, 1.0)) -> NDArray:
+    """Two axes, one below the other, over the same quantity, in the style of this room."""
+    with plt.rc_context(PAPER):
+        return np.asarray(plt.subplots(2, 1, sharex=True, figsize=(5.6, height), height_ratios=ratios)[1])
+
+
 def legend_beside(ax: Axes, size: float = 7.0, handles: Sequence[Any] = ()) -> None:
     """A legend where no curve is: to the right of the axes, below those with a second axis at the right.
 
@@ -101,16 +108,22 @@ def fit_units(ax: Axes) -> None:
         name, _, unit = axis.get_label_text().rpartition(" (")
         base, scale = axis.label.get_gid() or unit.removesuffix(")"), 1.0
         if name and base in FITTING:
-            prefix = fitting(float(np.sqrt(low * high)) if log else 0.5 * float(high), base)
+            prefix = fitting(float(np.sqrt(low * high)) if log else float(high), base)
             scale = PREFIXES[prefix]
             axis.label.set_gid(base)  # the unit of what is drawn, for the next time
             axis.set_label_text(f"{name} ({prefix.strip()}{base})")
         if log:
-            subs = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
+            few = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
+            subs = few if high > 12.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
             axis.set_major_locator(LogLocator(subs=subs) if high > 4.0 * low else MaxNLocator(5))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
-            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: f"{value / scale:.6g}"))
+            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: _plain(value / scale)))
+
+
+def _plain(value: float) -> str:
+    """A number of an axis with six digits, no power of ten and the sign of printed text."""
+    return np.format_float_positional(float(f"{value:.6g}"), trim="-").replace("-", MINUS)
 
 
 def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **options: Any) -> None:
@@ -132,8 +145,8 @@ def image_of(shown: Plottable) -> bytes:
 
 
 def colours(n: int) -> NDArray:
-    """(n, 4) colours of monotone lightness."""
-    return plt.get_cmap("viridis")(np.linspace(0.0, 0.85, max(n, 1)))
+    """(n, 4) colours of monotone lightness, the last still dark enough on white paper."""
+    return plt.get_cmap("viridis")(np.linspace(0.0, 0.7, max(n, 1)))
 
 
 def runs(values: NDArray) -> list[tuple[int, int]]:

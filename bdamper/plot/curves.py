@@ -18,7 +18,7 @@ from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
-from bdamper.plot.axes import DASHED, PAPER, colours, drawing, legend_beside, runs
+from bdamper.plot.axes import DASHED, colours, drawing, legend_beside, runs, stacked
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
@@ -30,10 +30,12 @@ from bdamper.util.tables import label as label_of
 from bdamper.util.text import amount, percent
 
 LIMITS: dict[str, dict[str, Any]] = {
-    "free": {"color": "0.7", "linewidth": 1.0},
+    "free": {"color": "0.6", "linewidth": 1.0},
     "stuck": {"color": "0.45", "linewidth": 1.0},
 }
 """Lines of the limits without contact and with all contacts stuck."""
+EDGE = 1e-6
+"""Relative distance in frequency within which a point lies at the edge of a part."""
 MOST_NAMED = 5
 """Curves that a legend names; more have a colour bar."""
 SWEEPS: dict[str, dict[str, Any]] = {
@@ -43,9 +45,11 @@ SWEEPS: dict[str, dict[str, Any]] = {
 """Lines of slow sweeps, laid over their curve."""
 KEPT: dict[str, Any] = {
     "fmt": "D", "color": "tab:green", "markersize": 4.0, "markerfacecolor": "w", "capsize": 3.0, "linewidth": 1.2,
-    "label": "kept in time, mean and range",
+    "label": "a blade keeps in time, and range",
 }  # fmt: skip
 """Point and bar of what a blade keeps."""
+ALIKE = 0.9
+"""Ratio from which both limits are one line."""
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -70,18 +74,27 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> No
         where = np.flatnonzero(curve.branch == b)
         for first, last in runs(unstable[where]):
             part = where[first : last + 2]  # joined to the next stretch
+            if unstable[part[0]]:  # a pale line below, so that a stretch shorter than a dash is no gap
+                ax.plot(f[part], a[part], color=colour, alpha=0.3)
             ax.plot(f[part], a[part], color=colour, linestyle=DASHED if unstable[part[0]] else "-")
     if len(curve):  # filled: a peak, open: only the highest point
-        face = "w" if curve.peak_at_end else colour
+        face = "w" if _only_highest(curve) else colour
         ax.plot(curve.peak.frequency, curve.peak.amplitude, "o", color=colour, markersize=5.0, markerfacecolor=face)
     ax.plot([], [], color=colour, label=label)
 
 
+def _only_highest(curve: Curve) -> bool:
+    """Whether the highest point lies at the end of what was followed, so that there may be a higher one."""
+    f = curve.peak.frequency
+    return curve.peak_at_end or any(part.low - EDGE * f <= f <= part.high + EDGE * f for part in curve.left_out)
+
+
 def _draw_limit(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
-    """A limit as a thin line that bears its name."""
-    ax.plot(x, y, **LIMITS[name])
+    """A limit, or both, as a thin line that bears its name."""
+    look = LIMITS.get(name, LIMITS["stuck"])
+    ax.plot(x, y, **look)
     ax.annotate(name, (at, float(np.max(y))), xytext=(0, 2), textcoords="offset points", ha="center", fontsize=7.0,
-                color=LIMITS[name]["color"])  # fmt: skip
+                color=look["color"])  # fmt: skip
 
 
 def plot_curves(
@@ -122,31 +135,23 @@ def plot_curves(
         for curve in curves:
             if curve.kind != "tracking" and len(curve):
                 _draw_limit(ax, curve.kind, curve.frequency, curve.amplitude, curve.peak.frequency)
+        gaps: list[Any] = []
         many = labels is None and len(tracking) > MOST_NAMED
         for i, (curve, colour) in enumerate(zip(tracking, colours(len(tracking)))):
-            named = labels[i] if labels is not None else amount(curve.preload, "N")
+            named = labels[i] if labels is not None else f"preload {amount(curve.preload, 'N')}"
             _draw_tracking(ax, curve, colour, None if many else named)
             for sweep in (curve.sweep(direction) for direction in SWEEPS if sweeps):
                 ax.plot(sweep.frequency, sweep.amplitude, **SWEEPS[sweep.direction])
             for part in curve.left_out:
-                ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6)
+                name = "" if gaps else "not followed"
+                gaps.append(ax.axvspan(part.low, part.high, color=colour, alpha=0.25, linewidth=0.6, label=name))
         if any(unstable_points(c).any() for c in tracking):
             ax.plot([], [], color="k", linestyle=DASHED, label="unstable")
         for direction, style in SWEEPS.items() if sweeps else ():
             ax.plot([], [], **style, label=f"sweep {direction}")
-        if any(len(c) and c.peak_at_end for c in tracking):
-            ax.plot(
-                [],
-                [],
-                "o",
-                color="k",
-                markersize=5.0,
-                markerfacecolor="w",
-                markeredgewidth=0.6,
-                label="highest at the end of the interval",
-            )
-        if any(c.left_out for c in tracking):
-            ax.fill([], [], color="0.5", alpha=0.25, label="not followed")
+        if any(len(c) and _only_highest(c) for c in tracking):
+            ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
+                    label="highest point that was followed")
         if logarithmic:
             ax.set_yscale("log")
         ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves))
@@ -228,8 +233,7 @@ def plot_optimal(
     time; triangles what slow sweeps of frequency up and down meet.
     """
     if ax is None:
-        with plt.rc_context(PAPER):
-            both = plt.subplots(2, 1, sharex=True, figsize=(6.0, 5.0), height_ratios=(2.0, 1.0))[1]
+        both = stacked(5.0, (2.0, 1.0))
         for one, name in zip(both, ("amplitude", "shift")):
             plot_optimal(result, one, quantity=name, title=title if one is both[0] else "", coexisting=coexisting)
         both[0].set_xlabel("")
@@ -239,15 +243,17 @@ def plot_optimal(
         ax.set(xscale="log", xlabel=PRELOAD)
         for first, last in runs(np.cumsum(~goes_on)):
             part = slice(first, last + 1)
-            ax.plot(preload[part], values[part], "-", color="0.1", marker="." if first == last else None)
+            ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
         for n, k in enumerate(np.flatnonzero(~goes_on[1:])):  # where another peak becomes the highest, or one was lost
-            label = "" if n else "another peak takes over"
+            label = "" if n else "another peak takes over in between"
             ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8, label=label)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
             return ax
-        for name in LIMITS:
-            level = getattr(result, name).amplitude
+        levels = {name: getattr(result, name).amplitude for name in LIMITS}
+        if min(levels.values()) > ALIKE * max(levels.values()):
+            levels = {"free or stuck": max(levels.values())}
+        for name, level in levels.items():
             _draw_limit(ax, name, result.preload[[0, -1]], [level, level], result.preload[-2 if name == "free" else 1])
         if coexisting:
             tops = {c.preload: c.peak.amplitude for c in result.curves if len(c)}

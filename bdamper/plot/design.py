@@ -9,17 +9,20 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import UNITS, SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import MARKERS, colours, drawing, legend_beside, lost
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, legend_beside, lost
 from bdamper.util.errors import SettingError
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
 from bdamper.util.text import amount, percent, spaced
 
+LEFT_OUT = "0.55"
+"""Colour of the name of an effect that may be left out."""
 MAIN = ("amplitude", "optimum_amplitude")
 """Answers of a sweep that are drawn unless others are asked for."""
 EQUAL = 1e-12
@@ -128,14 +131,14 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
     -------
     matplotlib axes
         Changes of amplitude and frequency in percent, on a scale that is linear within the tolerance and logarithmic
-        beyond; effects that the scene calls for are hatched, the tolerance is a grey band, thin lines show what an
-        estimate may miss, and a change that is not known is no bar.
+        beyond; names of effects that may be left out together are grey, the tolerance is a grey band, thin lines show what
+        an estimate may miss, and a change that is not known is no bar.
     """
     effects = advice.effects[::-1]
     place = np.arange(len(effects))
     tolerance = 100.0 * advice.tolerance
     dark, light = colours(2)
-    with drawing(ax, title=title or f"{amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}") as ax:
+    with drawing(ax, title=title or f"preload {amount(advice.preload, 'N')}, {amount(advice.frequency, 'Hz')}") as ax:
         ax.axvspan(-tolerance, tolerance, color="0.9", zorder=0)
         handles: list[Any] = []
         for values, offset, colour, label in (
@@ -143,22 +146,21 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
             ([e.frequency_change for e in effects], -0.2, light, "frequency"),
         ):
             change = 100.0 * np.nan_to_num(np.array(values, float))
-            bars = ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
-            for bar, e in zip(bars, effects):
-                if e.called_for:
-                    bar.set(hatch="////", edgecolor="0.65" if offset > 0.0 else "0.25")
+            ax.barh(place + offset, change, height=0.38, facecolor=colour, edgecolor="k", linewidth=0.4)
             missed = np.array([100.0 * e.uncertainty if e.source == "estimated" else 0.0 for e in effects])
             ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
             handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
         ax.set_xscale("symlog", linthresh=tolerance)
         ax.set_yticks(place, [e.name for e in effects])
-        for y, e in zip(place, effects):
+        for y, e, name in zip(place, effects, ax.get_yticklabels()):
+            name.set_color("k" if e.called_for else LEFT_OUT)
             if e.source == "unknown":
                 ax.text(0.1 * tolerance, float(y), "not known", va="center", fontsize=7.0)
         ax.axvline(0.0, color="k", linewidth=0.6)
-        if any(e.called_for for e in effects):
-            handles.append(Patch(facecolor="w", edgecolor="0.25", linewidth=0.4, hatch="////", label="called for"))
         handles.append(Patch(facecolor="0.9", linewidth=0.0, label=f"tolerance, {tolerance:g} %"))
+        needed, other = (any(e.called_for == one for e in effects) for one in (True, False))
+        handles += [Patch(alpha=0.0, label="black names: needed")] * needed
+        handles += [Patch(alpha=0.0, label="grey: all together\nmay be left out")] * other
         ax.set_xlabel("Change of the peak without the effect (%)")
         legend_beside(ax, handles=handles)
     return ax
@@ -183,7 +185,7 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
     known = [r for r in ladder.rungs if r.known]
     low, high = ladder.range
     state = "converged" if ladder.converged else "not converged"
-    title = title or f"{amount(ladder.preload, 'N')}, {state} to {percent(ladder.tolerance)}"
+    title = title or f"preload {amount(ladder.preload, 'N')}, {state} to {percent(ladder.tolerance)}"
     with drawing(ax, title=title, legend=7.0) as ax:
         ax.axhspan(low, high, color="0.88", zorder=0, label=f"{amount(low, 'm')} to {amount(high, 'm')}")
         if known:
@@ -210,7 +212,7 @@ def plot_ladder(ladder: Ladder, ax: Axes | None = None, *, title: str = "") -> A
 
 
 @draws(AccuracyCost)
-def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = "") -> Axes:
+def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = "", of: str = "peak") -> Axes:
     """Error over time of settings, one at a time below the richest and combined.
 
     Parameters
@@ -218,17 +220,21 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
     result : AccuracyCost
     ax : Axes, optional
     title : str
+    of : str
+        What the error is of.
 
     Returns
     -------
     matplotlib axes
-        A point for each run, with its value where it is poorer than the richest in one setting alone.  The time of the
-        richest is a vertical line, since its error is not known; what is not known is a cross at the upper edge, what is
-        equal to the richest a triangle at the lower edge.
+        A point for each run, with its value where it is poorer than the reference, the richest, in one setting alone.  The
+        time of the reference is a vertical line, since its error is not known; what is not known is a cross at the upper
+        edge, what is equal to the reference a triangle at the lower edge.
     """
     best, names = result.recommended, result.varied
+    others = ", ".join(spaced(name) for name in names)
+    title = title or f"{others[:1].upper()}{others[1:]}, preload {amount(result.preload, 'N')}"
     handles: dict[str, Any] = {}
-    with drawing(ax, size=(5.2, 4.2), title=title or f"{amount(result.preload, 'N')}, difference from the richest") as ax:
+    with drawing(ax, size=(5.2, 4.2), title=title) as ax:
         shades = colours(len(names))
         for r in result.runs[1:]:
             k = names.index(r.part) if r.part in names else -1
@@ -236,27 +242,30 @@ def plot_accuracy(result: AccuracyCost, ax: Axes | None = None, *, title: str = 
             look["markersize"] = 9.0 if r.part == COMBINED else 5.0
             marker = MARKERS[k] if k >= 0 else "*" if r.part == COMBINED else "P"
             handles.setdefault(
-                f"{spaced(r.part)} below {result.richest.values[k]}" if k >= 0 else r.part,
+                f"{spaced(r.part)}, reference {result.richest.values[k]}" if k >= 0 else r.part,
                 Line2D([], [], marker=marker, **look),
             )
-            place, y = ax.transData, r.error
+            place, y = ax.transData, 100.0 * r.error
             if not r.error > EQUAL:
                 known = np.isfinite(r.error)
                 place, y, marker = ax.get_xaxis_transform(), 0.03 if known else 0.95, "v" if known else "x"
             ax.plot(r.seconds, y, marker, transform=place, **look)
-            text = r.values[k] if k >= 0 else ""
-            ax.annotate(text, (r.seconds, y), xycoords=place, textcoords="offset points", xytext=(5, 3), fontsize=6.5)
+            text = r.values[k].removesuffix(" samples") if k >= 0 else ""
+            ax.annotate(text, (r.seconds, y), xycoords=place, textcoords="offset points", xytext=(5, 3), fontsize=6.5,
+                        path_effects=[Stroke(linewidth=2.0, foreground="w"), Normal()])  # fmt: skip
             if r is best:
                 ring: dict[str, Any] = {"color": "k", "markerfacecolor": "none", "linestyle": "none", "markersize": 12.0}
                 ax.plot(r.seconds, y, "o", transform=place, **ring)
-                values = ", ".join(f"{spaced(name)} {value}" for name, value in zip(names, r.values))
-                handles[f"for {percent(result.tolerance)}: {values}"] = Line2D([], [], marker="o", **ring)
+                values = "\n".join(f"{spaced(name)} {value}" for name, value in zip(names, r.values))
+                handles[f"fastest within {percent(result.tolerance)}:\n{values}"] = Line2D([], [], marker="o", **ring)
+        if best is result.richest:
+            handles[f"none faster within {percent(result.tolerance)}"] = Line2D([], [], linestyle="none")
         line: dict[str, Any] = {"color": "0.4", "linewidth": 0.9}
-        handles["richest"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
+        handles["time of the reference"] = ax.axvline(result.richest.seconds, linestyle="-.", **line)
         if result.uncertainty > EQUAL:
-            handles["last steps to the richest, sum"] = ax.axhline(result.uncertainty, linestyle=":", **line)
-        handles[f"tolerance, {percent(result.tolerance)}"] = ax.axhline(result.tolerance, linestyle="--", **line)
-        ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel="Error of the peak, relative")
+            handles["uncertainty of the reference"] = ax.axhline(100.0 * result.uncertainty, linestyle=STYLES[2], **line)
+        handles[f"tolerance, {percent(result.tolerance)}"] = ax.axhline(100.0 * result.tolerance, **line)
+        ax.set(xscale="log", yscale="log", xlabel="Processor time (s)", ylabel=f"Error of the {of} (%)")
         ax.margins(x=0.12, y=0.12)  # for the names
         ax.legend(handles.values(), handles.keys(), fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     return ax

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
 from bdamper.effects.hysteresis import AXES, WHOLE, Dissipation, Hysteresis
-from bdamper.plot.axes import PAPER, STYLES, colours, drawing, fit_units, legend_beside, runs
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, runs, stacked
 from bdamper.plot.contact import plot_faces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -22,14 +21,16 @@ from bdamper.util.text import amount
 SMALLEST = 1e-4
 """Energy that is shown, relative to the largest."""
 NAMES = {"t1": "along t1", "t2": "along t2", "n": "normal"}
+OF_WHOLE = {"xlabel": "Motion of the response (m)", "ylabel": "All contact forces as one force there (N)"}
+"""Labels of the loop of all contacts."""
 
 
 def _name(result: Hysteresis, where: int | str) -> str:
     """A contact point as a face and the number within it, a face by its name."""
     if isinstance(where, str):
-        return where if where != WHOLE else "all contacts"
+        return f"{where} face" if where != WHOLE else "all contacts"
     face = result.interface[where]
-    return f"{face} {where - int(result.rows(face)[0]) + 1}"
+    return f"{face} face, point {where - int(result.rows(face)[0]) + 1}"
 
 
 @draws(Hysteresis)
@@ -67,10 +68,8 @@ def plot_hysteresis(
     with drawing(ax, title=title, legend=7.0 if len(places) > 1 else None) as ax:
         for i, ((x, f), colour, place) in enumerate(zip(loops, colours(len(loops)), places)):
             ax.plot(x, f, linestyle=STYLES[i % len(STYLES)], color=colour, label=_name(result, place))
-        of = "" if len(places) > 1 else f" of {_name(result, places[0])}"
-        axis = "" if whole else f" {NAMES[direction]}"
-        ax.set(xlabel="Response (m)" if whole else f"Displacement{axis}{of} (m)")
-        ax.set(ylabel="Contact force at the response (N)" if whole else f"Contact force{axis}{of} (N)")
+        of = f"{NAMES[direction]}{'' if len(places) > 1 else f', {_name(result, places[0])}'}"
+        ax.set(**OF_WHOLE if whole else {"xlabel": f"Motion {of} (m)", "ylabel": f"Force {of} (N)"})
     return ax
 
 
@@ -91,9 +90,10 @@ def plot_history(result: Hysteresis, where: int, *, title: str = "") -> NDArray:
     """
     i = validate.whole("where, index of a contact point", where, 0, len(result.points) - 1)
     time = result.theta / (2.0 * np.pi)
-    with plt.rc_context(PAPER):
-        top, bottom = plt.subplots(2, 1, figsize=(5.6, 4.4), sharex=True)[1]
-        shades = colours(3)
+    top, bottom = stacked(4.4)
+    title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
+    shades = colours(3)
+    with drawing(bottom, legend=7.0), drawing(top, title=title, legend=7.0):
         for k, (name, style) in enumerate(zip(AXES, STYLES)):
             top.plot(time, result.force[i, k], linestyle=style, color=shades[k], label=NAMES[name])
             if name != "n":
@@ -101,12 +101,7 @@ def plot_history(result: Hysteresis, where: int, *, title: str = "") -> NDArray:
         if result.gap[i].max() > 0.0:
             bottom.plot(time, result.gap[i], linestyle=STYLES[2], color=shades[2], label="gap")
         top.set(ylabel="Contact force (N)", xlim=(0.0, 1.0))
-        bottom.set(ylabel="Vibration, gap (m)", xlabel="Time (periods)")
-        for ax in (top, bottom):
-            legend_beside(ax)
-            fit_units(ax)
-        title = title or f"{_name(result, i)}, {result.frequency:.5g} Hz, preload {amount(result.preload, 'N')}"
-        top.set_title(title, fontsize=9.0)
+        bottom.set(ylabel="Motion and gap (m)", xlabel="Time (periods)")
     return np.array([top, bottom])
 
 
@@ -119,13 +114,13 @@ def plot_energy(result: Hysteresis) -> NDArray:
     if not names:
         raise SettingError("energy: expected contact points that lose some, found none: nothing slips")
     rows = [result.rows(name) for name in names]
-    places = [(name, result.points[r], result.frame[r]) for name, r in zip(names, rows)]
-    return plot_faces(places, [density[r] for r in rows], [""], "Energy lost (J/m$^2$)", 1.0)
+    places = [(f"{name} face", result.points[r], result.frame[r]) for name, r in zip(names, rows)]
+    return plot_faces(places, [density[r] for r in rows], [""], "Energy lost per cycle (J/m$^2$)", 1.0)
 
 
 @draws(Dissipation)
 def plot_dissipation(
-    result: Dissipation, quantity: str = "equivalent", ax: Axes | None = None, *, over: str = "amplitude", title: str = ""
+    result: Dissipation, quantity: str = "equivalent", ax: Any = None, *, over: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
     """What the contacts do to the vibration, over its amplitude.
 
@@ -135,7 +130,7 @@ def plot_dissipation(
     quantity : {"equivalent", "energy"}
         Equivalent stiffness and damping ratio, or where the work of the excitation goes in a cycle.
     ax : matplotlib axes, optional
-        Of the stiffness; the damping ratio gets a second axis on its right.
+        Two for "equivalent", one below the other.
     over : {"amplitude", "frequency", "preload"}
     title : str
 
@@ -146,31 +141,28 @@ def plot_dissipation(
     validate.choice("quantity", quantity, ("equivalent", "energy"))
     x = getattr(result, validate.choice("over", over, ("amplitude", "frequency", "preload")))
     parts = [slice(first, last + 1) for first, last in runs(result.branch)]
-    wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
 
-    def line(axes: Axes, values: Any, style: Any, colour: Any, name: str) -> None:
+    def line(axes: Axes, values: Any, colour: Any, name: str = "", marker: str = "", style: str = "-") -> None:
         for n, part in enumerate(parts):
-            alone = "." if part.stop == part.start + 1 else None
-            axes.plot(x[part], values[part], linestyle=style, color=colour, marker=alone, label=name if n == 0 else None)
+            alone = "." if part.stop == part.start + 1 else marker
+            axes.plot(x[part], values[part], style, color=colour, marker=alone, markersize=3.5,
+                      markevery=max(1, len(x) // 12), label=name if n == 0 else None)  # fmt: skip
 
-    with drawing(ax, title=title) as ax:
-        ax.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear")
-        if quantity == "energy":
-            faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
-            line(ax, result.excitation, "-", "0.7", "work of the excitation")
-            for (name, e), colour, style in zip(faces.items(), colours(len(faces)), STYLES * len(faces)):
-                line(ax, e, style, colour, name)
-            line(ax, result.damping, ":", "0.35", "damping of the modes")
-            ax.set(ylabel="Energy in a cycle (J)", yscale="log", ylim=(SMALLEST * result.excitation.max(), None))
-            legend_beside(ax)
-            return ax
-        dark, light = "0.1", plt.get_cmap("viridis")(0.45)
-        right = ax.twinx()
-        right.grid(False)
-        line(ax, result.stiffness, "-", dark, "stiffness")
-        line(right, 100.0 * result.damping_ratio, "--", light, "damping ratio")
-        ax.plot([], [], "--", color=light, label="damping ratio (right)")
-        legend_beside(ax)
-        ax.set_ylabel(label(Dissipation, "stiffness"))
-        right.set_ylabel(label(Dissipation, "damping_ratio", "%"))
-    return np.array([ax, right])
+    if quantity == "equivalent":
+        upper, lower = stacked() if ax is None else ax
+        with drawing(upper, title=title), drawing(lower):
+            line(upper, result.stiffness, "0.1")
+            line(lower, 100.0 * result.damping_ratio, "0.1")
+            upper.set_ylabel(label(Dissipation, "stiffness"))
+            lower.set(xlabel=label(Dissipation, over), ylabel=label(Dissipation, "damping_ratio", "%"))
+        return np.array([upper, lower])
+    with drawing(ax, title=title, legend=7.0) as ax:
+        faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
+        line(ax, result.excitation, "0.7", "work of the excitation")
+        for (name, e), colour, marker in zip(faces.items(), colours(len(faces)), MARKERS * len(faces)):
+            line(ax, e, colour, f"friction of the {name} face", marker)
+        line(ax, result.damping, "0.35", "damping of the modes", style="-.")
+        wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
+        ax.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear", yscale="log")
+        ax.set(ylabel="Energy in a cycle (J)", ylim=(SMALLEST * result.excitation.max(), None))
+    return ax

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 
 from bdamper.modes.flutter import Flutter
 from bdamper.modes.result import NonlinearMode
-from bdamper.plot.axes import DASHED, PAPER, colours, drawing, fit_units, lost
+from bdamper.plot.axes import DASHED, colours, drawing, lost, stacked
 from bdamper.util.plotting import draws
 from bdamper.util.tables import label
 from bdamper.util.text import amount
@@ -34,8 +33,8 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None
     two matplotlib axes
         Circles are folds, where the amplitude turns; lines are dashed where the motion is no longer that of the mode.
     """
-    with plt.rc_context(PAPER):
-        upper, lower = plt.subplots(2, 1, sharex=True, figsize=(5.6, 4.8))[1] if ax is None else ax
+    upper, lower = stacked() if ax is None else ax
+    with drawing(upper, title=title or f"mode {mode.mode}, preload {amount(mode.preload, 'N')}"):
         for axes, values in ((upper, mode.frequency), (lower, 100.0 * mode.damping_ratio)):
             for b in np.unique(mode.branch):
                 own, foreign = mode.branch == b, mode.correlation < 0.5
@@ -43,11 +42,8 @@ def plot_nonlinear_mode(mode: NonlinearMode, ax: tuple[Axes, Axes] | None = None
                     look: dict[str, Any] = {"color": "C0", "linestyle": line, **style}
                     axes.plot(mode.amplitude, np.where(part, values, np.nan), **look)
             axes.plot(mode.amplitude[mode.folds], values[mode.folds], "ok", markersize=3.0, markerfacecolor="w")
-        where = f"mode {mode.mode}, preload {amount(mode.preload, 'N')}"
-        upper.set(ylabel=label(NonlinearMode, "frequency"), title=title or where, xscale="log")
+        upper.set(ylabel=label(NonlinearMode, "frequency"), xscale="log")
         lower.set(ylabel="Modal damping ratio (%)", xlabel="Amplitude of the response (m)")
-        for axes in (upper, lower):
-            fit_units(axes)
     return upper, lower
 
 

@@ -14,6 +14,7 @@ from bdamper.io.measured import Measurement
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.plot.axes import MARKERS, STYLES, colours, drawing
 from bdamper.plot.curves import PRELOAD, plot_curves, plot_measurement
+from bdamper.plot.hysteresis import OF_WHOLE
 from bdamper.util import validate
 from bdamper.util.plotting import draws
 
@@ -88,7 +89,7 @@ def plot_together(
                 ax.plot(o.preload, o.amplitude, "*", color=colour, markersize=8.0,
                         markerfacecolor=colour if o.verified else "w")  # fmt: skip
         if kind is Hysteresis:
-            ax.set(xlabel="Response (m)", ylabel="Contact force at the response (N)")
+            ax.set(**OF_WHOLE)
             return ax
         ax.set(xlabel=PRELOAD if kind is OptimalCurve else "Response amplitude (m)", ylabel=QUANTITIES[quantity])
         ax.set(xscale="log", yscale="log" if quantity == "amplitude" else "linear")
@@ -127,5 +128,5 @@ def plot_designs(
     title: str = "",
 ) -> Axes:
     """All designs of a comparison on the same axes, as :func:`plot_together` draws them."""
-    title = title or (f"{comparison.curves[0].preload:g} N" if comparison.curves else "")
+    title = title or (f"preload {comparison.curves[0].preload:g} N" if comparison.curves else "")
     return plot_together(comparison.results, quantity, ax, measured=measured, title=title)

@@ -14,7 +14,7 @@ def percent(value: float, sign: bool = False) -> str:
     return f"{100.0 * value:{'+' if sign else ''}{'.0f' if 0.995 <= abs(value) < 1e4 else '.2g'}} %"
 
 
-FITTING = {"m": "nµm ", "N": "m kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
+FITTING = {"m": "nµm ", "N": "m kM", "N/m": " kM", "J": "nµm k", "Pa": " kMG", "s": "µm ", "g": "m k"}
 """Prefixes that the number of a unit may take; a kilogram counts as a thousand grams."""
 PREFIXES = {"n": 1e-9, "µ": 1e-6, "m": 1e-3, " ": 1.0, "k": 1e3, "M": 1e6, "G": 1e9}
 

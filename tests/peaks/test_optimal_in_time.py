@@ -39,7 +39,7 @@ def test_by_default_it_is_asked_for_at_the_optimum(study, curve, monkeypatch, tm
     found.save(tmp_path / "optimal.h5")
     assert bd.load(tmp_path / "optimal.h5").kept == found.kept
     ax = found.plot()[0]
-    assert "kept in time, mean and range" in ax.get_legend_handles_labels()[1]
+    assert "a blade keeps in time, and range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
 

@@ -123,13 +123,13 @@ def test_bad_requests_are_named():
 class TestCurves:
     def test_highest_at_the_end_has_an_open_marker_and_a_legend(self, study):
         ax = study.track(2000.0, (360.0, 380.0)).plot()
-        assert "highest at the end of the interval" in legend_texts(ax)
+        assert "highest point that was followed" in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert top.get_markerfacecolor() == "w"
 
     def test_a_peak_has_a_filled_one(self, study):
         ax = study.track(2000.0, (330.0, 365.0)).plot()
-        assert "highest at the end of the interval" not in legend_texts(ax)
+        assert "highest point that was followed" not in legend_texts(ax)
         top = next(line for line in ax.lines if line.get_markersize() == 5.0)
         assert not isinstance(top.get_markerfacecolor(), str)
 
@@ -169,10 +169,10 @@ def test_advice_legend_shows_what_is_drawn():
     sets = Effects(harmonics=5), Effects(harmonics=5)
     ax = Advice(500.0, (300.0, 400.0), 0.01, 1e-4, 350.0, effects, *sets, 0.0, 0.0, 1.0, 3).plot()
     patches = dict(zip(legend_texts(ax), ax.get_legend().get_patches()))
-    assert list(patches) == ["amplitude", "frequency", "called for", "tolerance, 1 %"]
-    assert [bool(patch.get_hatch()) for patch in patches.values()] == [False, False, True, False]
+    said = ["black names: needed", "grey: all together\nmay be left out"]
+    assert list(patches) == ["amplitude", "frequency", "tolerance, 1 %", *said]
     bars = [bar for container in ax.containers for bar in container]
-    assert [bool(bar.get_hatch()) for bar in bars] == [False, True, False, True]  # from the bottom
+    assert [name.get_color() for name in ax.get_yticklabels()] == ["0.55", "k"]  # from the bottom
     assert {bars[0].get_facecolor(), bars[2].get_facecolor()} == {
         patches["amplitude"].get_facecolor(), patches["frequency"].get_facecolor()
     }  # fmt: skip
@@ -202,8 +202,8 @@ def test_accuracy_explains_its_lines(times):
     )
     ax = plot_accuracy(AccuracyCost("curve", 500.0, INTERVAL, 0.01, ("harmonics", "contact_points"), runs, (), 1))
     assert legend_texts(ax) == [
-        "harmonics below 5", "contact points below 24", "combination", "for 1 %: harmonics 3, contact points 9", "richest",
-        "tolerance, 1 %",
+        "harmonics, reference 5", "contact points, reference 24", "combination",
+        "fastest within 1 %:\nharmonics 3\ncontact points 9", "time of the reference", "tolerance, 1 %",
     ]  # fmt: skip
     assert [text.get_text() for text in ax.texts] == ["3", "1", "9", ""]
     assert_nothing_overlaps(ax)
@@ -314,10 +314,9 @@ class TestStyle:
         ax = plot_curves([study.free(INTERVAL), *curves])
         ax.figure.draw_without_rendering()
         assert not ax.get_legend().get_window_extent().overlaps(ax.bbox)
-        assert legend_texts(ax)[:2] == ["500 N", "2 kN"]
-        left, right = study.dissipation(curves[0]).plot()
-        left.figure.draw_without_rendering()
-        assert not left.get_legend().get_window_extent().overlaps(right.bbox)
+        assert legend_texts(ax)[:2] == ["preload 500 N", "preload 2 kN"]
+        upper, lower = study.dissipation(curves[0]).plot()
+        assert (upper.get_ylabel(), lower.get_ylabel()) == ("Equivalent contact stiffness (kN/m)", "Equivalent damping ratio (%)")
 
     def test_many_preloads_have_a_colour_bar(self, study):
         ax = plot_curves([study.track(load, (345.0, 360.0)) for load in (1e3, 2e3, 3e3, 4e3, 6e3, 8e3)])

@@ -55,7 +55,7 @@ def test_one_mass_keeps_its_branch_to_the_fold(bent, walked):
 
 def test_a_kept_motion_marks_a_picture(bent, walked):
     ax = walked.mark(bent[1].plot())
-    assert "kept in time, mean and range" in ax.get_legend_handles_labels()[1]
+    assert "a blade keeps in time, and range" in ax.get_legend_handles_labels()[1]
     plt.close("all")
 
 
