@@ -115,7 +115,7 @@ def fit_units(ax: Axes) -> None:
         if log:
             few = (1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)
             subs = few if high > 12.0 * low else (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-            axis.set_major_locator(LogLocator(subs=subs) if high > 4.0 * low else MaxNLocator(5))
+            axis.set_major_locator(LogLocator(subs=subs) if high > 2.0 * low else MaxNLocator(5))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
             axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: _plain(value / scale)))

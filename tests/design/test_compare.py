@@ -55,7 +55,7 @@ def test_on_the_same_axes(study, found):
     assert loops.get_xlabel() == "Motion of the response (µm)"
     mass = bd.lumped(1.0, 0.02, 1.0, contacts=[bd.Contact(0, kt=1.0, mu=1.0, preload=1.0)], forces={0: 1.0})
     far = plot_together({"a mass": mass.hysteresis(mass.peak(0.0, (0.1, 0.3)))})
-    assert far.get_xlabel() == "Response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
+    assert far.get_xlabel() == "Motion of the response (m)" and np.abs(far.get_lines()[0].get_xdata()).max() < 10.0
     plt.close("all")
 
 

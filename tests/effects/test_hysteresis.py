@@ -162,7 +162,7 @@ def test_pictures(study, curve, cycle):
         *cycle.plot_energy()[:1], *found.plot(), found.plot("energy", over="frequency"),
     ]  # fmt: skip
     for ax in axes:
-        units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(N/m)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"
+        units = "(N)", "(mN)", "(mJ)", "(µJ)", "(nm)", "(µm)", "(m)", "(mm)", "(kN/m)", "(%)", "(J)", "(Hz)", "(periods)"
         assert ax.get_ylabel().endswith(units), ax.get_ylabel()
         assert ax.get_xlabel().endswith(units) or not ax.get_xlabel()
     assert [t.get_text() for t in axes[1].get_legend().get_texts()] == ["left face", "right face"]
