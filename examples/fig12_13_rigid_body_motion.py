@@ -32,7 +32,7 @@ def plot_motion(quantity: str, title: str, name: str) -> None:
         for k, shade in enumerate([*colours(3), *colours(3)]):
             seen = np.where(values[:, k] > 2e-5 * top, values[:, k], np.nan)
             ax.loglog(motion["preload"], seen, color=shade, marker=MARKERS[k],
-                      linestyle="-" if k < 3 else "--", markersize=3.2, label=NAMES[k])  # fmt: skip
+                      linestyle="-" if k < 3 else "-.", markersize=3.2, label=NAMES[k])  # fmt: skip
         ax.set(xlabel="Preload (N)", ylim=(1.4e-5 * top, 2.0 * top))
         ax.set_title(f"{title}, {which}", fontsize=9.0)
     axes[0].set_ylabel("Modal coefficient of the damper (kg$^{1/2}$ m)")

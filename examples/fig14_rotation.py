@@ -35,7 +35,8 @@ with plt.rc_context(PAPER):
     figure, axes = plt.subplots(2, 4, figsize=(10.0, 5.4), sharex=True, sharey="col")
 for row, (name, found) in zip(axes, pairs.items()):
     for ax, pair in zip(row, found):
-        plot_curves(pair, ax, labels=("all rigid modes", "translations only"), title=f"{pair[0].preload:g} N, {name}")
+        title = f"preload {pair[0].preload:g} N,\n{name}"
+        plot_curves(pair, ax, labels=("all rigid modes", "translations only"), title=title)
         ax.get_legend().remove()
         ax.set(xlabel=ax.get_xlabel() if ax in axes[1] else "", ylabel=ax.get_ylabel() if ax is row[0] else "")
 handles, labels = axes[0, 0].get_legend_handles_labels()

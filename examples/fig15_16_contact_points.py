@@ -33,10 +33,11 @@ converged = {n: stored(f"mode_1_{lowest}" if n == 24 else f"points_{n}_{lowest}"
 #   open for nine tenths of the period, and the damper touches with its edges in turn; how far the last row stands from the
 #   edge decides about its lever.  From 200 N on four rows are within 1 % of five.
 
-panels = [(f"{p:g} N, settings of the paper", [curves[n][k] for n in POINTS]) for k, p in enumerate(POINTS_PRELOADS)]
-panels.insert(1, (f"{POINTS_PRELOADS[0]:g} N, converged", [converged[n] for n in POINTS]))
+loads = [f"preload {p:g} N" for p in POINTS_PRELOADS]
+panels = [(f"{load}, settings of the paper", [curves[n][k] for n in POINTS]) for k, load in enumerate(loads)]
+panels.insert(1, (f"{loads[0]}, converged", [converged[n] for n in POINTS]))
 with plt.rc_context(PAPER):
-    figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.6), sharex=True)
+    figure, axes = plt.subplots(2, 3, figsize=(9.0, 5.6), sharex=True, sharey=True)
 for ax, (title, found) in zip(axes.flat, panels):
     print_curves(f"{title}: 9, 24, 48 points on a face", found)
     plot_curves(found, ax, labels=[f"{n} points a face" for n in POINTS], title=title)
@@ -44,7 +45,6 @@ for ax, (title, found) in zip(axes.flat, panels):
     ax.set_xlabel("Frequency (Hz)" if ax in axes[1] else "")
     if ax not in axes[:, 0]:
         ax.set_ylabel("")
-axes[0, 1].set_ylim(axes[0, 0].get_ylim())
 axes[1, 2].set_axis_off()
 axes[1, 2].legend(*axes[0, 0].get_legend_handles_labels(), loc="center", fontsize=8.0)
 axes[0, 2].set_xlabel("Frequency (Hz)")
@@ -62,7 +62,7 @@ def plot_status(asked: bd.Study, preload: float, name: str) -> tuple[ContactStat
     curve = asked.track(preload, band)
     status = contact_status(asked, curve.unknowns[curve.peak.index], preload)
     chosen = [status.rows(side)[k] for side in ("left", "right") for k in (0, 3, 12, 21)]
-    title = f"{preload:g} N, {curve.peak.frequency:.1f} Hz, {name}"
+    title = f"preload {preload:g} N, {curve.peak.frequency:.1f} Hz, {name}"
     file = name.split()[-1]
     keep(plot_status_bars(status, chosen, title=title), f"fig16_status_bars_{file}")
     with plt.rc_context(PAPER):

@@ -20,7 +20,7 @@ import bdamper as bd
 from bdamper.fe import blade_to_ground
 from bdamper.fe.geometry import paper_geometry
 from bdamper.plot import colours
-from bdamper.plot.axes import MARKERS, PAPER
+from bdamper.plot.axes import MARKERS, PAPER, STYLES, fit_units
 from bdamper.plot.contact import face_coordinates
 from bdamper.plot.curves import amplitude_label
 from bdamper.plot.motion import contact_status
@@ -99,26 +99,28 @@ for ax, (name, method), marker in zip(axes, METHODS.items(), "os"):
         print_curves(f"{name}, harmonics {h}, loads {', '.join(f'{load:g}' for load in LOADS)} N", found)
     change = [100.0 * d for d in differences(*curves[name])]
     print("change of the peak:", ", ".join(f"{d:+.2g} %" for d in change))
-    changed.semilogx(LOADS, change, color="0.1", linestyle="-" if marker == "o" else "--", marker=marker, markersize=4.0,
+    changed.semilogx(LOADS, change, color="0.1", linestyle="-" if marker == "o" else "-.", marker=marker, markersize=4.0,
                      markerfacecolor="w", label=name)  # fmt: skip
     grey = {"color": "0.35", "linewidth": 0.9}
-    limits = [(study.free(BAND), "-.", "free"), (loaded[-1].stuck(BAND), ":", "stuck")]
+    limits = [(study.free(BAND), STYLES[2], "free"), (loaded[-1].stuck(BAND), STYLES[4], "stuck")]
     for curve, style, _ in limits:
         ax.semilogy(curve.frequency, curve.amplitude, **grey, linestyle=style)
     for single, multiple, shade, marker in zip(*curves[name], colours(len(LOADS)), MARKERS):
-        for curve, style, fill in ((single, "--", "w"), (multiple, "-", shade)):
+        for curve, style, fill in ((single, "-.", "w"), (multiple, "-", shade)):
             ax.semilogy(curve.frequency, curve.amplitude, color=shade, linestyle=style)
             ax.plot(curve.peak.frequency, curve.peak.amplitude, marker, color=shade, markersize=5.0, markerfacecolor=fill)
     ax.set_title(name, fontsize=9.0)
     ax.set_xlabel("Frequency (Hz)")
 axes[0].set_ylabel(amplitude_label(curve))
-axes[1].set(ylim=axes[0].set_ylim(2e-6), yticklabels=[])
+axes[1].set(ylim=axes[0].set_ylim(2e-6))
+fit_units(axes[0])
+axes[1].tick_params(labelleft=False)
 changed.set(xlabel="Normal load (N)", ylabel="Change of the peak by five harmonics (%)")
-changed.legend(fontsize=7.5, loc="lower right")
+changed.legend(fontsize=7.5, loc="lower right", frameon=False)
 handles = [Line2D([], [], **grey, linestyle=style, label=label) for _, style, label in limits]
 for load, shade, marker in zip(LOADS, colours(len(LOADS)), MARKERS):
     handles.append(Line2D([], [], color=shade, marker=marker, label=f"{load / 1000.0:g} kN"))
-handles.append(Line2D([], [], color="k", linestyle="--", marker="o", markerfacecolor="w", label="one harmonic"))
+handles.append(Line2D([], [], color="k", linestyle="-.", marker="o", markerfacecolor="w", label="one harmonic"))
 handles.append(Line2D([], [], color="k", marker="o", label="five harmonics"))
-figure.legend(handles=handles, ncols=5, fontsize=7.5, loc="outside lower center")
+figure.legend(handles=handles, ncols=5, fontsize=7.5, loc="outside lower center", frameon=False)
 keep(figure, "fig18_blade_to_ground")

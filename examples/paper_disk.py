@@ -17,7 +17,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
 import bdamper as bd
 from bdamper.continuation.curve import Curve
@@ -152,6 +151,5 @@ def plot_optimal_beside(paper: OptimalCurve, converged: OptimalCurve, title: str
         for ax in axes[:, 1]:
             ax.set_ylabel("")
         common = {name: handle for name, handle in common.items() if not name.startswith(("optimum", "least"))}
-        common["another peak is the highest next"] = Line2D([], [], color="0.1", linestyle=":", linewidth=0.8)
         figure.legend(common.values(), common.keys(), ncols=4, fontsize=8.0, loc="outside lower center")
     return figure

@@ -49,21 +49,23 @@ def plot_over_mass(curve: OptimalCurve, grams: float, ax: plt.Axes) -> None:
     ax.plot(grams * margins.values, margins.margin, "k-", label="margin")
     ax.plot(grams * margins.best_value, margins.best_margin, "k*", markersize=11, label="largest margin")
     tip = ax.twinx()
-    tip.plot(grams * curve.preload, 1e3 * curve.amplitude, color="0.55", linestyle="--", label="tip amplitude")
+    tip.plot(grams * curve.preload, 1e3 * curve.amplitude, color="0.55", linestyle="-.", label="tip amplitude")
     best = curve.optimum
     tip.plot(grams * best.preload, 1e3 * best.amplitude, "o", color="0.55", markeredgecolor="k", label="least amplitude")
     ax.set(xlabel="Damper mass (g)", ylabel="Margin against fatigue", ylim=(0.0, None))
     ax.set_title(f"engine order {curve.settings['engine_order']}, {ONE_SPEED * RPM:.0f} rpm", fontsize=8)
-    tip.set(ylabel="Tip amplitude (mm), dashed", ylim=(0.0, None))
+    tip.set(ylabel="Tip amplitude (mm), dash-dotted", ylim=(0.0, None))
     tip.grid(False)
     both = [handle for axes in (ax, tip) for handle in axes.get_legend_handles_labels()[0]]
-    ax.legend(both, [line.get_label() for line in both], fontsize=7.0, loc="lower right")
+    names = [line.get_label() for line in both]
+    ax.legend(both, names, fontsize=7.0, loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
 
 
 def review(asked: bd.Study, found: Crossings, curve: OptimalCurve) -> plt.Figure:
     """Campbell diagram with damped crossings, margin over speed, and margin beside tip amplitude over the mass."""
     campbell = asked.campbell(SPEEDS, ORDERS, modes=1, damped=found)
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13.0, 4.0), layout="constrained")
+    with plt.style.context("bdamper.plot.style"):
+        figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13.0, 4.0))
     plot_campbell(campbell, left)
     left.set_ylim(200.0, 520.0)
     plot_crossings(found, middle, quantity="margin")

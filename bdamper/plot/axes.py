@@ -38,7 +38,7 @@ FIXED: dict[Any, Any] = {**PAPER, "figure.constrained_layout.use": False}
 STYLES = ("-", "-.", (0, (6, 1, 1, 1, 1, 1)), (0, (10, 2)), (0, (1, 0.6)), (0, (3, 1, 1, 1)))
 """Lines that are told apart in grey; dashes and dots alone have their meaning."""
 DASHED = (0, (3, 1.5))
-"""Line of what is unstable, and of means."""
+"""Line of what is unstable."""
 
 
 def new_axes(width: float = 5.6, height: float = 3.6) -> Axes:
@@ -118,10 +118,10 @@ def fit_units(ax: Axes) -> None:
             axis.set_major_locator(LogLocator(subs=subs) if high > 2.0 * low else MaxNLocator(5))
             axis.set_minor_formatter(NullFormatter())
         if log or scale != 1.0:
-            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: _plain(value / scale)))
+            axis.set_major_formatter(FuncFormatter(lambda value, _, scale=scale: plain_number(value / scale)))
 
 
-def _plain(value: float) -> str:
+def plain_number(value: float) -> str:
     """A number of an axis with six digits, no power of ten and the sign of printed text."""
     return np.format_float_positional(float(f"{value:.6g}"), trim="-").replace("-", MINUS)
 

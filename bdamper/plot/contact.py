@@ -170,7 +170,7 @@ def plot_faces(
 @draws(PreloadState)
 def plot_static(state: PreloadState, ax: Axes | None = None) -> Axes:
     """Normal force of every contact point in the static state, in the colour of what it does."""
-    with drawing(ax, title=f"load {amount(state.load, 'N')}") as ax:
+    with drawing(ax, title=f"preload {amount(state.load, 'N')}") as ax:
         shades = [STATUS_COLOURS[("stick", "slip", "open").index(name)] for name in state.state]
         ax.bar(np.arange(1, len(shades) + 1), state.force[:, 2], color=shades, **EDGE)
         ax.set(xlabel="Contact point", ylabel="Normal force (N)")
@@ -230,7 +230,7 @@ def plot_stiffness(comparison: StiffnessComparison, method: str = "eq4") -> NDAr
             if contact.fallback is not None and not contact.fallback[:, axis].all():
                 value = np.where(contact.fallback[:, axis], np.nan, value)
             values.append(value)
-    return plot_faces(places, values, ["t1", "t2", "n"], "N/mm$^3$", 1e9)
+    return plot_faces(places, values, ["t1", "t2", "n"], "Stiffness (N/mm$^3$)", 1e9)
 
 
 # ---- the damper between its platforms ----

@@ -18,7 +18,7 @@ from bdamper.effects.hysteresis import Dissipation
 from bdamper.effects.microslip import Microslip
 from bdamper.io.measured import Fit, Measured, Measurement, goodness_of_fit
 from bdamper.peaks.optimal_curve import NEAR_BEST, OptimalCurve
-from bdamper.plot.axes import DASHED, colours, drawing, legend_beside, runs, stacked
+from bdamper.plot.axes import DASHED, STYLES, colours, drawing, legend_beside, runs, stacked
 from bdamper.stability.steady_state import SettledResponse
 from bdamper.stability.time_sweep import TimeSweep
 from bdamper.stability.verification import Verification
@@ -34,7 +34,7 @@ LIMITS: dict[str, dict[str, Any]] = {
     "stuck": {"color": "0.45", "linewidth": 1.0},
 }
 """Lines of the limits without contact and with all contacts stuck."""
-EDGE = 1e-6
+AT_EDGE = 1e-6
 """Relative distance in frequency within which a point lies at the edge of a part."""
 MOST_NAMED = 5
 """Curves that a legend names; more have a colour bar."""
@@ -50,6 +50,7 @@ KEPT: dict[str, Any] = {
 """Point and bar of what a blade keeps."""
 ALIKE = 0.9
 """Ratio from which both limits are one line."""
+TAKES_OVER = "another peak takes over in between"
 SHOWN = ("amplitude", "shift")
 """Quantities of an optimal curve."""
 FREQUENCY, AMPLITUDE, PRELOAD = (label_of(Dissipation, name) for name in ("frequency", "amplitude", "preload"))
@@ -86,7 +87,7 @@ def _draw_tracking(ax: Axes, curve: Curve, colour: Any, label: str | None) -> No
 def _only_highest(curve: Curve) -> bool:
     """Whether the highest point lies at the end of what was followed, so that there may be a higher one."""
     f = curve.peak.frequency
-    return curve.peak_at_end or any(part.low - EDGE * f <= f <= part.high + EDGE * f for part in curve.left_out)
+    return curve.peak_at_end or any(part.low - AT_EDGE * f <= f <= part.high + AT_EDGE * f for part in curve.left_out)
 
 
 def _draw_limit(ax: Axes, name: str, x: Any, y: Any, at: float) -> None:
@@ -245,7 +246,7 @@ def plot_optimal(
             part = slice(first, last + 1)
             ax.plot(preload[part], values[part], ".-", color="0.1", markersize=4.0)
         for n, k in enumerate(np.flatnonzero(~goes_on[1:])):  # where another peak becomes the highest, or one was lost
-            label = "" if n else "another peak takes over in between"
+            label = "" if n or quantity == "shift" else TAKES_OVER
             ax.plot(preload[k : k + 2], values[k : k + 2], ":", color="0.1", linewidth=0.8, label=label)
         if quantity == "shift":
             ax.set_ylabel("Frequency shift (%)")
@@ -303,8 +304,9 @@ def _mark_optimum(ax: Axes, result: OptimalCurve) -> None:
     what = what if o.verified else ("least value" if o.kind != "end" else what) + ", not verified"
     ax.plot(o.preload, o.amplitude, "*", color="tab:red", markersize=10.0, markerfacecolor="tab:red" if o.verified else "w",
             label=f"{what}, {amount(o.preload, 'N')}")  # fmt: skip
-    ax.annotate(f"{amount(o.preload, 'N')}: {amount(o.amplitude, 'm')}", (o.preload, o.amplitude), xytext=(0, -9),
-                textcoords="offset points", ha="center", va="top", fontsize=8.0, color="tab:red")  # fmt: skip
+    left = o.preload**4 < result.preload[0] ** 3 * result.preload[-1]  # in the first quarter: no room to the left
+    ax.annotate(f"{amount(o.preload, 'N')}: {amount(o.amplitude, 'm')}", (o.preload, o.amplitude), xytext=(0, -9), va="top",
+                textcoords="offset points", ha="left" if left else "center", fontsize=8.0, color="tab:red")  # fmt: skip
     low, high = result.preloads_within(NEAR_BEST * o.amplitude)
     ax.axvspan(low, high, color="tab:red", alpha=0.1, linewidth=0.0, label=f"at most {percent(NEAR_BEST - 1.0)} more")
     ax.margins(y=0.15)  # for the label
@@ -388,7 +390,7 @@ def plot_over_measurement(
             value = curve.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.shift_percent
             stuck = curve.stuck.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.stuck_shift_percent
             colour = ("0.1", "0.1", colours(3)[1], "0.6")[k % 4]
-            ax.plot(load, value, ("-", "--", ":", "-.")[k % 4], color=colour, label=name)
+            ax.plot(load, value, STYLES[k % 4], color=colour, label=name)
             ax.plot(load[-1] * 1.15, stuck, marker=8, color=colour, markersize=6.0, linestyle="none", clip_on=False)
         ax.plot([], [], marker=8, color="0.1", markersize=6.0, linestyle="none", label="stuck")
         if measured is not None:
@@ -433,7 +435,7 @@ def plot_verification(verification: Verification, ax: Axes | None = None) -> Axe
     with drawing(ax, title=f"{verification.frequency:.6g} Hz: {within}", legend=7.0) as ax:
         label = f"time integration, {verification.periods} periods"
         ax.plot(periods, verification.response, color=light, linewidth=2.4, label=label)
-        ax.plot(periods, verification.expected_response, "--", color=dark, label="harmonic balance")
+        ax.plot(periods, verification.expected_response, "-.", color=dark, label="harmonic balance")
         ax.set(xlabel="Time (periods)", ylabel="Response (m)")
     return ax
 
@@ -446,7 +448,7 @@ def plot_settled(settled: SettledResponse, ax: Axes | None = None) -> Axes:
         half = [n // 2, n - 1]
         ax.fill_between(half, *settled.range, color="0.85", label="range")
         ax.plot(np.arange(n), settled.amplitude, color="0.2", linewidth=0.9, label="each period")
-        ax.plot(half, [settled.mean] * 2, color="k", linestyle=DASHED, label="mean")
+        ax.plot(half, [settled.mean] * 2, color="k", linewidth=2.0, label="mean")
         ax.set(xlabel="Period of the excitation", ylabel=AMPLITUDE)
     return ax
 

@@ -10,12 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.patheffects import Normal, Stroke
+from matplotlib.ticker import FuncFormatter
 
 from bdamper.accuracy.ladders import COMBINED, AccuracyCost
 from bdamper.design.sweep import UNITS, SweepResult
 from bdamper.design.uncertainty import UncertainCurve
 from bdamper.effects.advice import Advice
-from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, legend_beside, lost
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing, legend_beside, lost, plain_number
 from bdamper.util.errors import SettingError
 from bdamper.util.ladder import Ladder
 from bdamper.util.plotting import draws
@@ -151,6 +152,10 @@ def plot_advice(advice: Advice, ax: Axes | None = None, *, title: str = "") -> A
             ax.hlines(place + offset, change - missed, change + missed, color="k", linewidth=0.6)
             handles.append(Patch(facecolor=colour, edgecolor="k", linewidth=0.4, label=label))
         ax.set_xscale("symlog", linthresh=tolerance)
+        most = np.abs(ax.get_xlim()).max()
+        numbers = [tolerance, *(n for n in (10.0, 100.0, 1000.0) if 1.5 * tolerance < n < most)]
+        ax.set_xticks([*(-n for n in reversed(numbers)), 0.0, *numbers], minor=False)
+        ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: plain_number(value)))
         ax.set_yticks(place, [e.name for e in effects])
         for y, e, name in zip(place, effects, ax.get_yticklabels()):
             name.set_color("k" if e.called_for else LEFT_OUT)

@@ -14,7 +14,7 @@ from bdamper.fatigue.margin import MarginCurve, Margins
 from bdamper.fatigue.material import LINES
 from bdamper.model.model import Model
 from bdamper.model.stress import COMPONENTS
-from bdamper.plot.axes import DASHED, MARKERS, PAPER, STYLES, colours, drawing, legend_beside, save_figure
+from bdamper.plot.axes import MARKERS, PAPER, STYLES, colours, drawing, legend_beside, save_figure
 from bdamper.plot.model3d import plot_surfaces
 from bdamper.util import validate
 from bdamper.util.errors import SettingError
@@ -54,7 +54,7 @@ def plot_stress(cycle: StressCycle, point: int | None = None, ax: Axes | None = 
 def plot_haigh(margins: Margins, ax: Axes | None = None) -> Axes:
     """Haigh diagram: amplitude over mean of every point, with the lines of the material.
 
-    The line of the margin is drawn in full, the others dashed; points that margins leave out are hollow.
+    The line of the margin is drawn in full, the others broken; points that margins leave out are hollow.
     """
     material, i = margins.material, margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
@@ -62,7 +62,7 @@ def plot_haigh(margins: Margins, ax: Axes | None = None) -> Axes:
         right = material.ultimate_strength
         low = min(0.0, 1.1 * float(margins.mean.min()))
         mean = np.linspace(low, right, 400)
-        for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), ("--", ":", "-.")):
+        for line, colour, dashes in zip(LINES, ("black", "0.35", "0.6"), STYLES[1:]):
             chosen = line == margins.rule.line and margins.rule.criterion != "findley"
             style: dict[str, Any] = {"color": colour, "linestyle": dashes}
             if chosen:
@@ -113,7 +113,7 @@ def plot_margin(
             best = curve.best_value, curve.best_margin
             axes.plot(*best, "*", color="#c0392b", markeredgecolor="black", markersize=12, label="best margin")
         if k == 0:
-            axes.axhline(1.0, color="0.4", linewidth=1.0, linestyle=DASHED)
+            axes.axhline(1.0, color="0.4", linewidth=1.0)
             axes.set_xlabel(f"{curve.over.capitalize()} ({curve.unit})")
             axes.set_ylabel(label_of(MarginCurve, "margin"))
         if curve.over == "preload":
@@ -123,8 +123,8 @@ def plot_margin(
             axes.set_yscale("log")
         if with_response:
             other = axes.twinx()
-            other.plot(curve.values, curve.response, color="0.55", linestyle=DASHED, label="response")
-            other.set_ylabel("Amplitude of the response, dashed (m)")
+            other.plot(curve.values, curve.response, color="0.55", linestyle=STYLES[1], label="response")
+            other.set_ylabel("Amplitude of the response, dash-dotted (m)")
             other.set_ylim(bottom=0.0)
             other.grid(False)
         if label or np.isfinite(curve.best_value):

@@ -120,7 +120,12 @@ def plot_energy(result: Hysteresis) -> NDArray:
 
 @draws(Dissipation)
 def plot_dissipation(
-    result: Dissipation, quantity: str = "equivalent", ax: Any = None, *, over: str = "amplitude", title: str = ""
+    result: Dissipation,
+    quantity: str = "equivalent",
+    ax: Axes | tuple[Axes, Axes] | None = None,
+    *,
+    over: str = "amplitude",
+    title: str = "",
 ) -> Axes | NDArray:
     """What the contacts do to the vibration, over its amplitude.
 
@@ -149,20 +154,20 @@ def plot_dissipation(
                       markevery=max(1, len(x) // 12), label=name if n == 0 else None)  # fmt: skip
 
     if quantity == "equivalent":
-        upper, lower = stacked() if ax is None else ax
+        upper, lower = stacked() if ax is None else np.ravel(np.asarray(ax, object))
         with drawing(upper, title=title), drawing(lower):
             line(upper, result.stiffness, "0.1")
             line(lower, 100.0 * result.damping_ratio, "0.1")
             upper.set_ylabel(label(Dissipation, "stiffness"))
             lower.set(xlabel=label(Dissipation, over), ylabel=label(Dissipation, "damping_ratio", "%"))
         return np.array([upper, lower])
-    with drawing(ax, title=title, legend=7.0) as ax:
+    with drawing(ax if isinstance(ax, Axes) else None, title=title, legend=7.0) as axes:
         faces = {name: e for name, e in result.by_interface.items() if (e > 1e-9 * result.lost.max()).any()}
-        line(ax, result.excitation, "0.7", "work of the excitation")
+        line(axes, result.excitation, "0.7", "work of the excitation")
         for (name, e), colour, marker in zip(faces.items(), colours(len(faces)), MARKERS * len(faces)):
-            line(ax, e, colour, f"friction of the {name} face", marker)
-        line(ax, result.damping, "0.35", "damping of the modes", style="-.")
+            line(axes, e, colour, f"friction of the {name} face", marker)
+        line(axes, result.damping, "0.35", "damping of the modes", style="-.")
         wide = x.min() > 0.0 and x.max() > 5.0 * x.min()
-        ax.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear", yscale="log")
-        ax.set(ylabel="Energy in a cycle (J)", ylim=(SMALLEST * result.excitation.max(), None))
-    return ax
+        axes.set(xlabel=label(Dissipation, over), xscale="log" if wide else "linear", yscale="log")
+        axes.set(ylabel="Energy in a cycle (J)", ylim=(SMALLEST * result.excitation.max(), None))
+    return axes

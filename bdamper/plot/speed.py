@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from bdamper.plot.axes import DASHED, MARKERS, colours, drawing
+from bdamper.plot.axes import MARKERS, STYLES, colours, drawing
 from bdamper.problem.at_speed import RPM
 from bdamper.speed.campbell import Campbell
 from bdamper.speed.crossings import Crossings, SpeedLine
@@ -54,7 +54,7 @@ def plot_campbell(
             label = f"free, nodal diameter {d}" if len(known) < 4 else "free" if d == known[0] else None
             ax.plot(rpm, campbell.free[k], "-", color=colour, linewidth=0.8, label=_first(label, campbell.free[k]))
             text = "stuck" if d == known[0] else None
-            look: dict[str, Any] = {"linestyle": DASHED, "color": colour, "linewidth": 0.8}
+            look: dict[str, Any] = {"linestyle": STYLES, "color": colour, "linewidth": 0.8}
             ax.plot(rpm, campbell.stuck[k], **look, label=_first(text, campbell.stuck[k]))
         _orders(ax, orders, campbell.speed, 1.05 * top)
         for row in range(len(campbell.order)):
@@ -131,7 +131,7 @@ def plot_safe(campbell: Campbell, speed: float | None = None, ax: Axes | None = 
             ax.plot(d, free[:, m], marker=MARKERS[m % len(MARKERS)], markersize=4.0, color=colour, linewidth=0.6,
                     label=f"mode {m + 1}, free")  # fmt: skip
             ax.plot(d, stuck[:, m], marker=MARKERS[m % len(MARKERS)], markersize=4.0, color=colour, markerfacecolor="w",
-                    linestyle=DASHED, linewidth=0.6, label="stuck" if m == 0 else None)  # fmt: skip
+                    linestyle=STYLES[1], linewidth=0.6, label="stuck" if m == 0 else None)  # fmt: skip
         ax.set(xlabel="Nodal diameter", ylabel="Frequency (Hz)", xlim=(-0.5, min(half, d.max() + 5) + 0.5), ylim=(0.0, top))
     return ax
 
@@ -178,13 +178,13 @@ def plot_crossings(
                 some = np.isfinite(height)
                 ax.plot(line.speed[some] * RPM, height[some], color=colour, linewidth=0.5, alpha=0.6)
             ax.plot(found.rpm[rows], value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
-                    linestyle=DASHED, linewidth=0.8, label=f"{1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
+                    linestyle=STYLES[1], linewidth=0.8, label=f"{1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
             if j == len(masses) - 1:
                 for i in rows[found.found[rows]]:
                     ax.annotate(f"EO {found.engine_order[i]}", (found.rpm[i], value[i]), fontsize=6.5, color="0.3",
                                 textcoords="offset points", xytext=(4, 4))  # fmt: skip
         if quantity == "margin":
-            ax.axhline(1.0, color="k", linewidth=0.8, linestyle=":")
+            ax.axhline(1.0, color="k", linewidth=0.8, linestyle="-")
         label = "Resonance amplitude (m)" if quantity == "amplitude" else "Margin against fatigue"
         ax.set(xlabel=SPEED, ylabel=label, yscale="log")
     return ax
