@@ -190,12 +190,12 @@ keep(plot_stiffness(comparison, "eq4"), "fig04_stiffness")
 
 blade, damper = model.meshes["blade"], model.meshes["damper"]
 corner = model.locations["tip_trailing_edge"].position
-ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))], backend="matplotlib",
+ax = plot_surfaces([(blade.points, blade.quads, ("#c9d3dc", 0.5))],
                    title="blade; dot: excitation and response")  # fmt: skip
 ax.plot(*(1e3 * corner[[2, 0, 1], None]), "o", color="#c0392b", markersize=5.0, clip_on=False)
 keep(ax, "fig05_blade")
 points = np.concatenate([model.interfaces[name].points for name in ("left", "right")])
-ax = plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points, backend="matplotlib",
+ax = plot_surfaces([(damper.points, damper.quads, ("#d9a65a", 0.6))], points,
                    title="damper; dots: contact points")  # fmt: skip
 keep(ax, "fig05_damper")
 
@@ -203,6 +203,6 @@ keep(ax, "fig05_damper")
 # The modes of Figs 6 to 11.
 
 for mode in MODES:
-    keep(model.plot_mode(mode, body="blade", backend="matplotlib"), f"fig05_mode_{mode}")
+    keep(model.plot_mode(mode, body="blade"), f"fig05_mode_{mode}")
 frequencies = np.sqrt(model.bodies["blade"].bases[5].omega2[:7]) / (2.0 * np.pi)
 print("modes of the blade at nodal diameter 5:", ", ".join(f"{f:.1f}" for f in frequencies), "Hz")

@@ -211,8 +211,8 @@ def users_of(*libraries: str) -> set[str]:
     return {room(module_name(path)) for path in python_files() if contents(path).libraries & {*libraries}}
 
 
-def test_only_plot_imports_matplotlib_and_pyvista():
-    assert users_of("matplotlib", "pyvista") == {"plot"}
+def test_only_plot_imports_matplotlib():
+    assert users_of("matplotlib") == {"plot"}
 
 
 def test_only_the_equations_import_the_core():

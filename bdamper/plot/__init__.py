@@ -1,4 +1,4 @@
-"""Pictures of every result; the only room that imports matplotlib and pyvista.
+"""Pictures of every result; the only room that imports matplotlib.
 
 In: results, models and problems.  Out: matplotlib axes and figures, pictures and animations in files; motions and contact
 states of solutions in plain arrays (:mod:`bdamper.plot.motion`), files for ParaView (:mod:`bdamper.plot.vtu`).  A

@@ -23,7 +23,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
-from bdamper.model.model import Model
 from bdamper.util.plotting import Plottable, draw, draws
 from bdamper.util.tables import label
 from bdamper.util.text import FITTING, PREFIXES, fitting
@@ -138,9 +137,8 @@ def save_figure(target: Axes | Figure | Sequence[Axes] | NDArray, path: Any, **o
 @draws(Plottable, "image")
 def image_of(shown: Plottable) -> bytes:
     """The picture of an object as a PNG file, for a notebook."""
-    options = {"backend": "matplotlib"} if isinstance(shown, Model) else {}  # whatever else is installed
     file = io.BytesIO()
-    save_figure(draw(shown, "plot", **options), file, format="png", dpi=100)
+    save_figure(draw(shown, "plot"), file, format="png", dpi=100)
     return file.getvalue()
 
 

@@ -103,7 +103,6 @@ def plot_curves(
     ax: Axes | None = None,
     *,
     labels: Sequence[str] | None = None,
-    logarithmic: bool = True,
     title: str = "",
     sweeps: bool = False,
 ) -> Axes:
@@ -116,8 +115,6 @@ def plot_curves(
     ax : matplotlib axes, optional
     labels : sequence of str, optional
         One for each tracking curve; the preload by default.
-    logarithmic : bool
-        Scale of the amplitude.
     title : str
     sweeps : bool
         Draw what slow sweeps of frequency up and down show (:meth:`bdamper.continuation.curve.Curve.sweep`).
@@ -153,9 +150,7 @@ def plot_curves(
         if any(len(c) and _only_highest(c) for c in tracking):
             ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
                     label="highest point that was followed")
-        if logarithmic:
-            ax.set_yscale("log")
-        ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves))
+        ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves), yscale="log")
         if many:
             preloads = [curve.preload for curve in tracking]
             bar = plt.cm.ScalarMappable(LogNorm(min(preloads), max(preloads)), ListedColormap(colours(256)))
@@ -207,7 +202,7 @@ def plot_measurement(measurement: Measurement, ax: Axes | None = None, scale: fl
 
 @draws(OptimalCurve)
 def plot_optimal(
-    result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = "", coexisting: bool = False
+    result: OptimalCurve, ax: Axes | None = None, *, quantity: str = "amplitude", title: str = ""
 ) -> Axes | NDArray:
     """Resonance amplitude and frequency shift over the preload, as in Figs 8 and 9 of the paper.
 
@@ -218,8 +213,6 @@ def plot_optimal(
         Of one quantity; both have axes of their own, one below the other, where there are none given.
     quantity : {"amplitude", "shift"}
     title : str
-    coexisting : bool
-        Mark the peaks that are not the highest, too.
 
     Returns
     -------
@@ -236,7 +229,7 @@ def plot_optimal(
     if ax is None:
         both = stacked(5.0, (2.0, 1.0))
         for one, name in zip(both, ("amplitude", "shift")):
-            plot_optimal(result, one, quantity=name, title=title if one is both[0] else "", coexisting=coexisting)
+            plot_optimal(result, one, quantity=name, title=title if one is both[0] else "")
         both[0].set_xlabel("")
         return both
     preload, values, goes_on = _with_optimum(result, validate.choice("quantity", quantity, SHOWN))
@@ -256,10 +249,6 @@ def plot_optimal(
             levels = {"free or stuck": max(levels.values())}
         for name, level in levels.items():
             _draw_limit(ax, name, result.preload[[0, -1]], [level, level], result.preload[-2 if name == "free" else 1])
-        if coexisting:
-            tops = {c.preload: c.peak.amplitude for c in result.curves if len(c)}
-            others = np.array([p for p in result.maxima if p[1] < 0.999 * tops.get(p[0], np.inf)]).reshape(-1, 2)
-            ax.plot(*others.T, ".", color="0.65", markersize=2.5, label="other peaks")
         _mark_gaps(ax, result)
         _mark_checks(ax, result)
         _mark_optimum(ax, result)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -91,7 +90,6 @@ def plot_uncertain(
     ax: Axes | None = None,
     *,
     quantity: str = "amplitude",
-    bands: Sequence[tuple[float, float]] = ((5.0, 95.0), (25.0, 75.0)),
 ) -> Axes:
     """Percentile bands of optimal curves over the preload.
 
@@ -100,16 +98,13 @@ def plot_uncertain(
     result : UncertainCurve
     ax : matplotlib axes, optional
     quantity : {"amplitude", "frequency"}
-    bands : sequence of (low, high)
-        Percentiles, the widest band first.
 
     Returns
     -------
     matplotlib axes
     """
     with drawing(ax, legend=7.0) as ax:
-        shades = np.linspace(0.85, 0.7, max(len(bands), 1))
-        for (low, high), shade in zip(bands, shades):
+        for low, high, shade in ((5.0, 95.0, 0.85), (25.0, 75.0, 0.7)):
             edge = result.percentile([low, high], quantity)
             ax.fill_between(result.preload, *edge, color=str(shade), linewidth=0.0, label=f"{low:g} to {high:g} %")
         ax.plot(result.preload, result.percentile(50.0, quantity), color="0.1", label="median")

@@ -152,7 +152,7 @@ def plot_critical(margins: Margins, model: Model, path: Any = None) -> Any:
     surfaces = [(mesh.points, mesh.quads, ("#d0d0d0", 0.25)) for mesh in meshes]
     i = margins.critical
     title = f"margin {margins.least:.3g} at {margins.names[i]}"
-    axes = plot_surfaces(surfaces, backend="matplotlib", title=title)
+    axes = plot_surfaces(surfaces, title=title)
     at = 1e3 * margins.points[:, [2, 0, 1]]
     seen = margins.counted & (np.arange(len(margins)) != i)
     with plt.rc_context(PAPER):

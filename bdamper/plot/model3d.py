@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from typing import Any
 
 import matplotlib.pyplot as plt
@@ -18,7 +17,7 @@ from bdamper.model.model import Model, turn
 from bdamper.plot.axes import FIXED, MARKERS, PAPER, colours, save_figure
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
-from bdamper.util.errors import BdamperError, SettingError
+from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 
 Surface = tuple[NDArray, NDArray, Any]
@@ -35,14 +34,7 @@ def _parts_to_show(model: Model) -> list[tuple[str, int, NDArray]]:
     return [(name, sector, turn(2.0 * np.pi * sector / model.n_blades)) for name, sector in shown]
 
 
-def plot_surfaces(
-    surfaces: Sequence[Surface],
-    points: NDArray | None = None,
-    path: Any = None,
-    *,
-    backend: str | None = None,
-    title: str = "",
-) -> Any:
+def plot_surfaces(surfaces: Sequence[Surface], points: NDArray | None = None, path: Any = None, *, title: str = "") -> Any:
     """Draw surfaces of quadrilaterals in 3-D.
 
     Parameters
@@ -51,57 +43,13 @@ def plot_surfaces(
     points : (k, 3) float, optional
         Marked by dots.
     path : path-like, optional
-        Where to write a picture; nothing is shown then.
-    backend : {"pyvista", "matplotlib"}, optional
-        pyvista (extra ``bdamper[viz]``) if it is installed.
+        Where to write a picture.
     title : str
 
     Returns
     -------
-    pyvista.Plotter or matplotlib axes
+    matplotlib axes
     """
-    if backend is None:
-        backend = "pyvista" if find_spec("pyvista") else "matplotlib"
-    draw = {"pyvista": _surfaces_pyvista, "matplotlib": _surfaces_matplotlib}.get(backend)
-    if draw is None:
-        raise SettingError(f'backend: expected "pyvista" or "matplotlib", found {backend!r}')
-    return draw(surfaces, points, path, title)
-
-
-def _surfaces_pyvista(
-    surfaces: Sequence[Surface], points: NDArray | None, path: Any, title: str
-) -> Any:
-    try:
-        import pyvista
-    except ImportError as error:
-        raise BdamperError('backend="pyvista" needs pyvista: install the extra bdamper[viz]') from error
-    plotter: Any = pyvista.Plotter(off_screen=path is not None, window_size=[1000, 1200])
-    plotter.set_background("white")
-    top = max((float(np.max(v)) for _, _, v in surfaces if isinstance(v, np.ndarray)), default=1.0)
-    for place, quads, colour in surfaces:
-        faces = np.hstack([np.full((len(quads), 1), 4), quads]).ravel()
-        mesh = pyvista.PolyData(np.asarray(place, float), faces)
-        if isinstance(colour, np.ndarray):
-            mesh["amplitude"] = colour
-            bar = {"title": "amplitude", "color": "black"}
-            plotter.add_mesh(mesh, scalars="amplitude", cmap="viridis", clim=[0.0, top], scalar_bar_args=bar)
-        else:
-            colour, opacity = colour if isinstance(colour, tuple) else (colour, 1.0)
-            plotter.add_mesh(mesh, color=colour, opacity=opacity, show_edges=True, edge_color="#808080", line_width=0.5)
-    if points is not None and len(points):
-        plotter.add_points(np.asarray(points, float), color="#c0392b", point_size=7, render_points_as_spheres=True)
-    if title:
-        plotter.add_text(title, font_size=10, color="black")
-    plotter.view_vector((0.9, 0.35, 0.9), viewup=(0.0, 1.0, 0.0))
-    plotter.camera.zoom(1.05)
-    if path is not None:
-        plotter.screenshot(str(path))
-    return plotter
-
-
-def _surfaces_matplotlib(
-    surfaces: Sequence[Surface], points: NDArray | None, path: Any, title: str
-) -> Any:
     # the picture's axes are (Z, X, Y): Y up
     with plt.rc_context(FIXED):
         figure = plt.figure(figsize=(4.2, 5.0))
@@ -176,7 +124,7 @@ def _overlap(boxes: list[Any]) -> bool:
 
 
 @draws(Model)
-def plot_model(model: Model, path: Any = None, *, backend: str | None = None) -> Any:
+def plot_model(model: Model, path: Any = None) -> Any:
     """Bodies at rest and contact points in 3-D; see `plot_surfaces`."""
     # blades are transparent
     tint = {"constrained": ("#b9c6d2", 0.35), "free": ("#e8b563", 1.0), "ground": ("#cccccc", 1.0)}
@@ -187,7 +135,7 @@ def plot_model(model: Model, path: Any = None, *, backend: str | None = None) ->
     if not surfaces:
         raise SettingError("plot of a model: expected at least one body with a mesh, found none")
     points = np.concatenate([face.points for face in model.interfaces.values()])
-    return plot_surfaces(surfaces, points, path, backend=backend)
+    return plot_surfaces(surfaces, points, path)
 
 
 @draws(Model, "plot_mode")
@@ -198,9 +146,6 @@ def plot_mode(
     *,
     body: str | None = None,
     nodal_diameter: int | None = None,
-    phase: float = 0.0,
-    scale: float | None = None,
-    backend: str | None = None,
 ) -> Any:
     """A mode of a constrained body in 3-D: deformed, coloured by the size of its amplitude.
 
@@ -212,10 +157,11 @@ def plot_mode(
     path : path-like, optional
     body, nodal_diameter : optional
         The first that carry shapes.
-    phase : float, rad
-    scale : float, optional
-        Magnification; by default the largest displacement is a twelfth of the body's size.
-    backend : {"pyvista", "matplotlib"}, optional
+
+    Returns
+    -------
+    matplotlib axes
+        The largest displacement is a twelfth of the body's size.
     """
     mode = validate.whole("mode (the path is the third argument)", mode, least=1)
     body, d = shown_shapes(model, body, nodal_diameter, "plot of a mode")
@@ -228,18 +174,15 @@ def plot_mode(
             f"found mode {mode} of nodal diameter {d}"
         )
     shape = shapes[..., mode - 1]
-    if scale is None:
-        scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
+    scale = float(np.ptp(mesh.points, axis=0).max()) / 12.0 / float(np.abs(shape).max())
     surfaces = []
     for name, sector, turned in _parts_to_show(model):
         if name == body:
-            wave = np.exp(1j * (phase + 2.0 * np.pi * d * sector / model.n_blades))
+            wave = np.exp(2j * np.pi * d * sector / model.n_blades)
             moved = mesh.points + scale * (shape * wave).real
             surfaces.append((moved @ turned.T, mesh.quads, np.linalg.norm(np.abs(shape), axis=1)))
     frequency = float(np.sqrt(model.bodies[body].bases[d].omega2[mode - 1])) / (2.0 * np.pi)
-    return plot_surfaces(
-        surfaces, None, path, backend=backend, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz"
-    )
+    return plot_surfaces(surfaces, None, path, title=f"mode {mode}, nodal diameter {d}: {frequency:.1f} Hz")
 
 
 @draws(ImportReport)

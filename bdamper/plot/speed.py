@@ -5,7 +5,6 @@ Speeds are in revolutions per minute here, as machines show them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ SPEED = "Rotor speed (rpm)"
 
 @draws(Campbell)
 def plot_campbell(
-    campbell: Campbell, ax: Axes | None = None, *, engine_order: int | None = None, title: str = ""
+    campbell: Campbell, ax: Axes | None = None, *, title: str = ""
 ) -> Axes:
     """Campbell diagram: free and stuck frequencies over speed, lines of engine orders, damped crossings.
 
@@ -33,18 +32,15 @@ def plot_campbell(
     ----------
     campbell : Campbell
     ax : matplotlib axes, optional
-    engine_order : int, optional
-        Of which alone the modes and the line are drawn; all that were asked for by default, each with the modes of its own
-        nodal diameter.
     title : str
 
     Returns
     -------
     matplotlib axes
-        Free modes are thin and solid, stuck ones dashed; damped crossings are filled, those of free modes open circles and
-        of stuck ones crosses.
+        Free modes are thin and solid, stuck ones dash-dotted; damped crossings are filled, those of free modes open circles
+        and of stuck ones crosses.
     """
-    orders = [int(o) for o in campbell.engine_order] if engine_order is None else [engine_order]
+    orders = [int(o) for o in campbell.engine_order]
     diameters = sorted({campbell.met_by(o) for o in orders}) or campbell.nodal_diameter.tolist()
     known = [d for d in diameters if d in campbell.nodal_diameter]
     rpm, top = campbell.rpm, float(np.nanmax(campbell.stuck[[campbell.row(d) for d in known]]))
@@ -54,7 +50,7 @@ def plot_campbell(
             label = f"free, nodal diameter {d}" if len(known) < 4 else "free" if d == known[0] else None
             ax.plot(rpm, campbell.free[k], "-", color=colour, linewidth=0.8, label=_first(label, campbell.free[k]))
             text = "stuck" if d == known[0] else None
-            look: dict[str, Any] = {"linestyle": STYLES, "color": colour, "linewidth": 0.8}
+            look: dict[str, Any] = {"linestyle": STYLES[1], "color": colour, "linewidth": 0.8}
             ax.plot(rpm, campbell.stuck[k], **look, label=_first(text, campbell.stuck[k]))
         _orders(ax, orders, campbell.speed, 1.05 * top)
         for row in range(len(campbell.order)):
@@ -142,7 +138,6 @@ def plot_crossings(
     ax: Axes | None = None,
     *,
     quantity: str = "amplitude",
-    engine_orders: Sequence[int] | None = None,
     title: str = "",
 ) -> Axes:
     """Amplitude or margin at the crossings over speed, a line for each mass of the damper.
@@ -152,8 +147,6 @@ def plot_crossings(
     found : Crossings
     ax : matplotlib axes, optional
     quantity : {"amplitude", "margin"}
-    engine_orders : sequence of int, optional
-        All by default.
     title : str
 
     Returns
@@ -166,11 +159,10 @@ def plot_crossings(
     value = np.asarray(getattr(found, quantity))
     if quantity == "margin" and not np.isfinite(value).any():
         raise SettingError("quantity: expected crossings with a margin, found none; ask for it (margin=...)")
-    keep = np.isin(found.engine_order, found.engine_order if engine_orders is None else list(engine_orders))
     masses = np.unique(found.mass_factor)
     with drawing(ax, title=title, legend=7.0) as ax:
         for j, (factor, colour) in enumerate(zip(masses, colours(len(masses)))):
-            rows = np.flatnonzero(keep & (found.mass_factor == factor))
+            rows = np.flatnonzero(found.mass_factor == factor)
             rows = rows[np.argsort(found.speed[rows])]
             for i in rows:
                 line: SpeedLine = found.lines[i]

@@ -159,7 +159,7 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
 
 @draws(WheelPeak, "plot_wheel")
 def plot_wheel(
-    peak: WheelPeak, model: Model, path: Any = None, *, mode: int = 1, backend: str | None = None, title: str = ""
+    peak: WheelPeak, model: Model, path: Any = None, *, mode: int = 1, title: str = ""
 ) -> Any:
     """All blades in 3-D, coloured by their amplitude at the highest peak, in metres at the response location.
 
@@ -172,13 +172,11 @@ def plot_wheel(
         Where to write a picture; nothing is shown then.
     mode : int
         Of the tuned wheel, from 1, whose shape spreads the amplitude over each blade.
-    backend : {"pyvista", "matplotlib"}, optional
-        As in :func:`plot_surfaces`.
     title : str
 
     Returns
     -------
-    pyvista.Plotter or matplotlib axes
+    matplotlib axes
     """
     if not peak.found or len(peak.amplitudes) != model.n_blades:
         found = f"{peak.status}, {len(peak.response)} blades"
@@ -194,7 +192,7 @@ def plot_wheel(
     top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
     title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}"
     surface = points, quads, np.concatenate([height * shape for height in peak.amplitudes])
-    return plot_surfaces([surface], None, path, backend=backend, title=title)
+    return plot_surfaces([surface], None, path, title=title)
 
 
 @draws(MistunedSample)

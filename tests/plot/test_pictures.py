@@ -1,6 +1,5 @@
 """Pictures: they are written, their legends and labels say what is drawn, nothing lies on anything else."""
 
-import sys
 from dataclasses import replace
 
 import matplotlib
@@ -27,7 +26,6 @@ from bdamper.plot import (
     plot_curves,
     plot_import_report,
     plot_over_measurement,
-    plot_surfaces,
 )
 from bdamper.plot.axes import drawing
 from bdamper.plot.motion import contact_status
@@ -82,8 +80,8 @@ def assert_picture(path):
 @pytest.mark.parametrize("name", ["bladed_disk", "blade_to_ground", "test_rig"])
 def test_models_have_pictures(tmp_path, name):
     model = bd.reference_model(name)
-    model.plot(tmp_path / "model.png", backend="matplotlib")
-    model.plot_mode(2, tmp_path / "mode.png", backend="matplotlib")
+    model.plot(tmp_path / "model.png")
+    model.plot_mode(2, tmp_path / "mode.png")
     assert_picture(tmp_path / "model.png")
     assert_picture(tmp_path / "mode.png")
 
@@ -92,22 +90,10 @@ def test_large_models_are_thinned(monkeypatch):
     model = bd.reference_model("blade_to_ground")
     quads = len(model.meshes["blade"].quads)
     monkeypatch.setattr(model3d, "MOST_FACES", quads // 2)
-    ax = model.plot(backend="matplotlib")
+    ax = model.plot()
     ax.figure.draw_without_rendering()
     (faces,) = (c for c in ax.collections if isinstance(c, Poly3DCollection))
     assert len(faces.get_paths()) == quads // 2
-
-
-def test_a_picture_without_its_library_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyvista", None)
-    with pytest.raises(bd.BdamperError, match=r'^backend="pyvista" needs pyvista: install the extra bdamper\[viz\]$'):
-        bd.reference_model("blade_to_ground").plot(backend="pyvista")
-
-
-def test_pyvista(tmp_path):
-    pytest.importorskip("pyvista")
-    bd.reference_model("bladed_disk", 24).plot_mode(1, tmp_path / "mode.png", backend="pyvista")
-    assert_picture(tmp_path / "mode.png")
 
 
 def test_bad_requests_are_named():
@@ -116,8 +102,6 @@ def test_bad_requests_are_named():
         model.plot_mode(11)
     with pytest.raises(bd.SettingError, match="expected a body with mode shapes"):
         model.plot_mode(1, body="damper")
-    with pytest.raises(bd.SettingError, match='expected "pyvista" or "matplotlib"'):
-        plot_surfaces([], backend="paper")
 
 
 class TestCurves:
@@ -217,7 +201,7 @@ def test_accuracy_explains_its_lines(times):
 class TestAxesIn3D:
     @pytest.mark.parametrize("name", ["bladed_disk", "blade_to_ground", "test_rig"])
     def test_models(self, name):
-        ax = bd.reference_model(name).plot(backend="matplotlib")
+        ax = bd.reference_model(name).plot()
         assert_nothing_overlaps(ax)
         assert ax.get_zlabel() == "Y (mm)"
 
