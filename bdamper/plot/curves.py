@@ -149,7 +149,7 @@ def plot_curves(
             ax.plot([], [], **style, label=f"sweep {direction}")
         if any(len(c) and _only_highest(c) for c in tracking):
             ax.plot([], [], "o", color="k", markersize=5.0, markerfacecolor="w", markeredgewidth=0.6,
-                    label="highest point that was followed")
+                    label="highest point that was followed")  # fmt: skip
         ax.set(xlabel=FREQUENCY, ylabel=amplitude_label(*curves), yscale="log")
         if many:
             preloads = [curve.preload for curve in tracking]
@@ -316,27 +316,11 @@ def _mark_gaps(ax: Axes, result: OptimalCurve) -> None:
             continue
         hatch, reason = looks[int(kind[first])]
         label = reason if first == np.argmax(kind == kind[first]) else None
-        ax.axvspan(
-            edges[first],
-            edges[last + 1],
-            facecolor="none",
-            edgecolor="0.75",
-            linewidth=0.0,
-            zorder=0,
-            hatch=hatch,
-            label=label,
-        )
+        look: dict[str, Any] = {"facecolor": "none", "edgecolor": "0.75", "linewidth": 0.0, "zorder": 0}
+        ax.axvspan(edges[first], edges[last + 1], hatch=hatch, label=label, **look)
     if np.isfinite(result.lower_bound).any():
-        ax.plot(
-            result.preload,
-            result.lower_bound,
-            "^",
-            color="0.4",
-            markersize=4.0,
-            markerfacecolor="w",
-            linestyle="none",
-            label="lower bound",
-        )
+        look = {"color": "0.4", "markersize": 4.0, "markerfacecolor": "w"}
+        ax.plot(result.preload, result.lower_bound, "^", label="lower bound", **look)
 
 
 def plot_over_measurement(
@@ -379,7 +363,7 @@ def plot_over_measurement(
             value = curve.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.shift_percent
             stuck = curve.stuck.amplitude / curve.free.amplitude if quantity == "amplitude" else curve.stuck_shift_percent
             colour = ("0.1", "0.1", colours(3)[1], "0.6")[k % 4]
-            ax.plot(load, value, STYLES[k % 4], color=colour, label=name)
+            ax.plot(load, value, linestyle=STYLES[k % 4], color=colour, label=name)
             ax.plot(load[-1] * 1.15, stuck, marker=8, color=colour, markersize=6.0, linestyle="none", clip_on=False)
         ax.plot([], [], marker=8, color="0.1", markersize=6.0, linestyle="none", label="stuck")
         if measured is not None:
