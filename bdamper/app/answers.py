@@ -1,8 +1,8 @@
 """What the page asks and what it is answered: one thread, the newest question first, finished answers kept.
 
-A question is answered in steps: the tracking curve with one harmonic, which is never cancelled so that something follows
-the hand; the curve with all harmonics; the optimal curve with one; that with all.  A newer question ends every step but the
-first.  There is never more than one question waiting.
+A question is answered in steps: the tracking curve with one harmonic in long steps, which is never cancelled so that
+something follows the hand; the curve with all harmonics; the optimal curve with one; that with all.  A newer question ends
+every step but the first.  There is never more than one question waiting.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
+from bdamper.continuation.path import ContinuationOptions
 from bdamper.effects.hysteresis import Hysteresis
 from bdamper.peaks.interval import peak_interval
 from bdamper.peaks.optimal_curve import OptimalCurve
@@ -29,6 +30,9 @@ from bdamper.util.errors import BdamperError
 from bdamper.util.progress import LongWork, ended_by
 
 T = TypeVar("T")
+MOVING = ContinuationOptions(tolerance=1e-6, step=0.1, max_step=0.3, max_turn=0.6, budget=2000, locate=False)
+"""Of the curve that follows the hand: peaks within 0.2 % of those of ordinary steps, in two thirds of the time; the few
+curves with an open damper that use up the budget (ordinary ones take up to twenty times as much) end early."""
 NOT_OF_THE_BAND = ("friction_coefficient", "excitation.amplitude", "harmonics")
 """Settings that free and stuck resonances do not depend on."""
 
@@ -182,7 +186,7 @@ class Answers:
         study, own = self.varied(question, harmonics), replace(question, settings=still)
         band = self.band(own if harmonics else question)
         key, load = self._key(self.curve, question, harmonics), question.preload
-        curve = self.once(key, lambda: _whole(study.track(load, band)))
+        curve = self.once(key, lambda: _whole(study.track(load, band, options=MOVING if harmonics else None)))
         one = self.varied(question, 1)
         limits = () if harmonics else self.once(("limits", key), lambda: (one.free(band), one.stuck(band, load or 1.0)))
         if not len(curve):

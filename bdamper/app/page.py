@@ -14,14 +14,17 @@ import numpy as np
 from bdamper.app.answers import Answer, Answers, Question, tiles
 from bdamper.model.coupling import centrifugal_load
 from bdamper.plot.contact import STATUS_COLOURS, face_coordinates
+from bdamper.plot.motion import STATES
 from bdamper.problem.at_speed import RPM
 from bdamper.study import Study
 from bdamper.util.errors import needed
 from bdamper.util.plotting import draw
+from bdamper.util.text import amount, height, percent
 
+PRELOAD = "Preload (N)"
 LOGARITHMIC = ("preload", "excitation.amplitude", "mass")
 EDGES = ("left", "right", "bottom", "top")
-COARSE = " <i>(one harmonic so far)</i>"
+COARSE = "<i>Provisional, with one harmonic:</i> "
 
 
 class Place(Protocol):
@@ -61,7 +64,7 @@ class Page:
         look: dict[str, Any] = {"name": name, "title": title, "step": step, "sizing_mode": "stretch_width"}
         if name in LOGARITHMIC:
             low, high, value = (float(np.log10(v)) for v in (low, high, value))
-            look["format"] = self.models.CustomJSTickFormatter(code="return (10**tick).toPrecision(3)")
+            look["format"] = self.models.CustomJSTickFormatter(code="return String(Number((10**tick).toPrecision(3)))")
         slider = self.models.Slider(start=low, end=high, value=value, **look)
         slider.on_change("value", partial(self.moved, name))
         return slider
@@ -71,8 +74,8 @@ class Page:
         force, mu = study.excitation.amplitude or 1.0, max(study.friction_by_interface().values(), default=0.0)
         self.preloads = (10.0 * force, 1e4 * force)
         rows: list[tuple[Any, ...]] = [
-            ("preload", "Preload (N)", *self.preloads, 200.0 * force),
-            ("friction_coefficient", "Friction coefficient", 0.01, 1.0, mu),
+            ("preload", PRELOAD, *self.preloads, 200.0 * force),
+            ("friction_coefficient", "Friction coefficient", min(0.05, mu), 1.0, mu),
             ("excitation.amplitude", "Excitation (N)", 0.01 * force, 100.0 * force, force),
             ("harmonics", "Harmonics", 1, 9, study.harmonic_numbers[-1], 1),
         ]
@@ -84,23 +87,26 @@ class Page:
                 rows.append(("speed", "Rotor speed (rpm); 0: off", 0, fastest, 0, 10))
         self.sliders = {row[0]: self._slider(*row) for row in rows}
         self.sliders["preload"].disabled = not study.carries_load
+        self.resting = self.sliders["preload"].value
         self.first = {name: slider.value for name, slider in self.sliders.items()}
         diameters = set.intersection(*(set(b.bases) for b in model.bodies.values() if b.kind == "constrained"))
-        met = {n for n in range(1, model.n_blades) if model.folded_nodal_diameter(n)[0] in diameters}
-        orders = [str(n) for n in sorted(met | {int(study.engine_order)})]
+        wave = model.folded_nodal_diameter
+        met = {n for n in range(1, model.n_blades) if wave(n)[0] in diameters} | {int(study.engine_order)}
+        orders = [(str(n), f"{n} (nodal diameter {wave(n)[0]})") for n in sorted(met)]
         faces = [name for name in study.coupling.interfaces if model.interfaces[name].kind == "friction"]
         select = partial(self.models.Select, sizing_mode="stretch_width")
         self.mode = select(name="mode", title="Mode", value="1", options=[str(k) for k in range(1, 6)])
         self.order = select(name="order", title="Engine order", value=str(study.engine_order), options=orders)
-        self.loop = select(name="loop", title="Loop of", value="whole", options=["whole", *faces])
+        self.loop = select(name="loop", title="Loop of", value=[*faces, "whole"][0], options=["whole", *faces])
         for chooser in (self.mode, self.order):
             chooser.on_change("value", partial(self.moved, "mode"))
         self.loop.on_change("value", lambda attr, old, new: self._contacts())
-        self.buttons = [self.models.Button(name=label, label=label, width=90) for label in ("Picture", "CSV", "Python")]
-        for button, action in zip(self.buttons, (self.picture, self.table, self.lines)):
+        self.buttons = [self.models.Button(name=label, label=label, width=80) for label in ("Pictures", "CSV", "Python")]
+        for button, action in zip(self.buttons, (self.pictures, self.tables, self.lines)):
             button.on_click(action)
         self.text, self.least = (self.models.Div(name=name) for name in ("text", "least"))
-        self.busy, self.code = self.models.Div(name="busy", text="computing ..."), self.models.PreText(name="code")
+        self.busy = self.models.Div(name="busy", styles={"position": "absolute", "right": "0"})
+        self.code = self.models.PreText(name="code", styles={"white-space": "pre-wrap"})
         self.file = self.models.ColumnDataSource({"name": [], "kind": [], "content": []}, name="file")
         self.text.tags = [self.file]  # so that it belongs to the document
         save = """
@@ -115,12 +121,15 @@ class Page:
         return float(10.0**value) if name in LOGARITHMIC else value
 
     def moved(self, name: str, attr: str, old: object, new: object) -> None:
-        """A slider has another value: the preload follows speed and mass of the damper."""
-        if name in ("speed", "mass") and "speed" in self.sliders and self.value("speed") > 0.0:
-            load = centrifugal_load(self.study.model) * self.value("mass") * (self.value("speed") / RPM) ** 2
-            slider = self.sliders["preload"]
-            slider.start, slider.end = min(slider.start, np.log10(load)), max(slider.end, np.log10(load))
-            slider.value = float(np.log10(load))
+        """A slider has another value: at speed the preload is the centrifugal one, at rest again what it was before."""
+        slider = self.sliders["preload"]
+        turns = self.value("speed") / RPM if "speed" in self.sliders else 0.0
+        if name == "preload" and not turns:
+            self.resting = slider.value
+        elif name in ("speed", "mass"):
+            own = np.log10(centrifugal_load(self.study.model) * self.value("mass") * turns**2) if turns else self.resting
+            slider.title = PRELOAD + (", centrifugal" if turns else "")
+            slider.start, slider.end, slider.value = min(slider.start, own), max(slider.end, own), float(own)
         self.point = None
         self.ask()
 
@@ -146,7 +155,7 @@ class Page:
     def ask(self) -> None:
         """Ask what the sliders stand for now."""
         question, before = self.question(), self.shown.get("optimal")
-        self.busy.visible = True
+        self.busy.visible, self.busy.text, self.code.text = True, "<i>computing ...</i>", ""
         if before is not None and (before.question.settings, before.question.mode) != (question.settings, question.mode):
             self.least.text = "<i>The optimal curve is still that of the settings before.</i>"
         self.answers.ask(question)
@@ -156,12 +165,14 @@ class Page:
     def _views(self) -> None:
         figure = needed("bokeh.plotting", "explore", "app").figure
         size = {"height": 330, "min_width": 340, "toolbar_location": None, "tools": "", "sizing_mode": "stretch_width"}
-        high = {**size, "y_axis_type": "log", "y_axis_label": "Amplitude (µm)"}
+        zoomed = {"tools": "box_zoom,wheel_zoom,reset,hover", "active_drag": None, "toolbar_location": "right"}
+        seen = self.study.response or self.study.excitation
+        high = {**size, **zoomed, "y_axis_type": "log", "y_axis_label": f"Amplitude at {seen.location} (µm)"}
         self.curve = figure(title="Tracking curve", x_axis_label="Frequency (Hz)", **high)
         self.best = figure(title="Optimal curve", x_axis_label="Preload (N)", x_axis_type="log", **high)
-        self.faces = figure(title="Stick, slip and open over the contact faces", match_aspect=True, **size)
-        self.cycle = figure(title="Hysteresis loop", x_axis_label="Displacement (µm)", y_axis_label="Force (N)", **size)
-        self.sources = {}
+        self.faces = figure(title="Contact points", match_aspect=True, **size)
+        self.cycle = figure(title="Hysteresis loop", x_axis_label=" ", y_axis_label=" ", **size)
+        self.sources, self.glyphs = {}, {}
         for name, view, look in (
             ("free", self.curve, {"color": "#888888", "line_dash": "dotdash", "legend_label": "free"}),
             ("stuck", self.curve, {"color": "#888888", "line_dash": "dotted", "legend_label": "stuck"}),
@@ -173,10 +184,12 @@ class Page:
             ("marker", self.best, {"size": 13, "color": "#c0392b"}),
         ):
             source = self.sources[name] = self.models.ColumnDataSource({"x": [], "y": []}, name=name)
-            (view.scatter if "size" in look else view.line)("x", "y", source=source, **look)
+            self.glyphs[name] = (view.scatter if "size" in look else view.line)("x", "y", source=source, **look).glyph
         for view in (self.curve, self.best):
             view.yaxis.ticker.mantissas = [1, 2, 5]
-        self.curve.legend.background_fill_alpha = 0.5
+            view.toolbar.logo = None
+        self.curve.legend[0].update(orientation="horizontal", padding=0, margin=0, border_line_color=None)
+        self.curve.add_layout(self.curve.legend[0], "above")
         self.tiles = self.models.ColumnDataSource({name: [] for name in (*EDGES, "color")}, name="faces")
         self.faces.quad(**{name: name for name in EDGES}, color="color", source=self.tiles)
         self.names = self.models.ColumnDataSource({"x": [], "y": [], "text": []})
@@ -189,13 +202,14 @@ class Page:
     def _lay_out(self) -> None:
         layout, wrap = needed("bokeh.layouts", "explore", "app"), {"flex-wrap": "wrap"}
         row = partial(layout.row, sizing_mode="stretch_width")
-        keys = "".join(f'<b style="color:{c}">■</b> {n} ' for n, c in zip(("stick", "slip", "open"), STATUS_COLOURS))
-        hint = "Click the curve to choose a point; drag in the optimal curve to move the preload."
-        moved = [*self.sliders.values(), row(self.mode, self.order), self.loop, layout.row(*self.buttons), self.busy]
+        keys = "".join(f'<b style="color:{c}">■</b> {n} ' for n, c in zip(STATES, STATUS_COLOURS))
+        hint = """One bar for each contact point, its parts the shares of a cycle. Click the curve to choose a point, drag
+            in the optimal curve to move the preload. Pictures and CSV are of both curves and the loop."""
+        moved = [*self.sliders.values(), self.mode, self.order, self.loop, layout.row(*self.buttons)]
         views = [row(self.curve, self.best, styles=wrap), row(self.faces, self.cycle, styles=wrap)]
-        left = layout.column(*moved, sizing_mode="stretch_width", min_width=280, max_width=420)
-        shown = [self.text, self.least, *views, self.models.Div(text=f"{keys}&nbsp; {hint}"), self.code]
-        right = layout.column(*shown, sizing_mode="stretch_width", min_width=340)
+        left = layout.column(*moved, sizing_mode="stretch_width", min_width=280, styles={"flex": "1 1 280px"})
+        shown = [self.busy, self.text, self.least, *views, self.models.Div(text=f"{keys}&nbsp; {hint}"), self.code]
+        right = layout.column(*shown, sizing_mode="stretch_width", min_width=340, styles={"flex": "99 1 600px"})
         self.document.add_root(row(left, right, styles=wrap))
 
     def show(self, answer: Answer | str | None) -> None:
@@ -216,7 +230,12 @@ class Page:
             order = np.argsort(x)[np.isfinite(y[np.argsort(x)])]
             self._line("optimal", x[order], y[order])
             self._line("optimum", x[-1:], y[-1:])
-            self.least.text = html.escape(answer.optimal.bottom_line()) + ("" if answer.full else COARSE)
+            self._say("optimal", self.least, answer.full, answer.optimal.bottom_line())
+
+    def _say(self, name: str, place: Any, full: bool, text: str) -> None:
+        """A sentence on a curve, which is dashed as long as it is provisional."""
+        place.text = ("" if full else COARSE) + html.escape(text)
+        self.glyphs[name].line_dash = [] if full else [6]
 
     def _line(self, name: str, x: Any, y: Any) -> None:
         self.sources[name].data = {"x": np.asarray(x), "y": np.asarray(y)}
@@ -224,22 +243,33 @@ class Page:
     def _curve(self, answer: Answer) -> None:
         curve = answer.curve
         assert curve is not None
-        self.text.text = html.escape(curve.bottom_line()) + ("" if answer.full else COARSE)
+        at = "" if answer.question.point is None else " Chosen point: "
+        at = at and f"{at}{height(curve.amplitude[answer.point], curve.frequency[answer.point])}."
+        self._say("curve", self.text, answer.full, curve.bottom_line() + at)
+        if answer.full:
+            self.busy.text = "<i>computing the optimal curve ...</i>"
         turns = np.flatnonzero(np.diff(curve.branch)) + 1  # a gap between branches
         self._line("curve", np.insert(curve.frequency, turns, np.nan), 1e6 * np.insert(curve.amplitude, turns, np.nan))
         for name, limit in zip(("free", "stuck"), answer.limits):
             self._line(name, limit.frequency, 1e6 * limit.amplitude)
         if len(curve):
             self._line("point", curve.frequency[[answer.point]], 1e6 * curve.amplitude[[answer.point]])
-            self._line("marker", [curve.preload], [1e6 * curve.peak.amplitude])
+            is_peak = [] if curve.peak_at_end else [curve.peak]
+            self._line("marker", [curve.preload for _ in is_peak], [1e6 * peak.amplitude for peak in is_peak])
         self._contacts()
 
     def _contacts(self) -> None:
         answer = self.shown.get("curve")
         if answer is None or answer.contacts is None or answer.loops is None:
             return
-        moved, force = answer.loops.loop(self.loop.value)
+        moved, force = answer.loops.loop(where := self.loop.value)
         self._line("loop", 1e6 * moved, force)
+        whole, lost = where == "whole", answer.loops.by_interface.get(where, answer.loops.lost)
+        self.cycle.title.text = f"Hysteresis loop: {amount(lost, 'J')} in a cycle"
+        self.cycle.xaxis.axis_label = "Response (µm)" if whole else f"Sliding at {where} (µm)"
+        self.cycle.yaxis.axis_label = "Contact force at the response (N)" if whole else f"Friction force at {where} (N)"
+        share = [f"{n} {percent(x)}" for n, x in zip(STATES, answer.contacts.share[:, 0].mean(axis=0))]
+        self.faces.title.text = f"Contact points, mean over the cycle: {', '.join(share)}"
         names: dict[str, list[Any]] = {"x": [], "y": [], "text": []}
         parts, at = [], 0.0
         model = answer.study.coupling.model
@@ -277,18 +307,23 @@ class Page:
     def _send(self, name: str, kind: str, content: bytes) -> None:
         self.file.data = {"name": [name], "kind": [kind], "content": [base64.b64encode(content).decode()]}
 
-    def picture(self) -> None:
-        """The tracking curve as a picture."""
-        if "curve" in self.shown:
-            self._send("curve.png", "image/png", draw(self.shown["curve"].curve, "image"))
+    def _results(self) -> dict[str, Any]:
+        """What is shown, by the names of its files."""
+        given = f"{self.value('preload'):.3g}-N-engine-order-{self.order.value}"
+        kinds = [("curve", "curve", "curve"), ("loop", "curve", "loops"), ("optimal", "optimal", "optimal")]
+        return {f"{name}-{given}": getattr(self.shown[key], part) for name, key, part in kinds if key in self.shown}
 
-    def table(self) -> None:
-        """The tracking curve as a table."""
-        if "curve" in self.shown:
-            with tempfile.TemporaryDirectory() as folder:
-                path = Path(folder) / "curve.csv"
-                self.shown["curve"].curve.to_csv(path)  # type: ignore[union-attr]
-                self._send("curve.csv", "text/csv", path.read_bytes())
+    def pictures(self) -> None:
+        """Both curves and the loop as pictures."""
+        for name, result in self._results().items():
+            self._send(f"{name}.png", "image/png", draw(result, "image"))
+
+    def tables(self) -> None:
+        """The same as tables."""
+        with tempfile.TemporaryDirectory() as folder:
+            for name, result in self._results().items():
+                result.to_csv(path := Path(folder) / f"{name}.csv")
+                self._send(path.name, "text/csv", path.read_bytes())
 
     def lines(self) -> None:
         """The lines of Python that make what is seen."""

@@ -126,7 +126,7 @@ class Events:
         b : Correction
             Where it ends.
         end : float
-            How far it reaches along the tangent at a.
+            How far it reaches along the tangent at a; 0 where a path ends at once, on the limit it set off from.
 
         Returns
         -------
@@ -136,7 +136,7 @@ class Events:
         sense = 0.0 if is_drift(b.tangent, n) else float(np.sign(b.tangent[-1]))
         turned = sense * self.sense < 0.0
         self.sense = sense or self.sense
-        if not self.options.locate:
+        if not self.options.locate or end == 0.0:
             return [], "regular"
         drift = is_drift(a.tangent, n)
         found, missed = [], "regular"

@@ -176,13 +176,12 @@ def _shifted(problem: Problem, shift: float, preload: float, mode: int) -> Probl
     if shift == 0.0:
         return problem
     square = 2.0 * shift * mode_system(problem, preload, mode, 1.0)[1] ** 2
-    bases = [
+    mean, *others = problem.bases
+    moved = [
         replace(b, omega2=b.omega2 + square * b.mass * (b.omega2 > 0.0), damping_ratio=0.0 * b.omega2, drag=b.damping)
-        if l
-        else b
-        for l, b in enumerate(problem.bases)
+        for b in others
     ]
-    return problem.given(bases=bases)
+    return problem.given(bases=[mean, *moved])
 
 
 def _cycles(problem: Problem, mode: NonlinearMode, zeta: float) -> list[tuple[float, float, bool, str]]:

@@ -29,7 +29,7 @@ from bdamper.util.errors import SettingError
 from bdamper.util.plotting import draws
 from bdamper.util.text import amount
 
-STATUS_COLOURS = ("0.15", "#e6862a", "#cfe3ee")
+STATUS_COLOURS = ("#262626", "#e6862a", "#cfe3ee")
 """Dark, middle and light: told apart in grey as well."""
 EDGE: dict[str, Any] = {"edgecolor": "0.2", "linewidth": 0.4}
 
