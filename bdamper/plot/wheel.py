@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
 from bdamper.model.model import Model, turn
 from bdamper.plot.axes import DASHED, MARKERS, band, colours, drawing, lost, over_preload
-from bdamper.plot.model3d import plot_surfaces
 from bdamper.plot.vtu import shown_shapes
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError
@@ -23,7 +23,6 @@ from bdamper.wheel.mistuning import Mistuning
 from bdamper.wheel.optimal import WheelOptimalCurve
 from bdamper.wheel.results import WheelCurve, WheelPeak
 from bdamper.wheel.sample_result import MistunedSample
-from bdamper.wheel.statistics import empirical
 
 PERCENTILES = (50.0, 95.0, 99.0)
 _FACTOR = "Amplification, worst blade"
@@ -158,18 +157,15 @@ def plot_wheel_peak(peak: WheelPeak, ax: Axes | None = None, *, title: str = "")
 
 
 @draws(WheelPeak, "plot_wheel")
-def plot_wheel(
-    peak: WheelPeak, model: Model, path: Any = None, *, mode: int = 1, title: str = ""
-) -> Any:
-    """All blades in 3-D, coloured by their amplitude at the highest peak, in metres at the response location.
+def plot_wheel(peak: WheelPeak, model: Model, ax: Axes | None = None, *, mode: int = 1, title: str = "") -> Axes:
+    """The wheel from the front, blades coloured by their amplitude at the highest peak; the number of the highest is bold.
 
     Parameters
     ----------
     peak : WheelPeak
     model : Model
         Of the wheel, with a surface of the blade that carries mode shapes.
-    path : path-like, optional
-        Where to write a picture; nothing is shown then.
+    ax : matplotlib axes, optional
     mode : int
         Of the tuned wheel, from 1, whose shape spreads the amplitude over each blade.
     title : str
@@ -184,15 +180,27 @@ def plot_wheel(
     body, d = shown_shapes(model, None, None, "picture of a wheel")
     mesh = model.meshes[body]
     mode = validate.whole("mode", mode, least=1, most=mesh.modes[d].shape[2])
-    shape = np.linalg.norm(np.abs(mesh.modes[d][..., mode - 1]), axis=1)
-    angles = 2.0 * np.pi * np.arange(model.n_blades) / model.n_blades
-    shape = shape / shape.max()
-    points = np.concatenate([mesh.points @ turn(a).T for a in angles])
-    quads = np.concatenate([mesh.quads + k * len(mesh.points) for k in range(model.n_blades)])
+    shape = np.linalg.norm(np.abs(mesh.modes[d][..., mode - 1]), axis=1)[mesh.quads].mean(axis=1)
+    turns = [turn(2.0 * np.pi * k / model.n_blades) for k in range(model.n_blades)]
+    faces = np.concatenate([(mesh.points @ t.T)[mesh.quads] for t in turns])
+    front = np.argsort(faces[..., 2].mean(axis=1))
     top = f"blade {peak.blade} highest, {amount(peak.amplitude, 'm')}"
     title = title or f"{amount(peak.preload, 'N')}, {peak.frequency:.5g} Hz, {top}"
-    surface = points, quads, np.concatenate([height * shape for height in peak.amplitudes])
-    return plot_surfaces([surface], None, path, title=title)
+    with drawing(ax, size=(5.6, 4.4), title=title) as ax:
+        seen = PolyCollection(list(faces[front, :, :2]), cmap="viridis", edgecolors="face", linewidths=0.3, rasterized=True)
+        seen.set_array(np.outer(peak.amplitudes, shape / shape.max()).ravel()[front])
+        seen.set_clim(0.0, peak.amplitude)
+        ax.add_collection(seen)
+        reach = 1.07 * np.linalg.norm(mesh.points[:, :2], axis=1).max()
+        for k in {*range(0, model.n_blades, 10), peak.blade}:
+            x, y = reach * (turns[k] @ [0.0, 1.0, 0.0])[:2]
+            weight = "bold" if k == peak.blade else "normal"
+            ax.text(x, y, str(k), ha="center", va="center", fontsize=7.0, weight=weight, clip_on=False)
+        ax.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach))
+        ax.set_axis_off()
+        figure: Any = ax.figure
+        figure.colorbar(seen, ax=ax, label="Amplitude (m)", shrink=0.8)
+    return ax
 
 
 @draws(MistunedSample)
@@ -243,7 +251,7 @@ def plot_sample_tail(
     tail: float = 0.5,
     title: str = "",
 ) -> Axes:
-    """Share of the wheels above an amplification factor: the sample, and the Weibull distribution fitted to its tail.
+    """Histogram of the amplification factors of one cell, with the Weibull distribution fitted to its tail.
 
     Parameters
     ----------
@@ -258,20 +266,23 @@ def plot_sample_tail(
     Returns
     -------
     matplotlib axes
+        The 95th percentile has its confidence interval, to the edge where the sample does not bound it.
     """
     i, j = sample.cell(standard_deviation, preload)
-    x, probability = empirical(sample.amplification[:, i, j])
+    x = sample.amplification[:, i, j]
+    x = x[np.isfinite(x)]
     fit = sample.tail(float(sample.standard_deviation[i]), float(sample.preload[j]), tail)
     title = title or f"{100.0 * sample.standard_deviation[i]:g} %, {amount(float(sample.preload[j]), 'N')}, {len(x)} wheels"
     with drawing(ax, title=title, legend=7.0) as ax:
-        ax.plot(x, 1.0 - probability, "o", color="0.45", markersize=3.0, markerfacecolor="none", label="wheels")
-        least = 0.1 / len(x)
+        _, edges, _ = ax.hist(x, bins="doane", color="0.8", edgecolor="0.4", linewidth=0.6, label="wheels")
         at = np.linspace(fit.threshold, fit.bound, 2000)
-        above = 1.0 - fit.cdf(at)
-        shown = above >= least
-        ax.plot(at[shown], above[shown], color="k", label=f"Weibull tail, bound {fit.bound:.3g}")
-        ax.axvline(fit.threshold, color="0.4", linewidth=0.8, linestyle=":", label="threshold of the fit")
-        ax.set(yscale="log", ylim=(least, 1.5), xlabel=_FACTOR, ylabel="Share of wheels above")
+        at = at[fit.cdf(at) < 1.0 - 0.02 / len(x)]
+        in_a_bar = len(x) * (edges[1] - edges[0])
+        ax.plot(at, in_a_bar * np.gradient(fit.cdf(at), at), color="k", label=f"Weibull tail, bound {fit.bound:.3g}")
+        low, value, high = sample.percentile(95.0)[:, i, j]
+        ax.axvline(value, color="k", linestyle=DASHED, label=f"95 % of wheels, {value:.3g}")
+        ax.axvspan(max(low, x.min()), min(high, at[-1]), color="k", alpha=0.1, linewidth=0.0)
+        ax.set(xlabel=_FACTOR, ylabel="Number of wheels")
     return ax
 
 
@@ -281,10 +292,11 @@ def plot_sample_preload(
     standard_deviation: float | None = None,
     ax: Axes | None = None,
     *,
+    quantity: str = "amplitude",
     percentiles: Sequence[float] = PERCENTILES,
     title: str = "",
 ) -> Axes:
-    """Percentiles of the worst blade's amplitude over the preload, beside the tuned wheel.
+    """Percentiles of the worst blade's amplitude over the preload, beside the tuned wheel, or of its amplification.
 
     Parameters
     ----------
@@ -292,7 +304,9 @@ def plot_sample_preload(
     standard_deviation : float, optional
         The last one by default.
     ax : matplotlib axes, optional
+    quantity : {"amplitude", "amplification"}
     percentiles : sequence of float
+        Bands are their intervals of 95 %, and end where the sample does not bound them.
     title : str
 
     Returns
@@ -306,15 +320,16 @@ def plot_sample_preload(
     title = title or f"{len(sample)} wheels, standard deviation {100.0 * sample.standard_deviation[i]:g} %"
     with drawing(ax, title=title, legend=7.0) as ax:
         for k, (q, colour) in enumerate(zip(percentiles, colours(len(percentiles))[::-1])):
-            low, value, high = sample.percentile(q, "amplitude")[:, i, order]
+            low, value, high = sample.percentile(q, quantity)[:, i, order]
             ax.plot(x, value, color=colour, marker=MARKERS[k], markersize=3.5, label=f"worst blade, {q:g} % of wheels")
             band(ax, x, low, high, colour)
             best = int(np.argmin(value))
             ax.plot(x[best], value[best], "*", color=colour, markersize=9.0, markeredgecolor="k", markeredgewidth=0.4)
-        tuned = sample.tuned_amplitude[order]
+        tuned = sample.tuned_amplitude[order] / (1.0 if quantity == "amplitude" else sample.tuned_amplitude[order])
         ax.plot(x, tuned, color="k", linestyle=DASHED, label="tuned")
-        ax.plot(x[np.argmin(tuned)], tuned.min(), "*", color="k", markersize=9.0)
         over_preload(ax, MistunedSample)
+        if quantity == "amplification":
+            ax.set_ylabel(_FACTOR)
     return ax
 
 

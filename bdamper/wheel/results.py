@@ -18,6 +18,8 @@ from bdamper.util.status import COMPLETE, HELD, Status
 from bdamper.util.tables import ROW, Hertz, Kinds, Metres, Numbers, Quantity, Tabular
 from bdamper.util.text import amount, height
 
+UNKNOWN = "unknown: its curve could not be followed to an end of the band or back to itself"
+
 
 @dataclass(frozen=True, kw_only=True)
 class OfWheel:
@@ -237,7 +239,7 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
         return np.asarray(np.abs(np.fft.fft(self.response[:, 1])) / len(self.response))
 
     def plot_wheel(self, model: Model, *arguments: Any, **options: Any) -> Any:
-        """Draw all blades of the model in 3-D, coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
+        """Draw the wheel from the front, blades coloured by their amplitude (:func:`bdamper.plot.plot_wheel`)."""
         return draw(self, "plot_wheel", model, *arguments, **options)
 
     def facts(self) -> tuple[Fact, ...]:
@@ -252,7 +254,8 @@ class WheelPeak(OfWheel, Plottable, Storable, kind="bdamper-wheel-peak"):
             Fact("at the frequency", self.frequency, "Hz"),
             Fact("of blade", self.blade),
             Fact("amplification factor", self.amplification),
-            Fact("connected with an end of the band", self.connected),
+            Fact("connected with an end of the band", UNKNOWN if self.connected == "unknown" else self.connected),
+            Fact("kept in time", "not tested: a blade may fall from a peak of a curve with many folds"),
         )
 
     def bottom_line(self) -> str:

@@ -6,10 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+import bdamper as bd
 from bdamper.wheel import Mistuning, Wheel, WheelPeakOptions
 from bdamper.wheel.band import band
 from bdamper.wheel.search import TOLERANCE, Climbed, Search, uphill
-from tests.wheel.lumped import size, solution
+from tests.wheel.lumped import lumped_study, size, solution
 from tests.wheel.test_symmetry import PATTERN, N, study
 
 FEW = WheelPeakOptions(least=12, most=12, climbs=2)
@@ -65,6 +66,14 @@ def test_the_first_maximum_of_a_wheel_with_many_folds_is_connected():
 def test_a_tuned_wheel_is_not_amplified_however_coarse_the_sweep():
     top = Wheel(study()).peak(300.0, options=WheelPeakOptions(least=3, most=3))
     assert top.amplification == pytest.approx(1.0, abs=1e-4)
+
+
+def test_a_sweep_without_peaks_is_tried_with_weaker_springs():
+    """With springs of a tenth this tuned wheel has none, and none of its blades may be higher than its sector."""
+    lumped = lumped_study(N, 1, harmonics=1, n_c=2, r=2, seed=2).with_(excitation=bd.Excitation("tip", amplitude=100.0))
+    top = Wheel(lumped).peak(300.0, options=WheelPeakOptions(connected=False))
+    assert top.status == "complete" and top.amplification == pytest.approx(1.0, abs=1e-6)
+    assert top.climbs[:, 3].max() < 0.1
 
 
 def climbed(blade, springs, heights, **more):
