@@ -140,7 +140,7 @@ def plot_crossings(
     quantity: str = "amplitude",
     title: str = "",
 ) -> Axes:
-    """Amplitude or margin at the crossings over speed, a line for each mass of the damper.
+    """Amplitude or margin at the crossings over speed, a colour and marker for each mass of the damper.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def plot_crossings(
                 some = np.isfinite(height)
                 ax.plot(line.speed[some] * RPM, height[some], color=colour, linewidth=0.5, alpha=0.6)
             ax.plot(found.rpm[rows], value[rows], marker=MARKERS[j % len(MARKERS)], markersize=5.0, color=colour,
-                    linestyle=STYLES[1], linewidth=0.8, label=f"{1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
+                    linestyle="none", label=f"damper {1e3 * found.mass[rows[0]]:.3g} g")  # fmt: skip
             if j == len(masses) - 1:
                 for i in rows[found.found[rows]]:
                     ax.annotate(f"EO {found.engine_order[i]}", (found.rpm[i], value[i]), fontsize=6.5, color="0.3",
