@@ -6,7 +6,6 @@ Newton's method on the curve and a secant along it find together (``csrc/bd_solv
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -79,21 +78,12 @@ class Peak:
 Condition = Plane | Fixed | Fold | Peak
 
 
-def for_core(condition: Condition, n_unknowns: int, response: tuple[NDArray, NDArray]) -> tuple[NDArray, Mapping[str, Any]]:
-    """The tangent on entry, which becomes that of the point found, and the other arguments of the core's ``solve``.
-
-    Parameters
-    ----------
-    condition : Plane, Fixed, Fold or Peak
-    n_unknowns : int
-    response : two (n_unknowns,) float
-        Rows that give real and imaginary part of the response.
-    """
+def for_core(condition: Condition, n_unknowns: int) -> tuple[NDArray, dict[str, Any]]:
+    """The tangent on entry, which becomes that of the point found, and other arguments of the core's ``solve``."""
     if isinstance(condition, Plane):
         return np.zeros(n_unknowns + 1), {"row": condition.normal}
     if isinstance(condition, Fixed):
         return np.zeros(n_unknowns + 1), {"row": np.append(np.zeros(n_unknowns), 1.0)}
-    of = dict(zip(("re", "im"), response)) if isinstance(condition, Peak) else {}
     return np.array(condition.tangent, float), {
-        "curvature": condition.curvature, "place_tolerance": condition.tolerance, "max_step": condition.max_step, **of,
+        "curvature": condition.curvature, "place_tolerance": condition.tolerance, "max_step": condition.max_step,
     }  # fmt: skip

@@ -26,7 +26,7 @@ from bdamper.contact.laws import (
     check_evaluation,
 )
 from bdamper.contact.points import PointArrays
-from bdamper.harmonic_balance.conditions import Condition, Fixed, for_core
+from bdamper.harmonic_balance.conditions import Condition, Fixed, Peak, for_core
 from bdamper.model.coupling import HarmonicBasis
 from bdamper.util.errors import SettingError
 from bdamper.util.progress import end_if_asked
@@ -316,7 +316,9 @@ class HarmonicSystem:
         """
         end_if_asked()
         y = np.array(y, float)
-        tangent, arguments = for_core(condition, self.n_unknowns, self.parts_at(y[-1]))
+        tangent, arguments = for_core(condition, self.n_unknowns)
+        if isinstance(condition, Peak):
+            arguments["re"], arguments["im"] = self.parts_at(y[-1])
         if self.spent:
             return Correction(NOT_CONVERGED, y, tangent, 0, np.nan, 0.0, 0)
         if self.most_evaluations < math.inf:

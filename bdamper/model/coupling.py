@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,19 +168,18 @@ class Coupling:
             f"  modes: {modes or 'none'}\n  contact points: {faces or 'none'}"
         )
 
-    @property
+    @cached_property
     def n_points(self) -> int:
         return sum(self.model.interfaces[name].n_points for name in self.interfaces)
 
+    @cached_property
+    def _rows(self) -> dict[str, slice]:
+        n = [self.model.interfaces[name].n_points for name in self.interfaces]
+        return {name: slice(sum(n[:i]), sum(n[: i + 1])) for i, name in enumerate(self.interfaces)}
+
     def rows(self, interface: str) -> slice:
         """Rows of one interface among the stacked contact points."""
-        start = 0
-        for name in self.interfaces:
-            n = self.model.interfaces[name].n_points
-            if name == interface:
-                return slice(start, start + n)
-            start += n
-        raise KeyError(interface)
+        return self._rows[interface]
 
     @property
     def friction_faces(self) -> tuple[str, ...]:
@@ -219,14 +219,21 @@ class Coupling:
             )
         return body.bases[d].conjugate() if conjugate else body.bases[d]
 
+    def _ports(self, body: Body) -> Iterator[tuple[int, slice, slice, float]]:
+        """Ports of a body: the sector in which they lie, rows among all contact points and its own, sense of the motion."""
+        for name, side in body.ports:
+            if name in self.interfaces:
+                face, own = self.model.interfaces[name], self.model.port_slice(body.name, (name, side))
+                sector, sense = (face.sector_a, -1.0) if side == "a" else (face.sector_b, 1.0)
+                yield sector, self.rows(name), own, sense
+
     def _placed(self, body: Body, array: NDArray, harmonic: int) -> NDArray:
         """(n_points, 3, n) relative motion of all contact points by the motion ``array`` of the ports of a body."""
         phase = 2.0 * np.pi * self.engine_order * harmonic / self.model.n_blades
         out = np.zeros((self.n_points, 3, array.shape[2]), complex)
-        for sector in (-1, 0, 1):
-            part = self.sector_rows(body, array, sector)
-            if part is not None:
-                out += np.exp(1j * phase * sector) * part
+        for sector, rows, own, sense in self._ports(body):
+            out[rows] += np.exp(1j * phase * sector) * (sense * array[own])
+        out[:, 2] *= -1.0
         return out
 
     def sector_rows(self, body: Body, array: NDArray, sector: int) -> NDArray | None:
@@ -234,19 +241,12 @@ class Coupling:
 
         None if none does.
         """
-        out = None
-        for port in body.ports:
-            name, side = port
-            if name not in self.interfaces:
-                continue
-            face = self.model.interfaces[name]
-            if sector != (face.sector_a if side == "a" else face.sector_b):
-                continue
-            out = np.zeros((self.n_points, 3, array.shape[2]), array.dtype) if out is None else out
-            out[self.rows(name)] += (-1.0 if side == "a" else 1.0) * array[self.model.port_slice(body.name, port)]
-        if out is not None:
-            out[:, 2] *= -1.0
-        return out
+        out = np.zeros((self.n_points, 3, array.shape[2]), array.dtype)
+        here = [port for port in self._ports(body) if port[0] == sector]
+        for _, rows, own, sense in here:
+            out[rows] += sense * array[own]
+        out[:, 2] *= -1.0
+        return out if here else None
 
     def basis(self, harmonic: int) -> HarmonicBasis:
         """Modes, stiffness and relative motion of one harmonic.

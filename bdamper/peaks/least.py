@@ -84,8 +84,9 @@ def promise(a: Place, b: Place) -> Promise | None:
     h = b.x - a.x
     fall, rise = -min(a.slope, 0.0), max(b.slope, 0.0)
     if np.isfinite(a.value) != np.isfinite(b.value):  # the branch at the one that is known may fall on toward the other
-        lowest = a.value - fall * h if np.isfinite(a.value) else b.value - rise * h
-        return Promise(lowest, a.x + 0.5 * h, False) if lowest < min(a.value, b.value) and h > CORNER else None
+        drop = h * (fall if np.isfinite(a.value) else rise)
+        drop = drop if np.isfinite(drop) else 2.0 * GAIN
+        return Promise(min(a.value, b.value) - drop, a.x + 0.5 * h, False) if drop > 0.0 and h > CORNER else None
     if not (np.isfinite(a.value + b.value) and h > NARROW):
         return None
     if not np.isfinite(fall + rise):

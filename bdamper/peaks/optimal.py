@@ -236,8 +236,8 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     curves.follow([float(p) for p in values[::-1]], BUDGET, row=IN_A_ROW)
     known = curves.known
     edge = rattling_below(known)
-    there = {float(np.log(p)): known[p] for p in known if p > edge}
-    found = [item for item in there.values() if np.isfinite(item.value)]
+    there = {float(np.log(p)): known[p] for p in known if p >= edge}  # the edge, too: the least may lie just above it
+    found = [item for item in there.values() if np.isfinite(item.value) and item.preload > edge]
     if not found:
         return OptimumPoint(np.nan, np.nan, np.nan, "none", np.inf, because(NOT_FOUND, "no preload has a value"))
     height = [item.value for item in found]
@@ -246,19 +246,24 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
         flat = because(NOT_FOUND, "the preload does not matter")
         return OptimumPoint(np.nan, peak.amplitude, peak.frequency, "flat", np.inf, flat)
 
+    def place(x: float) -> Place:
+        steady = there[x].preload > rattling_below(known)
+        return Place(x, there[x].value if steady else np.inf, there[x].slope)
+
     def ask(places: Sequence[float]) -> list[Place]:
-        new = curves.follow([float(np.exp(x)) for x in places])
-        there.update(zip(places, new))
-        return [Place(x, item.value, item.slope) for x, item in zip(places, new)]
+        there.update(zip(places, curves.follow([float(np.exp(x)) for x in places])))
+        return [place(x) for x in places if x in there]
 
     def settle(a: Place, b: Place, x: float) -> float | None:
         tops = [there[p.x].top for p in (a, b)]
         ends = [top.peak for top in tops if top is not None]
         return smooth_minimum(curves.problem.system, ends, a, b, curves.options)
 
-    places, best = least([Place(x, item.value, item.slope) for x, item in there.items()], ask, settle)
-    at = there[places[best.index].x]
+    places, best = least([place(x) for x in there], ask, settle)
+    at, edge, kind = there[places[best.index].x], rattling_below(known), best.kind
     assert at.top is not None
+    if kind == "unknown" and not at.slope < 0.0 and there[places[best.index - 1].x].preload <= edge:
+        kind = "end"  # of steady responses
     status = COMPLETE
     lower = [p for p in sorted(known) if p > edge and not known[p].known and not _bound(known[p]) >= at.top.peak.amplitude]
     if lower:
@@ -266,7 +271,7 @@ def _optimum(curves: Curves, values: NDArray) -> OptimumPoint:
     elif best.open is not None:
         low, high = np.exp(best.open)
         status = because(INCOMPLETE, f"the highest peak could be lower between {low:.6g} and {high:.6g} N")
-    return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, best.kind, best.uncertainty, status)
+    return OptimumPoint(at.preload, at.top.peak.amplitude, at.top.peak.frequency, kind, best.uncertainty, status)
 
 
 def smooth_minimum(
