@@ -131,6 +131,8 @@ def test_tangents_agree_along_one_branch_alone():
     assert not agree(Place(0.0, 1.0, -0.1), Place(1.0, 0.5, -0.1))
     assert promise(Place(0.0, 0.0, 1.0), Place(1.0, 1.0, 1.0)) is None
     assert promise(Place(0.0, 0.0, 1.0), Place(1.0, np.inf)) is None
+    for corner in ((Place(0.0, 0.0), Place(1.0, np.inf)), (Place(0.0, np.inf), Place(1.0, 0.0))):
+        assert promise(*corner).value < -GAIN  # without a slope it may fall
 
 
 def test_tangents_of_places_far_apart_prove_nothing(monkeypatch):

@@ -6,15 +6,20 @@ import numpy as np
 import pytest
 
 import bdamper as bd
+from bdamper.continuation.path import ContinuationOptions
+from bdamper.continuation.track import without_points
 from bdamper.design.sensitivity import PARAMETERS, setting_family, setting_value
 from bdamper.harmonic_balance.conditions import Peak as PeakThere
 from bdamper.harmonic_balance.conditions import Plane
 from bdamper.harmonic_balance.system import HarmonicSystem
-from bdamper.peaks import sensitivity
-from bdamper.peaks.highest import maxima
+from bdamper.peaks import optimal, sensitivity
+from bdamper.peaks.at_preload import AtPreload
+from bdamper.peaks.highest import Highest, maxima
 from bdamper.peaks.interval import linear_peak, resonance_interval
+from bdamper.peaks.least import CORNER
 from bdamper.peaks.newton import amplitude_at, coarse_options, find_peak, peak_scale, slope_along
 from bdamper.problem.variation import vary
+from bdamper.util.cost import Cost
 from bdamper.util.errors import SettingError
 from tests.following import follow_peak
 from tests.plain import plain_study
@@ -519,6 +524,23 @@ def test_preloads_within_an_amplitude(result):
     assert curve.preloads_within(1e-4) == (100.0, 100.0)
     with pytest.raises(bd.BdamperError, match="amplitude: expected"):
         curve.preloads_within(0.9e-4)
+
+
+@pytest.mark.parametrize("slope", [1.0, np.nan])
+def test_the_least_just_above_the_preloads_that_rattle_is_found(study, monkeypatch, slope):
+    """The amplitude falls with the preload until steady responses end at 70 N, between two preloads of the range."""
+    peak = study.peak(500.0, INTERVAL)
+
+    def given(problem, preload, *_):
+        curve = replace(without_points(problem, preload, "", ContinuationOptions(), Cost()), status="complete")
+        top = Highest(replace(peak, amplitude=1e-6 * preload, parameter=preload), "peak", 0)
+        return AtPreload(preload, curve, top, slope, "it rattles" * (preload < 70.0), Cost())
+
+    monkeypatch.setattr(optimal, "at_preload", given)
+    curve = study.optimal_curve((10.0, 1000.0), 9, check=False)
+    assert 70.0 < curve.optimum.preload < 70.0 * np.exp(CORNER) and curve.optimum.kind == "end"
+    assert curve.optimum.status == "complete" and curve.no_steady_below < 70.0
+    assert len(curve.curves) <= 7 + (10 if np.isnan(slope) else 5)  # down to two that rattle, then halved
 
 
 @pytest.mark.slow
