@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 import bdamper as bd
+from benchmarks.bench_hard_curves import study as hard_study
 
 RESULTS = Path(__file__).parent / "results" / "kept.json"
 SEED, SCENES = 38, 20
@@ -30,6 +31,12 @@ CASES = {
     "residual modes, mu 0.23, 78.6 N": ("residual_modes", 0.23, 78.6, 29.0),
 }
 """Contact stiffness, friction coefficient, preload (N), and the mean (\u00b5m) that an independent march has kept."""
+
+
+CELLS = {f"{preload:g} N, {points} points": (points, preload) for preload in (20.0, 50.0) for points in (9, 24, 48)}
+"""Of ``bench_hard_curves``: three harmonics, unit tractions, the lowest preloads, where the damper nearly flies."""
+GROUND = {f"blade on the ground, {modes} modes": modes for modes in (3, 6, 7, 10)}
+"""Blade modes, without the inertia of those that are left out up to nine."""
 
 
 def study(stiffness: str, friction: float, engine_order: int = 5) -> bd.Study:
@@ -67,7 +74,10 @@ def record(kept: Any) -> dict[str, Any]:
 
 
 def beside_a_sweep(name: str) -> dict[str, Any]:
-    """What is kept in a scene, and the highest mean over a memory of a slow sweep from far along the same way."""
+    """What is kept in a scene, and the highest mean of 80 periods in a slow sweep from far along the same way.
+
+    The sweep begins at the highest solution at its first frequency, where the march settles first.
+    """
     stiffness, friction, order, preload = scenes()[name]
     of = study(stiffness, friction, order)
     curve = of.track(preload, BAND[order])
@@ -77,7 +87,12 @@ def beside_a_sweep(name: str) -> dict[str, Any]:
         return out
     tip, away = found.frequency, 8.0
     ends = (tip - away, tip + away / 2.0) if found.direction == "up" else (tip - away / 2.0, tip + away)
-    sweep = of.sweep_in_time(preload, ends, up=found.direction == "up", rate=4.0, check=False, start=curve)
+    first = ends[0] if found.direction == "up" else ends[1]
+    near = np.flatnonzero(np.abs(curve.frequency - first) <= max(1.0, np.abs(curve.frequency - first).min()))
+    start = int(near[np.argmax(curve.amplitude[near])])
+    sweep = of.sweep_in_time(
+        preload, ends, up=found.direction == "up", rate=4.0, check=False, start=curve, index=start
+    )  # fmt: skip
     window = 80
     means = np.convolve(sweep.amplitude, np.ones(window) / window, "valid")
     k = int(means.argmax())
@@ -85,11 +100,34 @@ def beside_a_sweep(name: str) -> dict[str, Any]:
             "sweep_processor": sweep.cost.processor}  # fmt: skip
 
 
+def in_a_cell(name: str) -> dict[str, Any]:
+    """What is kept in one of the cells of ``bench_hard_curves`` where dampers nearly fly."""
+    points, preload = CELLS[name]
+    of = hard_study(points, 3, "on")
+    curve = of.track(preload, (250.0, 400.0))
+    return {**record(of.kept(curve)), "curve": f"{curve.status}, {len(curve.folds)} folds"}
+
+
+def on_the_ground(name: str) -> dict[str, Any]:
+    """What the blade on the ground keeps at 800 N, and its peaks with more and more harmonics."""
+    modes, model = GROUND[name], bd.reference_model("blade_to_ground")
+    z = model.interfaces["platform"].points[:, 2]
+    share = 1.0 + 1.1 * z / np.abs(z).max()
+    loads = {"platform": 800.0 * share / share[share > 0.0].sum()}
+    tip, plain = bd.Excitation("tip", direction="tangential"), bd.ResidualModes(inertia=modes == 10)
+    free = bd.Study(model, tip, friction_coefficient=0.4, blade_modes=modes, contact_stiffness=plain)
+    held = bd.prescribe_preload(free, loads)
+    curves = {n: held.with_(harmonics=n).track(0.0, (260.0, 400.0)) for n in (3, 5, 7, 9, 13)}
+    tops = {str(n): 1e6 * float(curve.amplitude.max()) for n, curve in curves.items()}
+    return {**record(held.kept(curves[3])), "tops": tops}
+
+
 def main() -> None:
     """Compute what is missing, and print the tables."""
     known = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
     asked = sys.argv[1:] if sys.argv[0].endswith("bench_kept.py") else []
     jobs = {f"{name}/{steps}": (walked, name, steps) for steps in (256, 512) for name in CASES}
+    jobs |= {name: (on_the_ground, name) for name in GROUND} | {name: (in_a_cell, name) for name in CELLS}
     jobs |= {name: (beside_a_sweep, name) for name in scenes()}
     for name, (function, *arguments) in jobs.items():
         if name not in known and (not asked or name in asked):
@@ -105,6 +143,16 @@ def main() -> None:
                  f"{r['processor']:.0f} s" if r else "" for r in both]  # fmt: skip
         if both[0]:
             print(f"| {name} | {both[0]['balance']:.1f} | {' | '.join(cells)} | {both[0]['expected']:g} |")
+    print("\n| cell | curve | peak of the balance (\u00b5m) | kept | of it |\n|---|---|---|---|---|")
+    for name in CELLS:
+        if r := known.get(name):
+            kept = f"{r['mean']:.1f} ({r['lowest']:.1f} to {r['highest']:.1f}) at {r['frequency']:.1f} Hz"
+            print(f"| {name} | {r['curve']} | {r['balance']:.1f} | {kept} | {r['status']} |")
+    print("\n| blade modes | 3 harmonics (mm) | 5 | 7 | 9 | 13 | kept | falls at |\n" + "|---" * 8 + "|")
+    for name in GROUND:
+        if r := known.get(name):
+            tops = " | ".join(f"{top / 1e3:.2f}" for top in r["tops"].values())
+            print(f"| {GROUND[name]} | {tops} | {r['mean'] / 1e3:.2f} | {r['fall']:.1f} Hz |")
     print("\n| scene | peak of the balance (\u00b5m) | kept | slow sweep | difference |\n|---|---|---|---|---|")
     for name in scenes():
         r = known.get(name, {})

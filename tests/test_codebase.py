@@ -22,6 +22,8 @@ C_LEVELS = [
     {"bd_trig"},
     {"bd_element"},
     {"bd_time", "bd_rate"},
+    {"bd_time_motion", "bd_time_contact"},
+    {"bd_time_newton"},
     {"bd_lanes", "bd_slide", "bd_time_loop", "bd_dispatch", "bd_march", "bd_sampled", "bd_disks"},
     {"bd_event", "bd_rest"},
     {"bd_coulomb"},
