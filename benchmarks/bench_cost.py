@@ -4,9 +4,10 @@
 ``docs/images/cost.png`` and prints the table of docs/accuracy.md; ``python -m benchmarks.bench_cost show`` draws and prints
 what is known, ``ship`` writes ``bdamper/data/cost.json`` besides, from which optimal curves say what richer settings cost.
 
-One setting at a time is changed about the default.  The judge of a row is the amplitude that ``study.kept`` finds with the
-richest structure of that row that is marched (:data:`JUDGES`); those of harmonics and of the default are one.  The error is
-that of the highest solution of the balance at the frequency of what is kept, and of the top apart from it.
+One setting at a time is changed about the default.  The judge of harmonics is the amplitude that ``study.kept`` finds with
+the default structure: the highest solution of the balance at its frequency, and the top apart from that.  Patterns, modes
+and points change the structure itself, and with it the frequency; their judge is what is kept with the richest structure of
+their row that was marched (:data:`JUDGES`), that of the method is the one with most patterns, and tops alone are compared.
 """
 
 from __future__ import annotations
@@ -15,18 +16,25 @@ import json
 import sys
 import time
 import warnings
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import matplotlib.pyplot as plt
 import numpy as np
+from numpy.typing import NDArray
 
 import bdamper as bd
 from bdamper.peaks.optimal import BUDGET
+from bdamper.plot import save_figure
+from bdamper.plot.axes import PAPER
 from bdamper.stability.kept import Levels
+from bdamper.util.errors import BdamperError
 from bdamper.util.warn import BdamperWarning
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results" / "cost.json"
+IMAGE = HERE.parents[0] / "docs" / "images" / "cost.png"
 SHIPPED = HERE.parents[0] / "bdamper" / "data" / "cost.json"
 BAND = (285.0, 380.0)
 SCENES = (
@@ -36,14 +44,14 @@ SCENES = (
 """Friction coefficient, engine order of 65 blades (13 sectors both), and preload over that of the least peak."""
 PRELOADS = np.geomspace(30.0, 400.0, 12)
 """N, of which the one with the least peak counts as the optimum of a friction coefficient and an engine order."""
+JUDGES = {"patterns": 24, "blade_modes": 40, "points": 24}
+"""The richest value of each setting of the structure that is marched besides the default."""
 ROWS: dict[str, tuple[Any, ...]] = {
     "harmonics": (1, 3, 5, 9), "patterns": (6, 12, 24), "blade_modes": (10, 20, 40), "points": (9, 24, 48),
     "method": ("unit_traction", "residual_modes"),
 }  # fmt: skip
 """Values of each setting; all others are those of the default, three harmonics, six patterns, ten modes, nine points."""
 DEFAULT = {"harmonics": 3, "patterns": 6, "blade_modes": 10, "points": 9, "method": "residual_modes"}
-JUDGES = {"patterns": 24, "blade_modes": 40, "points": 24}
-"""The richest value of each setting of the structure that is marched besides the default."""
 NAMES = {
     "harmonics": "harmonics", "patterns": "residual patterns", "blade_modes": "blade modes", "points": "points a face",
     "method": "contact stiffness",
@@ -81,7 +89,10 @@ def least(friction: float, order: int) -> float:
 def judged(friction: float, order: int, preload: float, setting: str, value: Any) -> dict[str, Any]:
     """What a blade keeps."""
     of = study(friction, order, setting, value)
-    found = of.kept(tracked(of, preload)[0])
+    try:
+        found = of.kept(tracked(of, preload)[0])
+    except BdamperError as error:  # as of a damper that rattles
+        return {"mean": np.nan, "frequency": np.nan, "status": f"not found: {error}"}
     return {
         "mean": 1e6 * found.mean, "lowest": 1e6 * found.lowest, "highest": 1e6 * found.highest,
         "frequency": found.frequency, "status": found.status, "seconds": round(found.cost.processor, 2),
@@ -91,7 +102,7 @@ def judged(friction: float, order: int, preload: float, setting: str, value: Any
 def balanced(friction: float, order: int, preload: float, setting: str, value: Any, at: float) -> dict[str, Any]:
     """Top of the balance, its highest solution at a frequency (Hz), and the time of the curve."""
     curve, seconds = tracked(study(friction, order, setting, value), preload)
-    there = Levels(curve).at(at) if len(curve) else []
+    there = Levels(curve).at(at) if len(curve) and np.isfinite(at) else []
     return {
         "top": 1e6 * float(max(curve.amplitude, default=np.nan)), "at": 1e6 * float(max(there, default=np.nan)),
         "status": curve.status, "points": len(curve), "seconds": round(seconds, 3),
@@ -131,9 +142,136 @@ def compute(scenes: int) -> None:
                     print(name, known[name], flush=True)
 
 
+class Shown(NamedTuple):
+    """One value of a setting over all scenes where its judge is known: median and quartiles.
+
+    Parameters
+    ----------
+    value : int or str
+    time : float
+        Of a curve, over that with the default settings in the same scene.
+    top, at : (3,) float
+        Lower quartile, median and upper quartile of the error (%), of tops and at one frequency; NaN where not compared.
+    scenes : int
+    """
+
+    value: Any
+    time: float
+    top: NDArray
+    at: NDArray
+    scenes: int
+
+
+def rows(known: dict[str, Any]) -> dict[str, list[Shown]]:
+    """What the benchmark found, by setting."""
+    names = [name for name in map(name_of, SCENES) if np.isfinite(known.get(f"{name}/kept", {}).get("mean", np.nan))]
+    out: dict[str, list[Shown]] = {}
+    for setting, values in ROWS.items():
+        judge = {"harmonics": "kept", "method": "kept, patterns 24"}.get(setting, f"kept, {setting} {JUDGES.get(setting)}")
+        there = [n for n in names if np.isfinite(known.get(f"{n}/{judge}", {}).get("mean", np.nan))]
+        there = [n for n in there if all(f"{n}/{setting} {value}" in known for value in values)]
+        out[setting] = []
+        for value in values if there else ():
+            found = [known[f"{n}/{setting} {value}"] for n in there]
+            plain = [known[f"{n}/{setting} {DEFAULT[setting]}"]["seconds"] for n in there]
+            kept = np.array([known[f"{n}/{judge}"]["mean"] for n in there])
+            errors = {name: 100.0 * np.abs(np.array([r[name] for r in found]) / kept - 1.0) for name in ("top", "at")}
+            quartiles = {name: np.quantile(e, (0.25, 0.5, 0.75)) for name, e in errors.items()}
+            at = quartiles["at"] if setting == "harmonics" else np.full(3, np.nan)
+            time_ = float(np.median([r["seconds"] / s for r, s in zip(found, plain)]))
+            out[setting].append(Shown(value, time_, quartiles["top"], at, len(there)))
+    return out
+
+
+def structures(known: dict[str, Any]) -> dict[str, NDArray]:
+    """Change (%) of what is kept from the default to the richest structure, in each scene where both are known."""
+    out = {}
+    for setting, value in JUDGES.items():
+        both = [(known.get(f"{n}/kept", {}), known.get(f"{n}/kept, {setting} {value}", {})) for n in map(name_of, SCENES)]
+        change = np.array([100.0 * (b.get("mean", np.nan) / a.get("mean", np.nan) - 1.0) for a, b in both])
+        out[setting] = change[np.isfinite(change)]
+    return out
+
+
+def shipped(known: dict[str, Any]) -> dict[str, Any]:
+    """The table that the package carries: each step to the next richer value, its time and what it changed of the peak."""
+    steps, whole = [], [n for n in map(name_of, SCENES) if f"{n}/method residual_modes" in known]
+    for setting in ("harmonics", "patterns", "blade_modes"):
+        for poor, rich in pairwise(ROWS[setting]):
+            both = [(known[f"{n}/{setting} {poor}"], known[f"{n}/{setting} {rich}"]) for n in whole]
+            ratio = float(np.median([b["seconds"] / a["seconds"] for a, b in both]))
+            change = float(np.median([100.0 * abs(b["top"] / a["top"] - 1.0) for a, b in both]))
+            steps.append({
+                "setting": setting, "name": NAMES[setting], "from": poor, "to": rich, "time": float(f"{ratio:.2g}"),
+                "change": float(f"{change:.2g}"),
+            })  # fmt: skip
+    return {"source": "python -m benchmarks.bench_cost ship", "scenes": len(whole), "patterns": DEFAULT["patterns"],
+            "steps": steps}  # fmt: skip
+
+
+def draw(known: dict[str, Any]) -> None:
+    """Error over time of a curve, one panel for each setting."""
+    found = {setting: values for setting, values in rows(known).items() if values}
+    with plt.rc_context(PAPER):
+        figure, axes = plt.subplots(1, len(found), figsize=(9.0, 3.1), sharey=True)
+        for ax, (setting, values) in zip(axes, found.items()):
+            looks = {"top": ("o-", "k", "top of the balance"), "at": ("D--", "0.5", "at the frequency of what is kept")}
+            for name, (marks, colour, label) in looks.items():
+                low, middle, high = np.array([getattr(v, name) for v in values]).T
+                if not np.isfinite(middle).any():
+                    continue
+                x = np.array([v.time for v in values]) * (1.0 if name == "top" else 1.12)
+                ax.errorbar(x, middle, [middle - low, high - middle], fmt=marks, color=colour, markersize=4.0, capsize=2.0,
+                            linewidth=1.0, markerfacecolor="k" if name == "top" else "w", label=label)  # fmt: skip
+            for v in values:
+                text = str(v.value).replace("unit_traction", "unit tractions").replace("residual_modes", "residual modes")
+                default = ", default" if v.value == DEFAULT[setting] else ""
+                ax.annotate(text + default, (v.time, v.top[1]), xytext=(5, 6), textcoords="offset points", fontsize=7.5)
+            ax.set_xscale("log")
+            ax.xaxis.set_major_formatter("{x:g}")
+            ax.margins(x=0.35, y=0.12)
+            ax.set_title(f"{NAMES[setting]} ({values[0].scenes} scenes)")
+        axes[0].set_yscale("log")
+        axes[0].yaxis.set_major_formatter("{x:g}")
+        axes[0].set_ylabel("Error against the amplitude kept (%)")
+        axes[0].legend(loc="upper right")
+        figure.supxlabel("Time of a curve over that with the default settings", fontsize=9)
+        save_figure(figure, IMAGE)
+
+
+def show(known: dict[str, Any]) -> None:
+    """The table of docs/accuracy.md."""
+    print("| setting | value | time of a curve | error of the top (%) | at the frequency of what is kept (%) | scenes |")
+    print("|---|---|---|---|---|---|")
+    for setting, values in rows(known).items():
+        for v in values:
+            cells = [f"{e[1]:.2g} ({e[0]:.2g} to {e[2]:.2g})" if np.isfinite(e[1]) else "" for e in (v.top, v.at)]
+            value = str(v.value).replace("_", " ") + (", default" if v.value == DEFAULT[setting] else "")
+            print(f"| {NAMES[setting]} | {value} | {v.time:.2g} | {' | '.join(cells)} | {v.scenes} |")
+    for setting, change in structures(known).items():
+        if len(change):
+            spread = f"{np.median(change):+.2g} % ({change.min():+.2g} to {change.max():+.2g})"
+            print(f"\nWhat is kept with {JUDGES[setting]} {NAMES[setting]}: {spread}, {len(change)} scenes.")
+    print("\n| scene | kept | harmonics 1 | 3 | 5 | 9 | kept with 24 patterns | 40 modes | 24 points |")
+    print("|---" * 9 + "|")
+    for name in map(name_of, SCENES):
+        if f"{name}/kept" in known:
+            get = lambda key: known.get(f"{name}/{key}", {}).get("mean", np.nan)  # noqa: B023, E731
+            tops = [known.get(f"{name}/harmonics {h}", {}).get("top", np.nan) for h in ROWS["harmonics"]]
+            judges = [get(f"kept, {setting} {value}") for setting, value in JUDGES.items()]
+            print(f"| {name} | " + " | ".join(f"{x:.1f}" for x in (get("kept"), *tops, *judges)) + " |")
+
+
 def main() -> None:
     """Compute what is missing of six scenes, or of as many as are asked for, and show it."""
-    compute(int(sys.argv[1]) if sys.argv[1:] else 6)
+    asked = sys.argv[1:]
+    if asked in ([], ["ship"]) or asked[0].isdigit():
+        compute(int(asked[0]) if asked and asked[0].isdigit() else 6)
+    known = json.loads(RESULTS.read_text())
+    show(known)
+    draw(known)
+    if asked == ["ship"]:
+        SHIPPED.write_text(json.dumps(shipped(known), indent=1) + "\n")
 
 
 if __name__ == "__main__":
