@@ -33,7 +33,7 @@ from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
 from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
 from bdamper.model.model import Body, Model, turn
-from bdamper.reduction.bodies import constrained_body, free_body
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.patches import Patches
@@ -106,9 +106,8 @@ def rig(
 
     nodes = blade_nodes(blades, g)
     contact = sp.vstack([averaging_matrix(blades, p) for p in touching], format="csr")
-    held = constrained_body(
-        "blades", ports["friction"], lambda _: structure, contact, nodes, (0,), n_modes, damping_ratio, (0,)
-    )
+    wanted = Wanted(ports["friction"], contact, nodes, n_modes, damping_ratio)
+    held = constrained_body("blades", wanted, lambda _: structure, (0,), (0,))
     bodies = {"blades": held}
     meshes = {"blades": surface_mesh(blades, {0: structure.modes(n_modes)[1]})}
     radial = turn(0.5 * g.pitch) @ [0.0, 1.0, 0.0]
@@ -132,7 +131,7 @@ def rig(
 def _damper(damper: FreeBody, patches: list[Patches], n_modes: int, damping_ratio: float, radial: NDArray) -> Body:
     """One damper in its own contact axes, in which it is the same at both places."""
     contact = sp.vstack([averaging_matrix(damper.body, p) for p in patches], format="csr")
-    return free_body("damper", (), damper, contact, {}, n_modes, damping_ratio, radial)
+    return free_body("damper", Wanted((), contact, {}, n_modes, damping_ratio), damper, radial)
 
 
 def _placed(damper: Body, side: str, rotation: NDArray) -> Body:

@@ -58,11 +58,7 @@ SOURCES = ("harmonics", "evaluation", "contact points", "modes", "residual flexi
 
 @one_thread
 def estimate_errors(
-    problem: Problem,
-    result: Curve | Peak | OptimalCurve,
-    preload: float | None = None,
-    *,
-    sources: Sequence[str] = SOURCES,
+    problem: Problem, result: Curve | Peak | OptimalCurve, preload: float | None = None, *, sources: Sequence[str] = SOURCES
 ) -> ErrorEstimates:
     """Estimated errors of a peak by source.
 

@@ -20,8 +20,9 @@ import time
 import warnings
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, as_completed
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from threading import Event
 from typing import Any, TypeVar
@@ -30,7 +31,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.effects.richer import Question, ask, whole_curve
 from bdamper.peaks.highest import highest_peak
@@ -64,7 +64,7 @@ Answer = TypeVar("Answer", Curve, Peak)
 class _Rungs:
     """Answers with other harmonics on threads of their own, each timed by the processor time of its thread."""
 
-    def __init__(self, threads: int | None) -> None:
+    def __init__(self, threads: int | None = None) -> None:
         self.pool = ThreadPoolExecutor(threads or os.cpu_count() or 1)
         self.stop = Event()
 
@@ -79,11 +79,7 @@ class _Rungs:
         """Begin an answer; what its problem shares with others is made before."""
         if problem.static(preload).converged:
             problem.system(preload)
-        return self.pool.submit(self._on_thread, problem, preload, answer)
-
-    def _on_thread(self, problem: Problem, preload: float, answer: Question) -> tuple[Any, Rung]:
-        with ended_by(self.stop):
-            return self.of(problem, preload, answer)
+        return self.pool.submit(ended_by(self.stop)(self.of), problem, preload, answer)
 
     def of(self, problem: Problem, preload: float, answer: Question) -> tuple[Any, Rung]:
         """An answer (None if there is none) and its rung."""
@@ -130,13 +126,7 @@ def _with_changes(rungs: Sequence[Rung]) -> tuple[Rung, ...]:
 
 
 @one_thread
-def converged_answer(
-    problem: Problem,
-    preload: float,
-    tolerance: float,
-    answer: Callable[[Problem], Answer],
-    threads: int | None = None,
-) -> Answer:
+def converged_answer(problem: Problem, preload: float, tolerance: float, answer: Callable[[Problem], Answer]) -> Answer:
     """The answer with as many harmonics as a relative tolerance on amplitude and frequency needs, with its ladder.
 
     Its ``cost`` is that of all answers, its settings hold the ``tolerance``.  The problem's own answer is computed in the
@@ -164,7 +154,7 @@ def converged_answer(
         if found[0] is not None and found[0].cost is not None:
             meter.add(found[0].cost)
 
-    with _Rungs(threads) as work:
+    with _Rungs() as work:
         beside = [work.ask(p, preload, answer) for p in problems[1:COMPARED]]
         take(work.of(problem, preload, answer))
         interrupted = isinstance(answers[0], Curve) and answers[0].status == "interrupted"
@@ -192,15 +182,9 @@ def converged_answer(
 
 
 def track_to_tolerance(
-    problem: Problem,
-    preload: float,
-    frequency: tuple[float, float],
-    tolerance: float,
-    *,
-    options: ContinuationOptions | None = None,
-    stability: bool = False,
+    problem: Problem, preload: float, frequency: tuple[float, float], tolerance: float, stability: bool = False,
     **following: Any,
-) -> Curve:
+) -> Curve:  # fmt: skip
     """A tracking curve with as many harmonics as its highest point needs, and the ladder that says so.
 
     ``stability`` judges the stability of every point; others are those of :func:`bdamper.continuation.track.track`.  One
@@ -208,13 +192,9 @@ def track_to_tolerance(
     """
     tolerance = validate.number("tolerance", tolerance, above=0.0, below=1.0)
     if not problem.static(preload).converged:
-        return track(problem, preload, frequency, options=options, **following)
+        return track(problem, preload, frequency, **following)
     frequency = validate.interval("frequency", frequency)
-
-    def answer(p: Problem) -> Curve:
-        return track(p, preload, frequency, options=options, **following)
-
-    curve = converged_answer(problem, preload, tolerance, answer)
+    curve: Curve = converged_answer(problem, preload, tolerance, lambda p: track(p, preload, frequency, **following))
     judged = len(curve) and curve.status != "interrupted" and (stability or problem.stability)
     return with_stability(problem, curve) if judged else curve
 
@@ -227,11 +207,7 @@ def peak_to_tolerance(
     Further arguments are those of :func:`bdamper.peaks.highest.highest_peak`.
     """
     preload = problem.check_preload(preload)
-
-    def answer(p: Problem) -> Peak:
-        return highest_peak(p, preload, frequency, **searching)
-
-    return converged_answer(problem, preload, tolerance, answer)
+    return converged_answer(problem, preload, tolerance, lambda p: highest_peak(p, preload, frequency, **searching))
 
 
 # ---- the optimal curve ----
@@ -273,15 +249,15 @@ def with_ladder(
         return curve
     preload = best.preload if np.isfinite(best.preload) else float(curve.preload[len(curve) // 2])
     problems, limit = _richer(problem, MORE_AT_OPTIMUM)
-    own = problem.harmonic_numbers[-1]
+    own, frequency = problem.harmonic_numbers[-1], curve.settings["frequency"]
     places = [float(at) for at in curve.preload[_checked(curve.preload, preload)]]
     jobs = [(p, preload) for p in problems[:0:-1]] + [(p, at) for p in problems[1:2] for at in places]
     found: dict[tuple[int, float], Rung] = {}
     with ExitStack() as stack:
         work = stack.enter_context(_Rungs(threads))
-        file = None
-        if resume is not None:
-            file = stack.enter_context(closing(search_file(resume, problem, frequency=curve.settings["frequency"])))
+        file = None if resume is None else search_file(resume, problem, frequency=frequency)
+        if file is not None:
+            stack.callback(file.close)
         kept = {} if file is None else file.records
         advance = stack.enter_context(counter(progress, len(jobs), 0, "ladder of harmonics", "curve"))
         stop = stack.enter_context(LongWork())
@@ -293,7 +269,7 @@ def with_ladder(
                     found[p.harmonic_numbers[-1], at] = Rung(**kept[name]["rung"])
                     advance()
                 else:
-                    asked[work.ask(p, at, _curve_at(at, curve))] = name
+                    asked[work.ask(p, at, partial(whole_curve, preload=at, frequency=frequency))] = name
             for future in as_completed(asked):
                 rung = future.result()[1]
                 found[rung.harmonics, rung.preload] = rung
@@ -309,11 +285,6 @@ def with_ladder(
     others = [r for at in sorted(at for _, at in found if at != preload) for r in _pair(curve, own, found[own + 2, at])]
     made = Ladder(tolerance, preload, own, _with_changes(rungs), tuple(others), limit=limit)
     return replace(curve, ladder=made, error_estimates=made.estimates(_not_asked(problem)))
-
-
-def _curve_at(preload: float, curve: OptimalCurve) -> Question:
-    """What follows the whole curve over the interval (Hz) of an optimal curve."""
-    return lambda problem: whole_curve(problem, preload, curve.settings["frequency"])
 
 
 def _pair(curve: OptimalCurve, own: int, richer: Rung) -> tuple[Rung, ...]:

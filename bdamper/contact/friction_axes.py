@@ -37,9 +37,7 @@ def major_angles(u: NDArray) -> NDArray:
     return 0.5 * np.arctan2(2.0 * s12, s11 - s22)
 
 
-def turned(
-    bases: list[HarmonicBasis], points: PointArrays, angles: NDArray
-) -> tuple[list[HarmonicBasis], PointArrays]:
+def turned(bases: list[HarmonicBasis], points: PointArrays, angles: NDArray) -> tuple[list[HarmonicBasis], PointArrays]:
     """Modes and points with the tangential axes of every point turned in its contact plane.
 
     Parameters

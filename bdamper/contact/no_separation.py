@@ -31,12 +31,7 @@ CONSTANT = {LAW_SEPARABLE: LAW_CONSTANT, LAW_COUPLED: LAW_COUPLED_CONSTANT}
 
 
 def without_separation(
-    bases: list[HarmonicBasis],
-    points: PointArrays,
-    state: PreloadState,
-    friction_points: NDArray,
-    *,
-    constant_load: bool,
+    bases: list[HarmonicBasis], points: PointArrays, state: PreloadState, friction_points: NDArray, *, constant_load: bool
 ) -> tuple[list[HarmonicBasis], PointArrays]:
     """Modes and points under the assumption that the static contact area is kept.
 

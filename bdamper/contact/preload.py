@@ -134,6 +134,8 @@ class PreloadState(Plottable, Tabular, Storable, kind="bdamper-static", row="con
         )
 
 
+TOLERANCE = 1e-10
+"""On modal equilibrium, relative to the modal load."""
 SHORTER = 0.5 ** np.arange(1, 10)
 """Fractions of a Newton step that are tried where the full step does not reduce the residual."""
 STALLS = 6
@@ -232,14 +234,7 @@ def _solve(J: NDArray, r: NDArray) -> NDArray:
 
 
 def _step(
-    system: StaticSystem,
-    load: float,
-    q: NDArray,
-    w: NDArray,
-    status: NDArray,
-    tolerance: float,
-    max_iterations: int,
-    largest: float,
+    system: StaticSystem, load: float, q: NDArray, w: NDArray, status: NDArray, largest: float
 ) -> tuple[NDArray, NDArray, int, float]:
     """Newton on the states at one load; returns coordinates, states, iterations and residual."""
     force = load * system.force + system.constant_force
@@ -250,44 +245,32 @@ def _step(
     on_the_way = largest * float(np.abs(system.force).max())
     size = max(float(np.abs(force).max()), float(np.abs(at_rest).max()), on_the_way, 1e-300)
 
-    def residual(q: NDArray) -> tuple[NDArray, NDArray]:
-        x = (G @ q).reshape(-1, 3) + shift
-        F, new_status = _forces(system, x, w)
-        return system.stiffness * q + G.T @ F.ravel() - force, new_status
-
-    def residuals(q: NDArray) -> tuple[NDArray, NDArray]:
-        """The same at several q (n, n_modes), bit for bit: rounding decides the states of points at their limit."""
+    def residuals(*q: NDArray) -> tuple[NDArray, NDArray]:
+        """At several q, bit for bit as at one: rounding decides the states of points at their limit."""
         x = np.array([G @ one for one in q]).reshape(len(q), -1, 3) + shift
         F, new_status = _forces(system, x, w)
         r = [system.stiffness * one + G.T @ f.ravel() - force for one, f in zip(q, F)]
         return np.array(r), new_status
 
     # the first linear solution takes the states as given: the law is linear in them
-    x0 = shift.copy()
-    F0 = np.zeros_like(x0)
-    closed = ~(status == OPEN).any(axis=1)
-    F0[closed, 2] = (system.n0 + system.kn * x0[:, 2])[closed]
-    for d in range(2):
-        stick = closed & (status[:, d] == STICK)
-        F0[stick, d] = (system.kt[:, d] * (x0[:, d] - w[:, d]))[stick]
-        for sign, state in ((1.0, SLIP_PLUS), (-1.0, SLIP_MINUS)):
-            slip = closed & (status[:, d] == state)
-            F0[slip, d] = sign * system.mu[slip] * F0[slip, 2]
+    level = system.n0 + system.kn * shift[:, 2]
+    per_level = law_tangent(system.kt, np.ones(len(level)), system.mu, status)
+    F0 = per_level @ np.concatenate([shift[:, :2] - w, level[:, None]], axis=1)[..., None]
     q = _solve(_jacobian(system, G, status), force - G.T @ F0.ravel())
-    r, status = residual(q)
+    (r,), (status,) = residuals(q)
     stalls = 0
-    for iteration in range(1, max_iterations + 1):
+    for iteration in range(1, 61):
         norm = float(np.abs(r).max())
-        if norm <= tolerance * size or stalls == STALLS:
+        if norm <= TOLERANCE * size or stalls == STALLS:
             return q, status, iteration, norm / size
         dq = _solve(_jacobian(system, G, status, (G @ q).reshape(-1, 3) + shift), -r)
         trial = q + dq
-        r_trial, status_trial = residual(trial)
+        (r_trial,), (status_trial,) = residuals(trial)
         now = float(np.abs(r_trial).max())
         helps = now < (1.0 - 1e-3) * norm
         if not helps:  # shorter steps, up to the first that is short enough; the best of all counts
             trials = q + SHORTER[:, None] * dq
-            r_all, status_all = residuals(trials)
+            r_all, status_all = residuals(*trials)
             size_all = np.abs(r_all).max(axis=1)
             enough = np.flatnonzero(size_all < (1.0 - 1e-3 * SHORTER) * norm)
             helps = len(enough) > 0
@@ -296,12 +279,10 @@ def _step(
                 trial, r_trial, status_trial = trials[k], r_all[k], status_all[k]
         stalls = 0 if helps else stalls + 1
         q, r, status = trial, r_trial, status_trial
-    return q, status, max_iterations, float(np.abs(r).max()) / size
+    return q, status, iteration, float(np.abs(r).max()) / size
 
 
-def _creep(
-    system: StaticSystem, load: float, state: PreloadState, tolerance: float, max_steps: int = 400
-) -> tuple[NDArray, NDArray, int, float]:
+def _creep(system: StaticSystem, load: float, state: PreloadState) -> tuple[NDArray, NDArray, int, float]:
     """Equilibrium at one load as the end of a creeping motion, ``D q' = -r(q)`` with sliders that follow.
 
     Used for load steps in which the updates of the states do not end.  ``D`` is the stiffness with every point
@@ -319,14 +300,14 @@ def _creep(
     D = np.diag(system.stiffness) + G.T @ (springs * G)
     q, w = state.q.copy(), state.slider.copy()
     dt, iterations, norm = 0.1, 0, np.inf
-    for _ in range(max_steps):
+    for _ in range(400):
         trial = q.copy()
         for k in range(12):
             F, status, slider, _ = _law(system, (G @ trial).reshape(-1, 3) + shift, w)
             r = system.stiffness * trial + G.T @ F.ravel() - force
             total = r + D @ (trial - q) / dt
             iterations += 1
-            if float(np.abs(total).max()) <= 0.1 * tolerance * size:
+            if float(np.abs(total).max()) <= 0.1 * TOLERANCE * size:
                 break
             x = (G @ trial).reshape(-1, 3) + shift
             trial = trial + _solve(_jacobian(system, G, status, x) + D / dt, -total)
@@ -336,7 +317,7 @@ def _creep(
                 break
             continue
         q, w, norm = trial, slider, float(np.abs(r).max()) / size
-        if norm <= tolerance:
+        if norm <= TOLERANCE:
             return q, w, iterations, norm
         dt *= 2.0 if k < 6 else 1.0
     return q, w, iterations, norm
@@ -359,14 +340,7 @@ def assembly_offsets(spread: float, seed: int, friction: NDArray) -> NDArray:
 
 
 def static_state(
-    system: StaticSystem,
-    load: float,
-    *,
-    steps: int = 8,
-    tolerance: float = 1e-10,
-    max_iterations: int = 60,
-    start: PreloadState | None = None,
-    offset: NDArray | None = None,
+    system: StaticSystem, load: float, *, steps: int = 8, start: PreloadState | None = None, offset: NDArray | None = None
 ) -> PreloadState:
     """State of the contact after the load has grown to ``load``.
 
@@ -376,10 +350,6 @@ def static_state(
     load : float, N
     steps : int
         Load steps; a step that fails is halved, down to a thousandth.
-    tolerance : float
-        On modal equilibrium, relative to the modal load.
-    max_iterations : int
-        Status iterations in a step.
     start : PreloadState, optional
         An earlier state to go on from, loading or unloading; zero load without it.
     offset : (n_points, 2) float, m, optional
@@ -409,21 +379,19 @@ def static_state(
         iterations = 0
         tries = {s.tobytes(): s for s in (state.status, stuck, np.full_like(stuck, STICK))}
         for first_status in tries.values():
-            q, status, tried, residual = _step(
-                system, at, state.q, state.slider, first_status, tolerance, max_iterations, first
-            )
+            q, status, tried, residual = _step(system, at, state.q, state.slider, first_status, first)
             iterations += tried
-            if residual <= tolerance:
+            if residual <= TOLERANCE:
                 break
-        if not residual <= tolerance:
+        if not residual <= TOLERANCE:
             fraction *= 0.5
             if fraction >= 0.1 / steps:
                 continue
             fraction = 1.0 / steps
             now = min(1.0, done + fraction)
             at = first + now * target
-            q, before, iterations, residual = _creep(system, at, state, tolerance)
-            if not residual <= tolerance:
+            q, before, iterations, residual = _creep(system, at, state)
+            if not residual <= TOLERANCE:
                 note = f"static contact found no equilibrium beyond a load of {state.load:.6g} N (residual {residual:.2g})"
                 return replace(state, converged=False, note=note)
         else:
@@ -437,7 +405,7 @@ def static_state(
     return state
 
 
-def scaled_state(system: StaticSystem, state: PreloadState, load: float, tolerance: float = 1e-10) -> PreloadState | None:
+def scaled_state(system: StaticSystem, state: PreloadState, load: float) -> PreloadState | None:
     """State at another load by homogeneity, or None where that does not hold.
 
     Without initial gaps everything but the states themselves is proportional to the load.  Points with a gap do not matter
@@ -449,8 +417,6 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float, toleran
     state : PreloadState
         Reached from zero load.
     load : float, N
-    tolerance : float
-        On modal equilibrium, relative to the modal load, checked anew.
     """
     if not (state.converged and state.load > 0.0 and load > 0.0):
         return None
@@ -464,7 +430,7 @@ def scaled_state(system: StaticSystem, state: PreloadState, load: float, toleran
     force, _, _, closing = _law(system, x, ratio * state.slider)
     r = system.stiffness * (ratio * state.q) + system.G.reshape(-1, len(state.q)).T @ force.ravel() - load * system.force
     residual = float(np.abs(r).max(initial=0.0)) / max(load * float(np.abs(system.force).max(initial=0.0)), 1e-300)
-    if not residual <= tolerance:
+    if not residual <= TOLERANCE:
         return None
     slider = np.where((state.status == OPEN) | (system.kt == 0.0), x[:, :2], ratio * state.slider)
     return replace(

@@ -207,9 +207,7 @@ class _Solver:
         n = self.n
         block = np.matmul(B, self.flexibility.reshape(n, 3, 3 * n)).reshape(3 * n, 3 * n)
         block.flat[:: 3 * n + 1] += 1.0
-        for i in range(3):
-            for j in range(3):
-                block[np.arange(n) * 3 + i, np.arange(n) * 3 + j] -= B[:, i, j] / self.k[:, j]
+        block.reshape(n, 3, n, 3)[range(n), :, range(n)] -= B / self.k[:, None]
         return block
 
     def creep(self) -> tuple[NDArray, NDArray, NDArray, bool, NDArray]:
@@ -358,13 +356,8 @@ def least_imbalance(problem: StaticContactProblem) -> float:
     f = problem.load / (unit * size)
     balance = np.block([[G, -np.ones((m, 1))], [-G, -np.ones((m, 1))]])
     friction = np.hstack([friction_limits(problem.friction), np.zeros((4 * n, 1))])
-    bounds = [*force_bounds(n), (0.0, None)]
-    found = scipy.optimize.linprog(
-        np.eye(3 * n + 1)[-1],
-        A_ub=np.concatenate([balance, friction]),
-        b_ub=np.concatenate([f, -f, np.zeros(4 * n)]),
-        bounds=bounds,
-    )
+    rows, most = np.concatenate([balance, friction]), np.concatenate([f, -f, np.zeros(4 * n)])
+    found = scipy.optimize.linprog(np.eye(3 * n + 1)[-1], rows, most, bounds=[*force_bounds(n), (0.0, None)])
     return float(found.fun) / float(np.abs(f).max()) if found.status == 0 else 0.0
 
 

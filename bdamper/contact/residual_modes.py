@@ -163,12 +163,7 @@ def stuck_modes(basis: HarmonicBasis, residual: NDArray, what: str) -> tuple[NDA
 
 
 def _patterns(
-    coupling: Coupling,
-    harmonic: int,
-    active: NDArray,
-    residual: NDArray,
-    options: ResidualModes,
-    static: NDArray | None,
+    coupling: Coupling, harmonic: int, active: NDArray, residual: NDArray, options: ResidualModes, static: NDArray | None
 ) -> NDArray:
     """(n_active, n) force patterns of one harmonic, of unit length, independent."""
     n_active = int(active.sum())
@@ -274,11 +269,8 @@ class ResidualSet:
 
     def _matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
         """Residual flexibility of all components, patterns, and the flexibility of these; no choice of the diagonal."""
-        if harmonic not in self._parts:
-            self._parts[harmonic] = self._make_matrices(harmonic)
-        return self._parts[harmonic]
-
-    def _make_matrices(self, harmonic: int) -> tuple[NDArray, NDArray, NDArray]:
+        if harmonic in self._parts:
+            return self._parts[harmonic]
         R = self.coupling.residual_flexibility(harmonic)
         if harmonic == 0:
             R = R.real
@@ -286,7 +278,8 @@ class ResidualSet:
         static = None if self.static is None else self.static.ravel()[kept]
         W = _patterns(self.coupling, harmonic, self.active, R, self.options, static)
         whole = W.conj().T @ R[np.ix_(kept, kept)] @ W
-        return R, W, 0.5 * (whole + whole.conj().T)
+        self._parts[harmonic] = R, W, 0.5 * (whole + whole.conj().T)
+        return self._parts[harmonic]
 
     def _point_share(self, harmonic: int) -> float:
         """Largest share of the flexibility of a pattern that the diagonal has."""
@@ -296,11 +289,8 @@ class ResidualSet:
 
     def basis(self, harmonic: int) -> ResidualBasis:
         """Residual coordinates of one harmonic."""
-        if harmonic not in self._bases:
-            self._bases[harmonic] = self._make_basis(harmonic)
-        return self._bases[harmonic]
-
-    def _make_basis(self, harmonic: int) -> ResidualBasis:
+        if harmonic in self._bases:
+            return self._bases[harmonic]
         R, W, whole = self._matrices(harmonic)
         kept, D = self.active.ravel(), self.flexibility.ravel()
         # rows of constraint planes too: friction forces move them
@@ -320,4 +310,5 @@ class ResidualSet:
             damping = np.full(n, float(np.mean(ratio)) if len(ratio) else 0.0)
         # one stiffness for all coordinates, so that they are of the size of the others
         G = (columns @ V * np.sqrt(reference)).reshape(-1, 3, n).astype(complex)
-        return ResidualBasis(G, np.full(n, reference), mass * reference, damping)
+        self._bases[harmonic] = ResidualBasis(G, np.full(n, reference), mass * reference, damping)
+        return self._bases[harmonic]

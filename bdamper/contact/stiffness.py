@@ -245,9 +245,7 @@ def literal_negative(coupling: Coupling, friction: NDArray) -> dict[str, NDArray
 
 
 def contact_stiffness(
-    coupling: Coupling,
-    method: str | float | ResidualModes | PerArea | Mapping[str, NDArray],
-    friction: NDArray,
+    coupling: Coupling, method: str | float | ResidualModes | PerArea | Mapping[str, NDArray], friction: NDArray
 ) -> Contact:
     """Stiffness at the contact points of every interface of a coupling.
 
@@ -292,7 +290,7 @@ def check_method(method: Any) -> None:
     if isinstance(method, ResidualModes | PerArea | Mapping) or (isinstance(method, str) and method in METHODS):
         return
     if method is None or isinstance(method, str | bytes) or np.ndim(method) != 0:
-        expected = f'one of {(*METHODS, "model")}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping'
+        expected = f"one of {(*METHODS, 'model')}, one number in N/m, PerArea(...), ResidualModes(...) or a mapping"
         raise validate.unfit("contact_stiffness", f"{expected} of interface names to values", method)
     validate.number("contact_stiffness", method, least=0.0, unit="N/m")
 

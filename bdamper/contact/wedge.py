@@ -116,19 +116,11 @@ def wedge_friction(coupling: Coupling, friction: NDArray, load: float = 1.0) -> 
     for i, name in enumerate(names):
         cost = np.kron(owner == i, [0.0, 0.0, 1.0])
         for sign, out in ((1.0, lowest), (-1.0, highest)):
-            found = scipy.optimize.linprog(
-                sign * cost,
-                A_ub=limit,
-                b_ub=np.zeros(4 * n),
-                A_eq=equal,
-                b_eq=f[rigid] / unit,
-                bounds=force_bounds(n),
-            )
+            rows_and_bounds = (limit, np.zeros(4 * n), equal, f[rigid] / unit, force_bounds(n))
+            found = scipy.optimize.linprog(sign * cost, *rows_and_bounds)
             if found.status == 2:
-                raise SettingError(
-                    f"wedge friction: expected contact forces in equilibrium with the load, found none at '{name}' "
-                    "and the other faces"
-                )
+                none = f"found none at '{name}' and the other faces"
+                raise SettingError(f"wedge friction: expected contact forces in equilibrium with the load, {none}")
             out[i] = np.inf if found.status in (3, 4) else sign * found.fun * load
     direction = np.asarray(bodies[0].load.direction, float)  # type: ignore[union-attr]
     normal = [coupling.model.interfaces[name].frame[:, 2].mean(axis=0) for name in names]
@@ -177,24 +169,14 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
     friction: NDArray
 
     @classmethod
-    def make(
-        cls, coupling: Coupling, state: PreloadState, friction: NDArray, history: tuple[float, ...]
-    ) -> ContactMap:
+    def make(cls, coupling: Coupling, state: PreloadState, friction: NDArray, history: tuple[float, ...]) -> ContactMap:
         """From a static state of the points of a coupling."""
         faces = [coupling.model.interfaces[name] for name in coupling.interfaces]
-        return cls(
-            load=state.load,
-            history=history,
-            interfaces=coupling.interfaces,
-            owner=np.concatenate([np.full(face.n_points, i) for i, face in enumerate(faces)]),
-            points=np.concatenate([face.points for face in faces]),
-            frame=np.concatenate([face.frame for face in faces]),
-            area=np.concatenate([face.area for face in faces]),
-            force=state.force,
-            distance=np.where(state.status[:, 0] == OPEN, np.maximum(-state.closing, 0.0), 0.0),
-            status=state.status,
-            friction=friction,
-        )
+        owner = np.repeat(np.arange(len(faces)), [face.n_points for face in faces])
+        points, frame, area = (np.concatenate([getattr(f, name) for f in faces]) for name in ("points", "frame", "area"))
+        distance = np.where(state.status[:, 0] == OPEN, np.maximum(-state.closing, 0.0), 0.0)
+        places = (coupling.interfaces, owner, points, frame, area)
+        return cls(state.load, history, *places, state.force, distance, state.status, friction)
 
     @property
     def interface(self) -> Annotated[NDArray, Quantity()]:
@@ -241,9 +223,7 @@ class ContactMap(Plottable, Tabular, Storable, kind="bdamper-contact-map", row="
         for i, name in enumerate(self.interfaces):
             here = self.owner == i
             whole = self.area[here].sum()
-            lines.append(
-                f"  {name}: {force[name]:.6g} N on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2, "
-                f"pressure up to {1e-6 * self.pressure[here].max():.4g} MPa, "
-                f"gap up to {1e6 * self.distance[here].max():.3g} um"
-            )
+            share = f"{force[name]:.6g} N on {100 * area[name] / whole:.3g} % of {1e6 * whole:.4g} mm2"
+            most = 1e-6 * self.pressure[here].max(), 1e6 * self.distance[here].max()
+            lines.append(f"  {name}: {share}, pressure up to {most[0]:.4g} MPa, gap up to {most[1]:.3g} um")
         return "\n".join(lines)

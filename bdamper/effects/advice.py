@@ -15,12 +15,12 @@ the advice says what the highest peak of the reference would change if this effe
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
 from bdamper.effects.indicator import embed, estimate_or_unknown
-from bdamper.effects.richer import Tops, ask, compare, whole_curve
+from bdamper.effects.richer import Change, Tops, ask, compare, whole_curve
 from bdamper.harmonic_balance.system import HarmonicSystem
 from bdamper.problem.effects import AXES, Effects
 from bdamper.problem.plausible import check_question
@@ -234,8 +234,7 @@ def advise(
     called_for = effects
     for row in rows:
         called_for = called_for if row.called_for else called_for.without(row.name)
-    peak = reference.peak
-    whole = reference.curve
+    peak, whole = reference.peak, reference.curve
     notes = () if whole.complete else (f"the curve with all effects ended as: {whole.status} ({whole.reason})",)
     work = _work(problem.with_effects(called_for).system(preload)) / reference.work
     return Advice(
@@ -270,19 +269,15 @@ class _Reference:
             e = estimate_or_unknown(system, embed(self.problem, leaner, self.preload, y))
             if e.size <= tolerance:
                 return EffectAdvice(name, on, e.amplitude, e.frequency, e.defect, "estimated", work)
-        try:
-            amplitude, frequency = self.computed(leaner)
-        except BdamperError as error:
-            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", work, reason=str(error))
-        return EffectAdvice(name, on, amplitude, frequency, 0.0, "computed", work)
+        found = self.computed(leaner)
+        if not found.known:
+            return EffectAdvice(name, on, np.nan, np.nan, np.inf, "unknown", work, reason=found.how)
+        return EffectAdvice(name, on, found.amplitude, found.frequency, 0.0, "computed", work)
 
-    def computed(self, leaner: Problem) -> tuple[float, float]:
+    def computed(self, leaner: Problem) -> Change:
         """Relative change of amplitude and frequency to the highest peak of another study."""
         self.peaks += 1
-        found = compare(self.problem, leaner, self.preload, self.tops)
-        if not found.known:
-            raise BdamperError(found.how)
-        return found.amplitude, found.frequency
+        return compare(self.problem, leaner, self.preload, self.tops)
 
 
 def _chosen(
@@ -300,10 +295,10 @@ def _chosen(
         change = 0.0, 0.0
         if out:
             try:
-                change = reference.computed(reference.problem.with_effects(effects))
+                change = reference.computed(reference.problem.with_effects(effects))[:2]
             except BdamperError:
                 change = np.inf, np.inf
-        if max(map(abs, change)) <= tolerance:
+        if max(map(abs, change)) <= tolerance:  # not where it is not known
             break
         taken_back[max(out.values(), key=lambda row: row.size).name] = "changes more together with others"
     marked = []
@@ -344,19 +339,11 @@ def fullest(problem: Problem) -> Effects:
             break
         most = l
     numbers = tuple(sorted({*own.harmonic_numbers, *range(1, most + 1)}))
-    return replace(
-        own,
-        harmonics=len(numbers) if numbers[-1] == len(numbers) else numbers,
-        bias=True,
-        variable_normal_load=True,
-        separation=True,
-        rotation=AXES,
-        translation=AXES,
-        damper_modes=max(own.damper_modes, min(2, problem.most_modes("free"))),
-        harmonic_nodal_diameters=True,
-        constraints=True,
-        contact_points=None,
-    )
+    switches = ("bias", "variable_normal_load", "separation", "harmonic_nodal_diameters", "constraints")
+    on: dict[str, Any] = dict.fromkeys(switches, True) | {"rotation": AXES, "translation": AXES, "contact_points": None}
+    harmonics = len(numbers) if numbers[-1] == len(numbers) else numbers
+    damper_modes = max(own.damper_modes, min(2, problem.most_modes("free")))
+    return replace(own, harmonics=harmonics, damper_modes=damper_modes, **on)
 
 
 def parts(problem: Problem, effects: Effects) -> list[str]:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from bdamper.continuation.curve import Curve
 from bdamper.continuation.track import check_curve
 from bdamper.harmonic_balance.cycle import Energies, bodily_motion, energies, histories
 from bdamper.harmonic_balance.system import HarmonicSystem
+from bdamper.model.model import Interface
 from bdamper.peaks.newton import Peak
 from bdamper.peaks.optimal_curve import OptimalCurve
 from bdamper.problem.problem import Problem, matching
@@ -53,6 +54,7 @@ from bdamper.util.tables import (
 from bdamper.util.text import amount, percent
 
 AXES = ("t1", "t2", "n")
+ENERGIES = ("damping", "excitation", "kinetic")
 WHOLE = "whole"
 """Name of the loop of all contacts together."""
 NOTHING = 1e-9
@@ -317,45 +319,42 @@ class Dissipation(Plottable, Comparable, Tabular, Storable, kind="bdamper-dissip
         return f"Largest damping ratio of the contacts {percent(float(self.damping_ratio[k]))}, at {at}, preload {load}."
 
 
-@dataclass(frozen=True)
-class _Solution:
+class _Solution(NamedTuple):
     preload: float
     frequency: float
     branch: int
     unknowns: NDArray
 
 
-def _solutions(problem: Problem, result: Solved, index: int | None, name: str) -> tuple[Problem, list[_Solution]]:
-    """The problem with the harmonics of a result, and its solutions: all of them, or one."""
+def _solutions(problem: Problem, result: Solved) -> tuple[Problem, list[_Solution]]:
+    """The problem with the harmonics of a result, and its solutions."""
     kinds = Curve, Peak, OptimalCurve
-    validate.instance(name, result, kinds, "a tracking curve, a peak or an optimal curve of this study")
+    validate.instance("result", result, kinds, "a tracking curve, a peak or an optimal curve of this study")
     problem = matching(problem, result.settings)
     own = problem.record()["response"]
     found_at = result.settings.get("response", own)
     if found_at != own:
-        raise SettingError(f"{name}: expected a result with the response {own}, found one with {found_at}")
+        raise SettingError(f"result: expected a result with the response {own}, found one with {found_at}")
+    columns: tuple[Any, ...]
     if isinstance(result, Peak):
         if not result.converged or not np.isfinite(result.parameter):
-            raise SettingError(f"{name}: expected a peak that was found at a preload, found {result}")
-        found = [_Solution(result.parameter, result.frequency, 0, result.y[:-1])]
+            raise SettingError(f"result: expected a peak that was found at a preload, found {result}")
+        columns = [result.parameter], [result.frequency], [0], [result.y[:-1]]
     elif isinstance(result, Curve):
         check_curve(problem, result)
-        rows = zip(result.frequency, result.branch, result.unknowns)
-        found = [_Solution(result.preload, float(f), int(b), u) for f, b, u in rows]
+        columns = np.full(len(result), result.preload), result.frequency, result.branch, result.unknowns
     else:
         if result.model_hash != problem.model.hash:
-            raise SettingError(f"{name}: expected an optimal curve of this model, found one of another")
+            raise SettingError("result: expected an optimal curve of this model, found one of another")
         part = np.cumsum(~result.goes_on)  # points of one smooth branch go on from each other
-        every = zip(result.preload, result.frequency, part, result.unknowns)
-        found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in every if np.isfinite(f)]
+        columns = result.preload, result.frequency, part, result.unknowns
+    found = [_Solution(float(p), float(f), int(b), u) for p, f, b, u in zip(*columns) if np.isfinite(f)]
     if not found:
-        raise SettingError(f"{name}: expected solutions, found none ({type(result).__name__})")
-    if index is not None:
-        found = [found[validate.whole("index of a point", index, -len(found), len(found) - 1)]]
+        raise SettingError(f"result: expected solutions, found none ({type(result).__name__})")
     return problem, found
 
 
-def _systems(problem: Problem, solutions: list[_Solution], name: str) -> Iterator[tuple[_Solution, HarmonicSystem]]:
+def _systems(problem: Problem, solutions: list[_Solution]) -> Iterator[tuple[_Solution, HarmonicSystem]]:
     """Each solution with its equations, refused where it does not satisfy them."""
     system, preload = None, None
     for s in solutions:
@@ -366,9 +365,8 @@ def _systems(problem: Problem, solutions: list[_Solution], name: str) -> Iterato
                 r = system.residual(np.append(s.unknowns, 2.0 * np.pi * s.frequency))
                 error = float(np.abs(r * system.row_scale).max())
             if not error < LARGEST_RESIDUAL:
-                raise SettingError(
-                    f"{name}: expected solutions of this study, found those of other settings (residual {error:.2g})"
-                )
+                found = f"those of other settings (residual {error:.2g})"
+                raise SettingError(f"result: expected solutions of this study, found {found}")
         yield s, system
 
 
@@ -401,41 +399,38 @@ def dissipation(problem: Problem, result: Solved) -> Dissipation:
     SettingError
         If the result is of another problem, or holds no solution.
     """
-    problem, solutions = _solutions(problem, result, None, "result")
+    problem, solutions = _solutions(problem, result)
     found: list[Energies] = []
     rows, amplitude, shown = [], [], ~problem.coupling.spring_points
-    for s, system in _systems(problem, solutions, "result"):
+    for s, system in _systems(problem, solutions):
         e = energies(system, s.unknowns, 2.0 * np.pi * s.frequency, _counted(problem, system))
         found.append(e)
         rows.append(_on_points(problem, system, e.contact)[shown])
         amplitude.append(float(np.abs(system.response(s.unknowns)[1])))
-    complex_stiffness = np.array([e.stiffness for e in found])
+    columns: dict[str, Any] = {
+        name: np.array([getattr(s, name) for s in solutions]) for name in ("preload", "frequency", "branch")
+    }
+    columns |= {name: np.array([getattr(e, name) for e in found]) for name in ENERGIES}
+    stiffness = np.array([e.stiffness for e in found])
     return Dissipation(
-        preload=np.array([s.preload for s in solutions]),
-        frequency=np.array([s.frequency for s in solutions]),
-        amplitude=np.array(amplitude),
-        branch=np.array([s.branch for s in solutions]),
-        interface=_names(problem),
-        energy=np.array(rows),
-        damping=np.array([e.damping for e in found]),
-        excitation=np.array([e.excitation for e in found]),
-        kinetic=np.array([e.kinetic for e in found]),
-        stiffness=complex_stiffness.real,
-        width=complex_stiffness.imag,
-        settings=problem.record(),
-        model_hash=problem.model.hash,
-    )
+        amplitude=np.array(amplitude), energy=np.array(rows), stiffness=stiffness.real, width=stiffness.imag,
+        **columns, **_identity(problem),
+    )  # fmt: skip
 
 
-def _names(problem: Problem) -> tuple[str, ...]:
-    faces = problem.coupling.model.interfaces
-    shown = [name for name in problem.coupling.interfaces if faces[name].kind != "spring"]
-    return tuple(name for name in shown for _ in range(faces[name].n_points))
+def _faces(problem: Problem) -> list[Interface]:
+    return [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+
+
+def _identity(problem: Problem) -> dict[str, Any]:
+    """What both results say of the problem: the interface of each contact point, settings, model."""
+    names = tuple(face.name for face in _faces(problem) if face.kind != "spring" for _ in range(face.n_points))
+    return {"interface": names, "settings": problem.record(), "model_hash": problem.model.hash}
 
 
 def _counted(problem: Problem, system: HarmonicSystem) -> NDArray:
     """(n,) bool: elements of the equations that belong to contacts; cubic and linear springs are a part of the bodies."""
-    faces = [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+    faces = _faces(problem)
     contact = np.repeat([face.kind in ("friction", "constraint") for face in faces], [face.n_points for face in faces])
     return contact if system.points.index is None else contact[system.points.index]
 
@@ -470,8 +465,9 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     elif index is None and isinstance(result, OptimalCurve):
         known = result.amplitude[np.isfinite(result.amplitude)]
         index = int(np.argmin(known)) if len(known) else None
-    problem, solutions = _solutions(problem, result, index, "result")
-    ((s, system),) = _systems(problem, solutions[:1], "result")
+    problem, solutions = _solutions(problem, result)
+    k = 0 if index is None else validate.whole("index of a point", index, -len(solutions), len(solutions) - 1)
+    ((s, system),) = _systems(problem, [solutions[k]])
     u, omega = s.unknowns, 2.0 * np.pi * s.frequency
     theta = np.linspace(0.0, 2.0 * np.pi, n_theta + 1)
     X, F = histories(system, u, theta)
@@ -487,30 +483,15 @@ def hysteresis(problem: Problem, result: Solved, index: int | None = None, *, n_
     distance = (-n0 / np.where(kn > 0.0, kn, np.nan))[:, None] - X[first, 2]
     gap = np.full(force[:, 2].shape, np.nan)
     gap[places[first]] = np.where(force[places[first], 2] != 0.0, 0.0, np.maximum(distance, 0.0))
-    faces = [problem.coupling.model.interfaces[name] for name in problem.coupling.interfaces]
+    at_points = {"displacement": displacement, "force": force, "gap": gap, "energy": _on_points(problem, system, e.contact)}
+    of_faces = {n: np.concatenate([getattr(face, n) for face in _faces(problem)]) for n in ("points", "frame", "area")}
+    shares: dict[str, Any] = {name: values[shown] for name, values in (at_points | of_faces).items()}
+    shares |= {name: getattr(e, name) for name in ENERGIES}
     return Hysteresis(
-        preload=s.preload,
-        frequency=s.frequency,
-        amplitude=abs(response),
-        theta=theta,
-        interface=_names(problem),
-        points=np.concatenate([face.points for face in faces])[shown],
-        frame=np.concatenate([face.frame for face in faces])[shown],
-        area=np.concatenate([face.area for face in faces])[shown],
-        displacement=displacement[shown],
-        force=force[shown],
-        gap=gap[shown],
-        energy=_on_points(problem, system, e.contact)[shown],
-        damping=e.damping,
-        excitation=e.excitation,
-        kinetic=e.kinetic,
-        stiffness=e.stiffness.real,
-        width=e.stiffness.imag,
-        response=(response * np.exp(1j * theta)).real,
-        whole=_whole(system, u, response, F, theta, counted),
-        settings=problem.record(),
-        model_hash=problem.model.hash,
-    )
+        preload=s.preload, frequency=s.frequency, amplitude=abs(response), theta=theta, stiffness=e.stiffness.real,
+        width=e.stiffness.imag, response=(response * np.exp(1j * theta)).real,
+        whole=_whole(system, u, response, F, theta, counted), **shares, **_identity(problem),
+    )  # fmt: skip
 
 
 def _whole(system: HarmonicSystem, u: NDArray, response: complex, F: NDArray, theta: NDArray, counted: NDArray) -> NDArray:

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bdamper.continuation.curve import Curve, uninterrupted
-from bdamper.continuation.path import ContinuationOptions
 from bdamper.continuation.track import track
 from bdamper.effects.indicator import embed
 from bdamper.harmonic_balance.system import OK, HarmonicSystem
@@ -91,12 +90,9 @@ def _read(problem: Problem, result: Any) -> tuple[float, float, str]:
     return top.amplitude, top.frequency, ""
 
 
-def whole_curve(
-    problem: Problem, preload: float, frequency: tuple[float, float], options: ContinuationOptions | None = None,
-    at_end: bool = False,
-) -> Curve:  # fmt: skip
+def whole_curve(problem: Problem, preload: float, frequency: tuple[float, float], at_end: bool = False) -> Curve:
     """A tracking curve; an error where it has no point or, unless ``at_end``, no maximum within the interval."""
-    curve = uninterrupted(track(problem, preload, frequency, options=options))
+    curve = uninterrupted(track(problem, preload, frequency))
     why = "" if len(curve) else curve.reason
     if not why and not at_end and curve.peak_at_end and highest_of_curve(problem.system(preload), curve).kind == "end":
         why = "the response is highest at an end"

@@ -56,11 +56,10 @@ def angles(n_harmonics: int) -> NDArray:
     return 2.0 * np.pi * np.arange(n) / n
 
 
-def over_cycle(coefficients: NDArray, theta: NDArray, derivative: int = 0) -> NDArray:
-    """(..., n_theta) values, or derivatives over theta, of cycles (..., H + 1), the mean first."""
+def over_cycle(coefficients: NDArray, theta: NDArray) -> NDArray:
+    """(..., n_theta) values of cycles (..., H + 1), the mean first."""
     l = np.arange(coefficients.shape[-1])
-    wave = (1j * l[:, None]) ** derivative * np.exp(1j * l[:, None] * theta)
-    return (np.asarray(coefficients) @ wave).real
+    return (np.asarray(coefficients) @ np.exp(1j * l[:, None] * theta)).real
 
 
 def _at(coefficients: NDArray, theta: NDArray) -> tuple[NDArray, NDArray, NDArray]:

@@ -163,9 +163,9 @@ def stress(
     """
     problem = of(problem, result)
     found = solutions(problem, result, speed)
-    if len(found.unknowns) > 1:
-        most = len(found.unknowns) - 1
-        index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=most)
+    n = len(found.unknowns)
+    if n > 1:
+        index = _highest(result, found) if index is None else validate.whole("index", index, least=0, most=n - 1)
     chosen = Solutions(*(column[[index or 0]] for column in found))
     return cycles(problem, chosen, sets)[0]
 
@@ -176,11 +176,8 @@ def of(problem: Problem, result: Any) -> Problem:
 
 
 def _highest(result: Any, found: Solutions) -> int:
-    amplitude = np.asarray(result.amplitude)
-    known = np.isfinite(amplitude) & np.isfinite(found.unknowns).all(axis=1)
-    if np.ndim(result.preload):  # over the preload, the best
-        return int(np.where(known, amplitude, np.inf).argmin())
-    return int(np.where(known, amplitude, -np.inf).argmax())
+    height = -np.asarray(result.amplitude) if np.ndim(result.preload) else np.asarray(result.amplitude)  # the least is best
+    return int(np.where(np.isfinite(height) & np.isfinite(found.unknowns).all(axis=1), height, -np.inf).argmax())
 
 
 def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solutions:
@@ -192,9 +189,9 @@ def solutions(problem: Problem, result: Any, speed: float | None = None) -> Solu
         If there are none, or they are not those of this problem.
     """
     chosen_sets(problem)
-    if hasattr(result, "y") and not result.converged:
-        raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
     if hasattr(result, "y"):
+        if not result.converged:
+            raise SettingError(f"result: expected a converged peak, found one that is {result.status}")
         unknowns, preload = np.asarray(result.y)[None, :-1], np.array([result.parameter])
     elif hasattr(result, "unknowns"):
         unknowns, preload = np.asarray(result.unknowns), np.asarray(result.preload, float)
@@ -223,16 +220,15 @@ def chosen_sets(problem: Problem, sets: str | Sequence[str] | None = None) -> tu
     if not known:
         raise SettingError("stress: expected a model with stress sets, found none (docs/fatigue.md tells how to make them)")
     names = [sets] if isinstance(sets, str) else list(known if sets is None else sets)
-    for name in names:
-        validate.choice("stress set", name, list(known))
-    return tuple(known[name] for name in names)
+    return tuple(known[validate.choice("stress set", name, list(known))] for name in names)
 
 
 def cycles(problem: Problem, found: Solutions, sets: str | Sequence[str] | None = None) -> list[StressCycle]:
     """Stress over the cycle of each solution."""
     chosen = chosen_sets(problem, sets)
     coefficients, centrifugal = coefficients_of(problem, found, chosen)
-    notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in chosen if _bare(problem, s)]
+    bare = [s for s in chosen if not s.contact and problem.model.bodies[s.body].ports]
+    notes = [f"set '{s.name}' has no rows for contact forces: it lacks their share" for s in bare]
     notes += [f"set '{s.name}' has no centrifugal stress: the mean lacks it" for s in chosen if s.static is None]
     common: dict[str, Any] = {
         "points": np.concatenate([s.points for s in chosen]),
@@ -250,10 +246,6 @@ def cycles(problem: Problem, found: Solutions, sets: str | Sequence[str] | None 
         )
         for i in range(len(found.unknowns))
     ]  # fmt: skip
-
-
-def _bare(problem: Problem, chosen: StressSet) -> bool:
-    return not chosen.contact and bool(problem.model.bodies[chosen.body].ports)
 
 
 def coefficients_of(problem: Problem, found: Solutions, sets: Sequence[StressSet]) -> tuple[NDArray, NDArray]:

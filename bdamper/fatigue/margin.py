@@ -70,12 +70,10 @@ class Rule:
         amplitude, mean = criteria.amplitude_and_mean(coefficients, by)
         if self.criterion != "findley":
             factor = material.factor(amplitude, mean, self.line, self.on)
-        elif self.on == "both":
-            found, _ = criteria.findley(coefficients, material.findley_k)
-            factor = material.findley_limit / np.maximum(found, 1e-300)
         else:
-            found, _ = criteria.findley(coefficients, material.findley_k, material.findley_limit)
-            factor = 1.0 / np.maximum(found, 1e-300)
+            limit = material.findley_limit
+            found, _ = criteria.findley(coefficients, material.findley_k, None if self.on == "both" else limit)
+            factor = (limit if self.on == "both" else 1.0) / np.maximum(found, 1e-300)
         largest = np.maximum(criteria.largest_von_mises(coefficients), 1e-300)
         return amplitude, mean, factor, material.yield_strength / largest
 
@@ -367,10 +365,10 @@ def margin(
     """
     rule = Rule(criterion, line, on)
     validate.instance("material", material, Material)
+    if not isinstance(result, StressCycle) and (hasattr(result, "y") or index is not None or kept is not None):
+        result = over_cycle.stress(problem, result, index, sets=sets, speed=speed)
     if isinstance(result, StressCycle):
         return of_cycle(_as_kept(result, kept), material, rule)
-    if hasattr(result, "y") or index is not None or kept is not None:
-        return of_cycle(_as_kept(over_cycle.stress(problem, result, index, sets=sets, speed=speed), kept), material, rule)
     problem = over_cycle.of(problem, result)
     return of_solutions(problem, result, over_cycle.solutions(problem, result, speed), material, rule, sets)
 
@@ -434,14 +432,18 @@ class _Point:
 def of_cycle(found: StressCycle, material: Material, rule: Rule) -> Margins:
     """The margins of one cycle of stress."""
     amplitude, mean, factor, to_yield = rule.judge(found.coefficients, material)
-    if not found.counted.any():
-        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
+    _check_counted(found)
     return Margins(
         points=found.points, names=found.names, amplitude=amplitude, mean=mean, factor=factor, yield_factor=to_yield,
         counted=found.counted, spread=found.spread, material=material, rule=rule, frequency=found.frequency,
         preload=found.preload, speed=found.speed, notes=_notes(found, rule), settings=found.settings,
         model_hash=found.model_hash,
     )  # fmt: skip
+
+
+def _check_counted(found: StressCycle) -> None:
+    if not found.counted.any():
+        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
 
 
 def _notes(found: StressCycle, rule: Rule) -> tuple[str, ...]:
@@ -456,10 +458,9 @@ def of_solutions(
     known = np.isfinite(found.unknowns).all(axis=1)
     if not known.any():
         raise SettingError("margin: expected a curve with solutions, found none")
-    first = over_cycle.cycles(problem, Solutions(*(column[known][:1] for column in found)), sets)[0]
-    if not first.counted.any():
-        raise SettingError("margin: expected points away from contact faces, found none in the stress sets")
     solved = Solutions(*(column[known] for column in found))
+    first = over_cycle.cycles(problem, Solutions(*(column[:1] for column in solved)), sets)[0]
+    _check_counted(first)
     coefficients, _ = over_cycle.coefficients_of(problem, solved, chosen)
     m, n = coefficients.shape[:2]
     columns = [np.full((len(known), n), np.nan) for _ in range(4)]

@@ -66,14 +66,11 @@ class Material:
             self, validate.number, "endurance_limit", "ultimate_strength", "yield_strength", "findley_k", above=0.0
         )
         if self.ultimate_strength < 1e6:
-            found = f"{self.ultimate_strength:g} Pa: MPa suspected, 1e6 Pa each"
-            implausible("ultimate_strength", "1e6 to 1e10 Pa", found)
-        if self.yield_strength > self.ultimate_strength:
-            expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            raise SettingError(f"yield_strength: expected {expected}, found {self.yield_strength:g}")
-        if self.endurance_limit > self.ultimate_strength:
-            expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
-            raise SettingError(f"endurance_limit: expected {expected}, found {self.endurance_limit:g}")
+            implausible("ultimate_strength", "1e6 to 1e10 Pa", f"{self.ultimate_strength:g} Pa: MPa suspected, 1e6 Pa each")
+        for name in ("yield_strength", "endurance_limit"):
+            if getattr(self, name) > self.ultimate_strength:
+                expected = f"at most the ultimate strength, {self.ultimate_strength:g} Pa"
+                raise SettingError(f"{name}: expected {expected}, found {getattr(self, name):g}")
 
     def limit(self, line: str) -> float:
         """Mean stress (Pa) that leaves no amplitude."""

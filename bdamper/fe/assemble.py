@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from skfem import Basis, ElementHexS2, MeshHex
 
 from bdamper.fe.geometry import Material
+from bdamper.reduction.element_stress import lame_constants
 from bdamper.reduction.facets import Facets, boundary_facets
 from bdamper.reduction.patches import SQUARE
 from bdamper.reduction.structure import Structure
@@ -62,8 +63,7 @@ def discretise(mesh: MeshHex, material: Material) -> Discretisation:
     basis = Basis(mesh, ElementHexS2(), intorder=5)
     gradient = np.stack([b[0].grad for b in basis.basis], axis=1)  # (3, 20, n_elements, n_points)
     value = np.stack([np.broadcast_to(b[0], basis.dx.shape) for b in basis.basis])  # (20, n_elements, n_points)
-    e, nu = material.youngs_modulus, material.poisson_ratio
-    lame, shear = e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+    lame, shear = lame_constants(material.youngs_modulus, material.poisson_ratio)
 
     weighted = (gradient * basis.dx).transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)
     plain = gradient.transpose(2, 0, 1, 3).reshape(mesh.t.shape[1], 60, -1)

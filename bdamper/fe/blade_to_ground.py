@@ -23,7 +23,7 @@ from bdamper.fe.geometry import Geometry, Material
 from bdamper.fe.mesh import MeshDensity, sector_mesh
 from bdamper.fe.parts import blade_nodes, clamped_segment, interface, locations, provenance, surface_mesh
 from bdamper.model.model import Body, Model
-from bdamper.reduction.bodies import constrained_body
+from bdamper.reduction.bodies import Wanted, constrained_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.patches import Patches
 
@@ -61,9 +61,8 @@ def blade_to_ground(
     face = wedge_patches(g, "left", points)
     patches = Patches(face.centre, face.frame * np.array([1.0, -1.0, -1.0])[:, None], face.size)
     nodes, contact = blade_nodes(body, g), averaging_matrix(body, patches)
-    blade = constrained_body(
-        "blade", (("platform", "a"),), lambda _: structure, contact, nodes, (0,), n_modes, damping_ratio, (0,)
-    )
+    wanted = Wanted((("platform", "a"),), contact, nodes, n_modes, damping_ratio)
+    blade = constrained_body("blade", wanted, lambda _: structure, (0,), (0,))
     return Model(
         n_blades=1,
         bodies={"blade": blade, "ground": Body("ground", "ground", (("platform", "b"),))},

@@ -101,10 +101,8 @@ class Geometry:
 
     def __post_init__(self) -> None:
         if self.ridge_width < self.platform_clearance:
-            raise ValueError(
-                f"the contact face must lie under the platform: ridge_width {self.ridge_width} m "
-                f"is less than platform_clearance {self.platform_clearance} m"
-            )
+            widths = f"ridge_width {self.ridge_width} m is less than platform_clearance {self.platform_clearance} m"
+            raise ValueError(f"the contact face must lie under the platform: {widths}")
 
     @property
     def pitch(self) -> float:
@@ -113,11 +111,8 @@ class Geometry:
 
     def face_points(self, s: NDArray) -> NDArray:
         """Points (n, 2) of the left face plane in the damper's axes, ``s`` (n,) metres below the ridge."""
-        s = np.asarray(s, float)
-        return np.stack(
-            [-0.5 * self.ridge_width - s * np.sin(self.face_angle), self.ridge_radius - s * np.cos(self.face_angle)],
-            axis=-1,
-        )
+        s, a = np.asarray(s, float), self.face_angle
+        return np.stack([-0.5 * self.ridge_width - s * np.sin(a), self.ridge_radius - s * np.cos(a)], axis=-1)
 
     def underside_points(self, s: NDArray) -> NDArray:
         """The same points (n, 2) in the axes of blade 0: its right underside."""

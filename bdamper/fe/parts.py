@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 from collections.abc import Mapping
+from typing import Literal
 
 import numpy as np
 import scipy
@@ -45,18 +46,10 @@ def interface(
     name: str, patches: Patches, body_a: str, body_b: str, *, sector_b: int = 0, clearance: float | None = None
 ) -> Interface:
     """Interface with a contact point in each patch: friction without gap, or an axial stop with a clearance (m)."""
-    return Interface(
-        name=name,
-        kind="friction" if clearance is None else "constraint",
-        body_a=body_a,
-        sector_a=0,
-        body_b=body_b,
-        sector_b=sector_b,
-        points=patches.centre.copy(),
-        area=patches.area,
-        frame=np.array(patches.frame),
-        gap=np.full(len(patches.size), clearance or 0.0),
-    )
+    kind: Literal["friction", "constraint"] = "friction" if clearance is None else "constraint"
+    gap = np.full(len(patches.size), clearance or 0.0)
+    places = (patches.centre.copy(), patches.area, np.array(patches.frame))
+    return Interface(name, kind, body_a, 0, body_b, sector_b, *places, gap)
 
 
 def blade_nodes(body: Discretisation, g: Geometry) -> dict[str, int]:

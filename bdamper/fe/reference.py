@@ -26,7 +26,7 @@ from bdamper.fe.parts import blade_nodes, interface, locations, provenance, surf
 from bdamper.fe.sector import SectorFE
 from bdamper.fe.stress import blade_stress
 from bdamper.model.model import Body, Interface, Model, SurfaceMesh, turn
-from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.local_coordinates import LocalSizes
 from bdamper.reduction.patches import Patches
 from bdamper.reduction.spin import Rotation
@@ -117,10 +117,12 @@ def bladed_disk(
     nodes, damper_nodes = blade_nodes(fe.blade, g), {"damper": fe.damper.body.nearest_node(fe.damper.centre)}
     rotation = fe.rotation(rotation) if isinstance(rotation, int | float) else rotation
     turns = each(diameters, progress, "finite element model", "nodal diameter")
-    blade = constrained_body("blade", BLADE_PORTS, fe.cyclic, contact, nodes, turns, n_modes, damping_ratio, at, rotation)
-    local = None if wheel is None else fe.local_basis(contact, faces, nodes, damping_ratio, wheel)
-    own = (fe.damper, fe.damper_contact(left, right, front, back), damper_nodes)
-    damper = free_body("damper", DAMPER_PORTS, *own, n_damper_modes, damping_ratio, turn(0.5 * g.pitch)[:, 1])
+    wanted = Wanted(BLADE_PORTS, contact, nodes, n_modes, damping_ratio)
+    blade = constrained_body("blade", wanted, fe.cyclic, turns, at, rotation)
+    local = None if wheel is None else fe.local_basis(wanted, faces, wheel)
+    on_damper = fe.damper_contact(left, right, front, back)
+    own = Wanted(DAMPER_PORTS, on_damper, damper_nodes, n_damper_modes, damping_ratio)
+    damper = free_body("damper", own, fe.damper, turn(0.5 * g.pitch)[:, 1])
     return Model(
         n_blades=g.n_blades,
         bodies={"blade": replace(blade, local=local), "damper": damper, "ground": GROUND},

@@ -21,6 +21,7 @@ from bdamper.fe.mesh import MeshDensity, damper_mesh, join_blocks, sector_blocks
 from bdamper.fe.spin import stiffness_per_squared_speed
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface
+from bdamper.reduction.bodies import Wanted
 from bdamper.reduction.cyclic import CyclicSector, match_faces
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
@@ -107,18 +108,10 @@ class SectorFE:
         fixed[self.clamped] = True
         return BladePart(self.blade, nodes, fixed, stiffness)
 
-    def local_basis(
-        self,
-        contact: sp.csr_matrix,
-        interfaces: Mapping[str, Interface],
-        locations: Mapping[str, int],
-        damping_ratio: float,
-        sizes: LocalSizes,
-    ) -> LocalBasis:
+    def local_basis(self, wanted: Wanted, interfaces: Mapping[str, Interface], sizes: LocalSizes) -> LocalBasis:
         """Coordinates of blade and disk for wheels of unequal blades; see :func:`bdamper.reduction.local_basis`."""
-        region = "shank, platform and airfoil"
-        dampers = damper_motion((("left", "b"), ("right", "b")), interfaces)
-        return local_basis(self.blade_part(), self.cyclic, contact, dampers, locations, damping_ratio, sizes, region)
+        dampers = damper_motion(wanted.ports, interfaces)
+        return local_basis(self.blade_part(), self.cyclic, wanted, dampers, sizes, "shank, platform and airfoil")
 
     def blade_contact(self, left: Patches, right: Patches) -> sp.csr_matrix:
         """Averaging matrix of blade 0 for its ports at the interfaces "left" and "right", in this order.

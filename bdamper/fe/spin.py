@@ -16,6 +16,7 @@ from skfem import Basis, ElementHexS2
 
 from bdamper.fe.assemble import Discretisation
 from bdamper.reduction.cyclic import CyclicSector
+from bdamper.reduction.element_stress import lame_constants
 from bdamper.reduction.spin import spin_displacement, spin_softening
 
 
@@ -26,8 +27,7 @@ def geometric_stiffness(body: Discretisation, displacement: NDArray) -> sp.csr_m
     moved = displacement.reshape(-1, 3)[body.elements]  # (n_elements, 20, 3)
     slope = np.einsum("eai,ajep->ijep", moved, gradient, optimize=True)
     strain = 0.5 * (slope + slope.swapaxes(0, 1))
-    e, nu = body.material.youngs_modulus, body.material.poisson_ratio
-    lame, shear = e * nu / ((1 + nu) * (1 - 2 * nu)), e / (2 * (1 + nu))
+    lame, shear = lame_constants(body.material.youngs_modulus, body.material.poisson_ratio)
     stress = 2.0 * shear * strain + lame * np.einsum("iiep->ep", strain) * np.eye(3)[:, :, None, None]
     pulled = np.einsum("ijep,bjep->biep", stress * basis.dx, gradient, optimize=True)
     scalar = np.einsum("aiep,biep->eab", gradient, pulled, optimize=True)

@@ -22,8 +22,9 @@ import re
 import struct
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,7 +33,7 @@ from scipy.spatial.transform import Rotation
 
 from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import triangle_to_full
-from bdamper.io.reading import Lines, check_count, grouped, reader
+from bdamper.io.reading import Lines, check_count, parsing, reader
 from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
@@ -40,7 +41,8 @@ from bdamper.util.hdf5 import FilePath
 
 _INTEGERS, _SHORT, _ZLIB, _WINDOWS, _BITS = 0x80, 0x40, 0x20, 0x10, 0x08
 _HEADER = 103  # the second record starts here
-_FULL, _RESULT = 4, 12  # kinds of binary files
+_FULL, _RESULT = 4, 12
+_KINDS = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
 
 _SOLIDS = {"45": 8, "185": 8, "95": 20, "186": 20, "90": 20, "92": 10, "187": 10, "285": 4}
 
@@ -58,9 +60,8 @@ class _Binary:
         head = self.record(0, "standard header")
         require(len(head) >= 2 and head.dtype.kind == "i", str(source), "a binary file of Ansys", "another beginning")
         if int(head[0]) != kind:
-            names = {_FULL: "matrices (.full)", _RESULT: "results (.rst)"}
-            found = names.get(int(head[0]), "another kind")
-            raise mismatch(str(source), f"a file of {names[kind]}: number {kind}", f"{int(head[0])}, {found}")
+            found = _KINDS.get(int(head[0]), "another kind")
+            raise mismatch(str(source), f"a file of {_KINDS[kind]}: number {kind}", f"{int(head[0])}, {found}")
 
     def record(self, word: int, item: str) -> NDArray:
         """Numbers of the record at a word of the file."""
@@ -84,8 +85,7 @@ class _Binary:
         if struct.unpack_from("<i", self.data, end)[0] != size:
             raise mismatch(where, f"the length {size} again at its end", "another number: damaged")
         kind = flags >> 24
-        code = {0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)]
-        dtype = np.dtype(code)
+        dtype = np.dtype({0x80: "<i4", 0xC0: "<i2", 0x00: "<f8", 0x40: "<f4"}[kind & (_INTEGERS | _SHORT)])
         if kind & _ZLIB:
             raise mismatch(where, "a record without zlib compression (/FCOMP,FULL,0 or /FCOMP,RST,0)", "a compressed one")
         raw = self.data[start + 8 : end]
@@ -136,7 +136,7 @@ class _Binary:
 
 
 def _long(low: int, high: int) -> int:
-    """A pointer of 64 bits from two words."""
+    """A place in the file, of two words."""
     return (int(high) << 32) + (int(low) & 0xFFFFFFFF)
 
 
@@ -164,8 +164,7 @@ class _Header:
 # Matrices
 
 
-@dataclass(frozen=True)
-class FullMatrices:
+class FullMatrices(NamedTuple):
     """Matrices of a ``.full`` file.
 
     Parameters
@@ -264,18 +263,11 @@ def read_ansys(full: FilePath, archive: FilePath, results: FilePath | None = Non
     results : path-like, optional
         ``.rst`` file to compare with.
     """
-    body, matrices = read_cdb(archive), read_full(full)
+    body, (stiffness, mass, dofs, dropped) = read_cdb(archive), read_full(full)
     modes = read_rst(results).modes if results is not None else ()
-    notes = (*body.notes, f"{matrices.dropped} rows of fixed components dropped from {full}")
-    return replace(
-        body,
-        stiffness=matrices.stiffness,
-        mass=matrices.mass,
-        dofs=matrices.dofs,
-        modes=modes,
-        source=f"{full}, {archive}",
-        notes=notes,
-    )
+    notes = (*body.notes, f"{dropped} rows of fixed components dropped from {full}")
+    source = f"{full}, {archive}"
+    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=modes, source=source, notes=notes)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -309,10 +301,9 @@ class _Archive:
     def _integers(self, what: str, width: int) -> list[int]:
         """Whole numbers in columns of equal width on the next line."""
         text = self.lines.take(what).rstrip()
-        try:
-            return [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
-        except ValueError:
-            raise self.lines.error(f"whole numbers, {width} columns each", f"'{text[:60]}'") from None
+        with parsing(self.lines.item, f"whole numbers, {width} columns each", text):
+            numbers = [int(text[k : k + width]) for k in range(0, len(text), width) if text[k : k + width].strip()]
+        return numbers
 
     def _fields(self, block: str) -> list[tuple[str, int]]:
         """Fields of a Fortran format like (3i9,6e21.13e3), which opens a block: letter and width, repeated."""
@@ -321,8 +312,7 @@ class _Archive:
         for count, letter, width in re.findall(r"(\d*)([ie])(\d+)", text.lower()):
             repeat = check_count(int(count or 1), self.lines.item, "a repetition of fields", 1, 100)
             fields += repeat * [(letter, check_count(int(width), self.lines.item, "a width of fields", 1, 100))]
-        if not fields:
-            raise self.lines.error("a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
+        self.lines.require(bool(fields), "a format like (3i9,6e21.13e3)", f"'{text[:40]}'")
         return fields
 
     def body(self) -> FEBody:
@@ -339,21 +329,12 @@ class _Archive:
                 self.types[int(words[1])] = words[2].upper().removeprefix("SOLID")
             elif key == "MPDATA" and len(words) >= 7 and words[3].upper() in ("EX", "NUXY", "PRXY") and words[4].isdigit():
                 self.elastic.setdefault(words[3].upper(), {}).setdefault(int(words[4]), float(words[6]))
-        if not self.numbers:
-            raise mismatch(self.source, "a block of nodes (NBLOCK)", "none")
+        require(bool(self.numbers), self.source, "a block of nodes (NBLOCK)", "none")
         numbers, nodes = np.array(self.numbers, np.int64), np.array(self.positions, float)
         axes = {n: _node_axes(np.array(a)) for n, a in zip(self.numbers, self.angles) if any(a)}
-        return FEBody(
-            numbers,
-            nodes,
-            **by_kind(self.elements, map(self._kind, self.owners, self.elements)),
-            node_sets=self.sets,
-            node_axes=axes,
-            source=self.source,
-            notes=tuple(
-                f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()
-            ),
-        )
+        solids = by_kind(self.elements, map(self._kind, self.owners, self.elements))
+        notes = [f"{count} elements of type {name} are not solids and are not read" for name, count in self.skipped.items()]
+        return FEBody(numbers, nodes, **solids, node_sets=self.sets, node_axes=axes, source=self.source, notes=tuple(notes))
 
     def _kind(self, owner: tuple[str, int], nodes: list[int]) -> ElementKind:
         name, material = owner
@@ -370,16 +351,13 @@ class _Archive:
             line = self.lines.take("the end of NBLOCK (-1)")
             if line.startswith(("N,", "-1")) or not line.strip():
                 break
-            try:
-                number = int(line[:integer])
-                text = line[start:].rstrip()
+            with parsing(self.lines.item, "a node", line):
+                number, text = int(line[:integer]), line[start:].rstrip()
                 values = [float(text[k : k + real]) for k in range(0, len(text), real)]
-            except ValueError:
-                raise self.lines.error("a node", f"'{line[:60]}'") from None
             if number < 0:
                 break
-            if len(values) > 6 or not np.isfinite(values).all():
-                raise self.lines.error("at most six finite numbers", f"'{line[:60]}'")
+            good = len(values) <= 6 and np.isfinite(values).all()
+            self.lines.require(good, "at most six finite numbers", f"'{line[:60]}'")
             values += [0.0] * (6 - len(values))
             self.numbers.append(number)
             self.positions.append(values[:3])
@@ -388,8 +366,7 @@ class _Archive:
     def _elements(self, solid: bool) -> None:
         width = self._fields("EBLOCK")[0][1]
         while (words := self._integers("the end of EBLOCK (-1)", width))[:1] != [-1]:
-            if not solid or len(words) < 12:
-                raise self.lines.error("an element of a block of SOLID form", words)
+            self.lines.require(solid and len(words) >= 12, "an element of a block of SOLID form", words)
             kind, count, nodes = words[1], words[8], words[11:]
             while len(nodes) < count:
                 nodes += self._integers("the nodes of an element", width)
@@ -405,18 +382,16 @@ class _Archive:
 
     def _component(self, words: list[str]) -> None:
         name, kind = words[1].strip(), words[2].strip().upper()
-        count = re.match(r"\d+", words[3].strip())
-        if count is None:
-            raise self.lines.error("a number of items in CMBLOCK", f"'{words[3][:20]}'")
         item = self.lines.item
-        total = check_count(int(count[0]), item, "a number of items", 0, 50_000_000)
+        with parsing(item, "a number of items in CMBLOCK", words[3]):
+            count = int(re.findall(r"^\d+", words[3].strip())[0])
+        total = check_count(count, item, "a number of items", 0, 50_000_000)
         width = self._fields("CMBLOCK")[0][1]
         found: list[int] = []
         wanted = f"{total} items of component '{name}'"
         while len(found) < total:
             more = self._integers(wanted, width)
-            if not more:
-                raise self.lines.error(wanted, len(found))
+            self.lines.require(bool(more), wanted, len(found))
             found += more
         members: list[NDArray] = []
         for number in found[:total]:
@@ -499,7 +474,7 @@ def _rst_mesh(file: _Binary, word: int) -> tuple[FEBody, dict[int, NDArray]]:
             element = file.record(place + int(words[k]), f"element {k + 1}")[10:].astype(np.int64)
             if len(element) in (8, 10, 20) and np.isin(element, numbers).all():
                 elements.append(element)
-    body = FEBody(numbers, table[:, 1:4], elements=grouped(elements), source=str(file.source))
+    body = FEBody(numbers, table[:, 1:4], **by_kind(elements), source=str(file.source))
     return body, {int(row[0]): _node_axes(row[4:7]) for row in table if row[4:7].any()}
 
 

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-
 
 @dataclass(frozen=True)
 class Bounds:
@@ -71,16 +69,6 @@ class Bounds:
     """Contact points on one face; a study with more than some 200 takes minutes."""
     pictured: int = 10
     """Modes at a nodal diameter whose shapes on the surface are kept for pictures."""
-
-    @property
-    def combination(self) -> tuple[float, float]:
-        """Singular values of the overlap of modes that are combinations of each other."""
-        return 1.0 - self.agreement, 1.0 + self.agreement
-
-    @property
-    def wave_speed_held(self) -> tuple[float, float]:
-        """Speed of waves in a body that is held: what holds it is strained, too, so only the lower bound counts."""
-        return self.wave_speed[0], np.inf
 
 
 BOUNDS = Bounds()

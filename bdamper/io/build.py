@@ -32,12 +32,12 @@ from bdamper.io.imported_stress import stress_rows
 from bdamper.io.local_from_matrices import blade_part, with_local_basis
 from bdamper.io.model_file import save_model
 from bdamper.io.plausible import check_lowest, check_not_swapped, check_one_scale, check_radial, check_sizes
-from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, Wanted, placement
+from bdamper.io.prepare import NodeSet, Placement, PreparedBody, Ring, placement
 from bdamper.io.row_order import check_row_order
 from bdamper.model.checks import require
 from bdamper.model.model import Body, Location, Model
 from bdamper.model.validation import check_model
-from bdamper.reduction.bodies import needed_nodal_diameters, picture_mesh
+from bdamper.reduction.bodies import Wanted, needed_nodal_diameters, picture_mesh
 from bdamper.reduction.cyclic import match_faces
 from bdamper.reduction.local_coordinates import LocalSizes, sampled_waves
 from bdamper.util import validate
@@ -149,7 +149,8 @@ def build_model(
     """
     place = placement(axis, radial, origin, units)
     n_blades = validate.whole("n_blades", n_blades, least=1)
-    counts = _counts(n_modes, n_damper_modes)
+    counts = {"blade": validate.whole("n_modes", n_modes, 1, BOUNDS.modes)}
+    counts["damper"] = validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
     bodies = _prepared(blade, damper, place, validate.flag("strict", strict))
     contacts = _given_contacts(contacts)
@@ -157,7 +158,8 @@ def build_model(
     bodies["blade"].expected = _known_frequencies(expected_frequencies, diameters)
     bodies["blade"].checks.append(f"{len(diameters)} nodal diameters, {reason}")
     _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
-    ring = _ring(bodies["blade"], sector_faces, n_blades, diameters, excited)
+    left, right = _sector_faces(bodies["blade"], sector_faces, n_blades)
+    ring = Ring(n_blades, left, right, diameters, excited or diameters)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
@@ -168,11 +170,6 @@ def build_model(
 
 # -----------------------------------------------------------------------------------------------------------
 # Settings
-
-
-def _counts(n_modes: int, n_damper_modes: int) -> dict[str, int]:
-    blade = validate.whole("n_modes", n_modes, 1, BOUNDS.modes)
-    return {"blade": blade, "damper": validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)}
 
 
 def _prepared(blade: FEBody, damper: FEBody | None, place: Placement, strict: bool) -> dict[str, PreparedBody]:
@@ -250,17 +247,6 @@ def _diameters(
     return tuple(sorted({0, *wanted})), excited, reason
 
 
-def _ring(
-    body: PreparedBody,
-    faces: tuple[NodeSet, NodeSet] | None,
-    n_blades: int,
-    diameters: tuple[int, ...],
-    excited: tuple[int, ...],
-) -> Ring:
-    pictured = excited or diameters  # shapes of the surface make up most of a file
-    return Ring(n_blades, *_sector_faces(body, faces, n_blades), diameters, pictured)
-
-
 def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_blades: int) -> tuple[NDArray, NDArray]:
     """Matching nodes of the face toward -X and of the one toward +X."""
     if n_blades == 1:
@@ -282,11 +268,8 @@ def _sector_faces(body: PreparedBody, given: tuple[NodeSet, NodeSet] | None, n_b
             continue
         body.checks.append(f"sector faces: {len(left)} pairs of nodes match within {tolerance:.2g} m; {words}")
         return left, matched
-    raise body.error(
-        "sector_faces",
-        f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other",
-        f"{problems[0]}; the other way: {problems[1]}",
-    )
+    expected = f"two sets of nodes of which a rotation by 2 pi/{n_blades} about the axis carries one onto the other"
+    raise body.error("sector_faces", expected, f"{problems[0]}; the other way: {problems[1]}")
 
 
 def _locations(given: Mapping[str, object] | None, bodies: Mapping[str, PreparedBody]) -> dict[str, tuple[str, int]]:

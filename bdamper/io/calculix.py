@@ -20,9 +20,9 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import ElementKind, FEBody, Modes, by_kind, modes_by_diameter
+from bdamper.io.fe_body import ElementKind, FEBody, by_kind, modes_by_diameter
 from bdamper.io.matrices import as_integers, triangle_to_full
-from bdamper.io.reading import LARGEST_COUNT, Lines, grouped, read_body, reader
+from bdamper.io.reading import LARGEST_COUNT, Lines, parsing, read_body, reader
 from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER, oriented_facet
 from bdamper.util.errors import mismatch
@@ -86,12 +86,10 @@ class _Deck:
             if text.startswith("*"):
                 if keyword:
                     yield keyword, parameters, lines
-                words = [w.strip() for w in text.split(",")]
-                keyword, lines = words[0].upper(), []
-                parameters = {}
-                for word in words[1:]:
-                    key, _, value = word.partition("=")
-                    parameters[key.strip().upper()] = value.strip().strip('"')
+                keyword, *words = (w.strip() for w in text.split(","))
+                keyword, lines = keyword.upper(), []
+                pairs = (word.partition("=")[::2] for word in words)
+                parameters = {key.strip().upper(): value.strip().strip('"') for key, value in pairs}
             else:
                 lines.append((number, text))
         if keyword:
@@ -117,30 +115,25 @@ class _Deck:
         elif keyword == "*MATERIAL":
             self.material = parameters.get("NAME", "").upper()
         elif keyword == "*ELASTIC" and lines and parameters.get("TYPE", "ISO").upper().startswith("ISO"):
-            self.elastic[self.material] = self._constants(*lines[0])  # at the lowest temperature
+            with parsing(self._line(lines[0][0]), "Young's modulus, Poisson's ratio", lines[0][1]):
+                young, poisson = (float(word) for word in lines[0][1].split(",")[:2])  # at the lowest temperature
+                self.elastic[self.material] = young, poisson
         elif keyword == "*SOLID SECTION":
             self.sections[parameters.get("ELSET", "").upper()] = parameters.get("MATERIAL", "").upper()
         elif keyword in _IGNORED_STRUCTURE:
             self.notes.append(f"{keyword} of the deck is not read: what it does must be in the matrices")
 
-    def _words(self, lines: list[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    def _integers(self, lines: list[tuple[int, str]]) -> list[int]:
+        """The whole numbers of some lines."""
+        numbers: list[int] = []
         for number, text in lines:
-            for word in text.split(","):
-                if word.strip():
-                    yield number, word.strip()
+            with parsing(self._line(number), "whole numbers", text):
+                numbers += [int(word) for word in text.split(",") if word.strip()]
+        return numbers
 
-    def _integer(self, number: int, word: str) -> int:
-        try:
-            return int(word)
-        except ValueError:
-            raise mismatch(f"{self.source}: line {number}", "a whole number", f"'{word[:30]}'") from None
-
-    def _constants(self, number: int, text: str) -> tuple[float, float]:
-        try:
-            young, poisson = (float(word) for word in text.split(",")[:2])
-        except ValueError:
-            raise mismatch(f"{self.source}: line {number}", "Young's modulus, Poisson's ratio", f"'{text[:50]}'") from None
-        return young, poisson
+    def _line(self, number: int) -> str:
+        """How messages name a line."""
+        return f"{self.source}: line {number}"
 
     def _kinds(self) -> list[ElementKind]:
         """Type and material of each element."""
@@ -155,15 +148,11 @@ class _Deck:
         added = []
         for number, text in lines:
             words = text.split(",")
-            try:
+            with parsing(self._line(number), "a node number and its position", text):
                 if len(words) < 2 or len([w for w in words if w.strip()]) > 4:
                     raise ValueError
                 position = [float(w) if w.strip() else 0.0 for w in words[1:4]]
                 added.append(int(words[0]))
-            except ValueError:
-                raise mismatch(
-                    f"{self.source}: line {number}", "a node number and its position", f"'{text[:50]}'"
-                ) from None
             self.numbers.append(added[-1])
             self.positions.append(position + [0.0] * (3 - len(position)))
         if parameters.get("NSET"):
@@ -176,9 +165,9 @@ class _Deck:
         if n is None:
             self.notes.append(f"elements of type {kind or '(none)'} are not read: solid elements only")
             return
-        words = [self._integer(number, word) for number, word in self._words(lines)]
-        if len(words) % (n + 1):
-            raise mismatch(item, f"1 + {n} numbers for each element of type {kind}", f"{len(words)} numbers in all")
+        words = self._integers(lines)
+        expected = f"1 + {n} numbers for each element of type {kind}"
+        require(len(words) % (n + 1) == 0, item, expected, f"{len(words)} numbers in all")
         for k in range(0, len(words), n + 1):
             self.element_of[words[k]] = words[k + 1 : k + n + 1]
             self.type_of[words[k]] = plain + next((letter for letter in "RI" if letter in kind[len(plain) :]), "")
@@ -186,31 +175,28 @@ class _Deck:
             self.element_sets.setdefault(parameters["ELSET"].upper(), []).extend(words[:: n + 1])
 
     def _set(self, sets: dict[str, list[int]], name: str, generate: bool, lines: list[tuple[int, str]], item: str) -> None:
-        if not name:
-            raise mismatch(item, "a name of the set", "none")
+        require(bool(name), item, "a name of the set", "none")
         members = sets.setdefault(name.upper(), [])
         if generate:
-            for number, text in lines:
-                words = [self._integer(number, w.strip()) for w in text.split(",") if w.strip()]
+            for line in lines:
+                words = self._integers([line])
                 step = words[2] if len(words) > 2 else 1
-                if len(words) < 2 or step <= 0 or not 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100:
-                    raise mismatch(f"{self.source}: line {number}", "first, last and step", f"'{text[:50]}'")
+                good = len(words) > 1 and step > 0 and 0 <= (words[1] - words[0]) // step <= LARGEST_COUNT // 100
+                require(good, self._line(line[0]), "first, last and step", f"'{line[1][:50]}'")
                 members.extend(range(words[0], words[1] + 1, step))
             return
-        for number, word in self._words(lines):
-            if word.lstrip("+-").isdigit():
-                members.append(self._integer(number, word))
-            elif word.upper() in sets:
-                members.extend(sets[word.upper()])
-            else:
-                raise mismatch(
-                    f"{self.source}: line {number}", f"a number or a set out of {sorted(sets)}", f"'{word[:30]}'"
-                )
+        for number, text in lines:
+            for word in (word.strip() for word in text.split(",") if word.strip()):
+                if word.lstrip("+-").isdigit():
+                    members += self._integers([(number, word)])
+                else:
+                    expected = f"a number or a set out of {sorted(sets)}"
+                    require(word.upper() in sets, self._line(number), expected, f"'{word[:30]}'")
+                    members.extend(sets[word.upper()])
 
     def body(self) -> FEBody:
         """The deck as a body without matrices."""
-        if not self.numbers:
-            raise mismatch(str(self.source), "*NODE with at least one node", "none")
+        require(bool(self.numbers), str(self.source), "*NODE with at least one node", "none")
         # A node given twice is the same node; the last one counts, as in the program.
         unique = dict(zip(self.numbers, self.positions))
         numbers = np.array(list(unique), dtype=np.int64)
@@ -221,15 +207,9 @@ class _Deck:
             known = [sets[m.upper()] for m in members if m.upper() in sets]
             if known:
                 sets.setdefault(name, np.unique(np.concatenate(known)))
-        return FEBody(
-            numbers,
-            nodes,
-            **by_kind(self.element_of.values(), self._kinds()),
-            node_sets=sets,
-            face_sets=self._face_sets(numbers, nodes),
-            source=str(self.source),
-            notes=tuple(dict.fromkeys(self.notes)),
-        )
+        solids, faces = by_kind(self.element_of.values(), self._kinds()), self._face_sets(numbers, nodes)
+        notes = tuple(dict.fromkeys(self.notes))
+        return FEBody(numbers, nodes, **solids, node_sets=sets, face_sets=faces, source=str(self.source), notes=notes)
 
     def _face_sets(self, numbers: NDArray, nodes: NDArray) -> dict[str, tuple[NDArray, ...]]:
         index = {number: k for k, number in enumerate(numbers.tolist())}
@@ -282,8 +262,7 @@ def read_inp(path: Path) -> FEBody:
 def _triplets(path: Path, n: int) -> sp.csr_matrix:
     """Symmetric matrix (n, n) from lines of row, column, value."""
     table = np.loadtxt(path, ndmin=2, encoding="ascii", comments=None)
-    if table.shape[1] != 3:
-        raise mismatch(str(path), "three numbers a line", f"{table.shape[1]}")
+    require(table.shape[1] == 3, str(path), "three numbers a line", f"{table.shape[1]}")
     row, column = (as_integers(table[:, k], f"{path}: column {k + 1}") - 1 for k in (0, 1))
     if len(row) == 0 or min(row.min(), column.min()) < 0 or max(row.max(), column.max()) >= n:
         found = f"{max(row.max(initial=0), column.max(initial=0)) + 1} and down to {min(row.min(initial=0), 0) + 1}"
@@ -299,11 +278,10 @@ def _dof_table(path: Path) -> NDArray:
         if not line.strip():
             continue
         node, _, component = line.strip().partition(".")
-        if not (node.isdigit() and component.isdigit()):
-            raise mismatch(f"{path}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
+        good = node.isdigit() and component.isdigit()
+        require(good, f"{path}: line {k}", "node and component like 12.3", f"'{line.strip()[:30]}'")
         rows.append((int(node), int(component)))
-    if not rows:
-        raise mismatch(str(path), "at least one line", "none")
+    require(bool(rows), str(path), "at least one line", "none")
     return np.array(rows, dtype=np.int64)
 
 
@@ -343,23 +321,18 @@ def read_calculix(job: FilePath, mesh: FilePath | None = None, modes: FilePath |
     base = Path(job)
     if base.suffix.lower() in (".inp", ".sti", ".mas", ".dof", ".frd"):
         base = base.with_suffix("")
-    if mesh is None:
-        candidates = [base.with_name(base.name + ending) for ending in (".inp", ".frd")]
-        mesh = next((c for c in candidates if c.is_file()), candidates[0])
+    deck, results, table, *matrices = (base.with_name(base.name + end) for end in (".inp", ".frd", ".dof", ".sti", ".mas"))
+    mesh = mesh or (results if results.is_file() and not deck.is_file() else deck)
     body = read_inp(mesh) if Path(mesh).suffix == "" else read_body(mesh)
-    dofs = _dof_table(base.with_name(base.name + ".dof"))
-    stiffness = _triplets(base.with_name(base.name + ".sti"), len(dofs))
-    mass = _triplets(base.with_name(base.name + ".mas"), len(dofs))
+    dofs = _dof_table(table)
+    stiffness, mass = (_triplets(path, len(dofs)) for path in matrices)
     internal = ~np.isin(dofs[:, 0], body.numbers)
     if internal.any() and any(kind.name == "C3D8I" for kind in body.element_kinds):
         stiffness, mass = _condensed(stiffness, mass, internal, body)
         dofs = dofs[~internal]
-    found: list[Modes] = []
-    for path in (modes,) if isinstance(modes, str | os.PathLike) else modes:
-        found += read_frd(path).modes
-    return replace(
-        body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=f"{base} (.sti, .mas, .dof), {mesh}"
-    )
+    files = (modes,) if isinstance(modes, str | os.PathLike) else modes
+    found, source = [own for path in files for own in read_frd(path).modes], f"{base} (.sti, .mas, .dof), {mesh}"
+    return replace(body, stiffness=stiffness, mass=mass, dofs=dofs, modes=tuple(found), source=source)
 
 
 # -----------------------------------------------------------------------------------------------------------
@@ -461,13 +434,11 @@ class _Frd:
         require(len(self.numbers) > 0, self.source, "a block of nodes (2C)", "none")
         shapes = self.found["DISP"]
         modes = modes_by_diameter(((d, hertz, 1.0, nodes, shape) for (d, _, hertz), nodes, shape in shapes), self.source)
-        return FEBody(self.numbers, self.nodes, elements=grouped(self.elements), modes=modes, source=self.source)
+        return FEBody(self.numbers, self.nodes, **by_kind(self.elements), modes=modes, source=self.source)
 
     def _result(self, head: str, diameter: int, mode: int) -> None:
-        try:
+        with parsing(self.lines.item, "a frequency in columns 13 to 24", head):
             frequency = float(head[12:24])
-        except ValueError:
-            raise self.lines.error("a frequency in columns 13 to 24", f"'{head[:40]}'") from None
         name = ""
         while self.lines.follows(" -4", " -5"):
             line = self.lines.take("the head of a result")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.import_report import FaceSummary
 from bdamper.io.prepare import FaceSet, PreparedBody
+from bdamper.model.checks import require
 from bdamper.model.model import ContactStiffness, Interface, Port, turn
 from bdamper.reduction.facets import Facets, area_vectors
 from bdamper.reduction.patches import Patches, PatchMeans, patches_on_faces, patches_on_rectangles
@@ -99,6 +100,11 @@ class ContactFaces:
     def item(self) -> str:
         """Name of this contact in messages."""
         return f"contact '{self.name}'"
+
+    @property
+    def pair(self) -> str:
+        """The same with its bodies."""
+        return f"{self.item} between {self.body_a} and {self.body_b}"
 
 
 def _check_frame(frame: NDArray, item: str) -> None:
@@ -274,26 +280,24 @@ def _area(face: Facets, nodes: NDArray) -> float:
 
 def _check_touching(contact: ContactFaces, means: PatchMeans, area_a: float, area_b: float | None) -> None:
     """Refuse faces that hardly overlap, lie apart, or have a gap of the size of the face."""
-    pair = f"{contact.item} between {contact.body_a} and {contact.body_b}"
-    area = float(means.area.sum())
+    pair, area = contact.pair, float(means.area.sum())
     if area_b is not None and contact.patches is None and area < BOUNDS.overlap * min(area_a, area_b):
         expected = f"faces that have at least {100 * BOUNDS.overlap:.0f} % of the smaller one in common"
         raise mismatch(pair, expected, f"{area:.4g} m2 of {area_a:.4g} and {area_b:.4g} m2")
     width, distance = np.sqrt(area), means.distance
     farthest = distance[np.abs(distance).argmax()]
-    if abs(farthest) > BOUNDS.distance * width:
-        found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
-        raise mismatch(pair, "faces that lie on each other", found)
+    found = f"a distance of {farthest:.4g} m with faces {width:.4g} m wide"
+    require(abs(farthest) <= BOUNDS.distance * width, pair, "faces that lie on each other", found)
     if not isinstance(contact.gap, str) and abs(contact.gap) > BOUNDS.distance * width:
         found = f"{contact.gap:.4g} m on a face {width:.4g} m wide"
         raise mismatch(f"{contact.item}: gap", "much less than the width of the face, in the units of the files", found)
-    _warn_of_misfit(contact, pair, means, area_a, area_b)
+    _warn_of_misfit(contact, means, area_a, area_b)
 
 
-def _warn_of_misfit(contact: ContactFaces, pair: str, means: PatchMeans, area_a: float, area_b: float | None) -> None:
+def _warn_of_misfit(contact: ContactFaces, means: PatchMeans, area_a: float, area_b: float | None) -> None:
     """Warn of faces that touch, but not as they would in one assembly: one of the bodies may stand beside its place."""
     area = float(means.area.sum())
-    width = np.sqrt(area)
+    pair, width = contact.pair, np.sqrt(area)
     if not isinstance(contact.gap, str):
         off = means.distance - contact.gap
         worst = float(off[np.abs(off).argmax()])
@@ -329,12 +333,9 @@ def _sector_of(
         if not candidates:
             raise SettingError(f"{contact.item}: a body touches itself in a neighbouring sector only")
     distance, product, sector = _nearest(candidates, a, face_a, b, face_b, n_blades)
-    if product > -0.5:
-        raise mismatch(
-            f"{contact.item} between {contact.body_a} and {contact.body_b}",
-            "outward normals that point at each other (faces seen from outside counter-clockwise)",
-            f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart",
-        )
+    expected = "outward normals that point at each other (faces seen from outside counter-clockwise)"
+    found = f"a cosine of {product:.3f} between them in sector {sector:+d}, {distance:.4g} m apart"
+    require(product <= -0.5, contact.pair, expected, found)
     return sector
 
 

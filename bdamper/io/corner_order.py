@@ -14,12 +14,9 @@ from numpy.typing import NDArray
 
 from bdamper.io.bounds import BOUNDS
 from bdamper.io.prepare import PreparedBody
-from bdamper.reduction.facets import N_CORNER
+from bdamper.reduction.facets import FACES, N_CORNER
 
-_QUADRILATERALS = {
-    8: np.array([[0, 1, 2, 3], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]),
-    6: np.array([[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]),
-}
+_QUADRILATERALS = {n: np.array([face for face in FACES[n] if len(face) == 4]) for n in (6, 8)}
 """Corners of the faces with four of them, in turn."""
 _OTHERS = {8: {"in rows, as (0,0,0), (1,0,0), (0,1,0), (1,1,0), (0,0,1) ...": [0, 1, 3, 2, 4, 5, 7, 6]}, 6: {}}
 
@@ -66,11 +63,9 @@ def check_corner_order(body: PreparedBody) -> None:
             continue
         fits = [name for name, order in _OTHERS[n].items() if not twisted(corners[wrong][:, order], body.nodes).any()]
         if fits or len(wrong) > BOUNDS.odd_ones * len(elements):
-            half = n // 2
-            raise body.error(
-                f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}",
-                f"{half} corners in turn around one face, then the {half} opposite ones in the same turn",
-                f"another order in {len(wrong)} of {len(elements)}" + (f": corners come {fits[0]}" if fits else ""),
-            )
+            item = f"elements, that of nodes {np.asarray(given)[wrong[0], :n].tolist()}"
+            expected = f"{n // 2} corners in turn around one face, then the {n // 2} opposite ones in the same turn"
+            found = f"another order in {len(wrong)} of {len(elements)}" + (f": corners come {fits[0]}" if fits else "")
+            raise body.error(item, expected, found)
     if n_checked:
         body.checks.append(f"{body.name}: corners of {n_checked} hexahedra and wedges stand in the agreed order")

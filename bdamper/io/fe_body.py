@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby
+from itertools import groupby, repeat
 from typing import Any
 
 import numpy as np
@@ -167,13 +167,15 @@ class ElementKind:
     poisson_ratio: float | None = None
 
 
-def by_kind(elements: Iterable[Sequence[int]], kinds: Iterable[ElementKind]) -> dict[str, Any]:
-    """``elements`` and ``element_kinds`` of an :class:`FEBody` from elements one by one."""
-    groups: dict[tuple[ElementKind, int], list[Sequence[int]]] = {}
+def by_kind(
+    elements: Iterable[Sequence[int] | NDArray], kinds: Iterable[ElementKind | None] = repeat(None)
+) -> dict[str, Any]:
+    """``elements`` and, where they are known, ``element_kinds`` of an :class:`FEBody` from elements one by one."""
+    groups: dict[tuple[ElementKind | None, int], list[Sequence[int] | NDArray]] = {}
     for nodes, kind in zip(elements, kinds):
         groups.setdefault((kind, len(nodes)), []).append(nodes)
     arrays = tuple(np.array(group, np.int64) for group in groups.values())
-    return {"elements": arrays, "element_kinds": tuple(kind for kind, _ in groups)}
+    return {"elements": arrays, "element_kinds": tuple(kind for kind, _ in groups if kind is not None)}
 
 
 @brief

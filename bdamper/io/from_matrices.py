@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from bdamper.io.from_modes import compare_known
 from bdamper.io.over_speed import rotation_of
 from bdamper.io.plausible import check_rigid_motion
-from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
+from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import Body
-from bdamper.reduction.bodies import constrained_body, free_body
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 
@@ -102,10 +102,8 @@ def constrained_from_matrices(sectors: Sectors, stress: Iterable[StressRows] = (
         return made
 
     with body.refusing("matrices", POSITIVE):
-        built = constrained_body(
-            body.name, wanted.ports, sector, wanted.contact, wanted.locations, known_first, n_modes,
-            wanted.damping_ratio, ring.diameters, rotation,
-        )  # fmt: skip
+        fewer = replace(wanted, n_modes=n_modes)
+        built = constrained_body(body.name, fewer, sector, known_first, ring.diameters, rotation)
     for d in sectors.kept:
         if d in ring.diameters:
             sectors(d).forget_factors()
@@ -138,24 +136,21 @@ def _check_held(body: PreparedBody, sector: CyclicSector, held: bool) -> None:
     factor = sector.solver
     pivots = factor.U.diagonal().real
     smallest = np.abs(pivots).min()
-    if not held and smallest < 1e-9 * np.median(np.abs(pivots)):
-        raise body.error(
-            item,
-            "a body that is held: fixed=(a set of nodes), or components without rows in the matrices",
-            "neither, and some motion costs no force: nothing holds the sector",
-        )
+    expected = "a body that is held: fixed=(a set of nodes), or components without rows in the matrices"
+    found = "neither, and some motion costs no force: nothing holds the sector"
+    body.require(held or smallest >= 1e-9 * np.median(np.abs(pivots)), item, expected, found)
     if np.array_equal(factor.perm_r, factor.perm_c) and np.any(pivots <= 0.0):
         raise body.error(item, "a positive definite matrix", f"{int((pivots <= 0.0).sum())} negative eigenvalues")
     scale = np.median(np.abs(sector.stiffness.diagonal()))
-    if smallest < 1e-13 * scale:
-        found = f"a pivot {smallest / scale:.2g} times the stiffness of a node: some motion costs no force"
-        raise body.error(item, "a body that is held (fixed nodes, or rows left out of the matrices)", found)
+    found = f"a pivot {smallest / scale:.2g} times the stiffness of a node: some motion costs no force"
+    body.require(
+        smallest >= 1e-13 * scale, item, "a body that is held (fixed nodes, or rows left out of the matrices)", found
+    )
 
 
 def _check_positive(body: PreparedBody, d: int, omega2: NDArray) -> None:
     item = f"nodal diameter {d}"
-    if not (np.isfinite(omega2).all() and omega2[0] > 0.0):
-        raise body.error(item, "squared frequencies > 0", f"{omega2[0]:.6g}")
+    body.require(np.isfinite(omega2).all() and omega2[0] > 0.0, item, "squared frequencies > 0", f"{omega2[0]:.6g}")
     # A body that is not held has six squared frequencies that are rounding.
     if len(omega2) > 1 and omega2[0] < 1e-10 * omega2[-1]:
         low, high = np.sqrt(omega2[[0, -1]]) / (2 * np.pi)
@@ -173,13 +168,9 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
     mask = body.fixed(None)
     if mask.any():
         wrong = body.used[mask[body.used].any(axis=1)]
-        if len(wrong):
-            raise body.error(
-                "matrices",
-                "rows for all three components of every node of a free body",
-                f"some missing at node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all",
-            )
-        raise body.error("matrices", "no nodes without rows on a free body", int(mask.any(axis=1).sum()))
+        body.require(len(wrong) > 0, "matrices", "no nodes without rows on a free body", int(mask.any(axis=1).sum()))
+        found = f"some missing at node {body.given.numbers[wrong[0]]} and {len(wrong)} such in all"
+        raise body.error("matrices", "rows for all three components of every node of a free body", found)
     body.step(body.name)
     structure = body.structure
     check_rigid_motion(body, structure)
@@ -187,11 +178,9 @@ def free_from_matrices(body: PreparedBody, wanted: Wanted) -> Body:
         free = FreeBody(structure, np.eye(3))
     axes = body.damper_axes(free.centre)
     free = FreeBody(structure, axes)
-    n_modes = min(wanted.n_modes, max(6, structure.n_dof // 2))
+    wanted = replace(wanted, n_modes=min(wanted.n_modes, max(6, structure.n_dof // 2)))
     with body.refusing("matrices", "a stiffness matrix with six rigid-body motions and no others"):
-        built = free_body(
-            body.name, wanted.ports, free, wanted.contact, wanted.locations, n_modes, wanted.damping_ratio, axes[1]
-        )
+        built = free_body(body.name, wanted, free, axes[1])
     omega2 = built.bases[0].omega2
     if len(omega2) > 6 and not omega2[6] > 0.0:
         raise body.error("stiffness matrix", "six rigid-body motions and no others", f"omega2 = {omega2[6]:.3g}")

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from bdamper.io.fe_body import MassProperties, Modes
 from bdamper.io.over_speed import basis_from_modes
 from bdamper.io.plausible import compare_frequencies
-from bdamper.io.prepare import PreparedBody, Ring, Wanted
-from bdamper.model.model import Body, BodyLoad, ModalBasis
-from bdamper.reduction.bodies import location_rows
+from bdamper.io.prepare import PreparedBody, Ring
+from bdamper.model.model import Body, BodyLoad
+from bdamper.reduction.bodies import Wanted
 from bdamper.reduction.cyclic import fix_phase
 from bdamper.reduction.free_body import rigid_motions
 from bdamper.reduction.waves import Waves, farthest_pair, travelling_waves
@@ -89,29 +89,21 @@ def _modal_mass(body: PreparedBody, modes: Modes, waves: Waves) -> tuple[NDArray
     if modes.modal_mass is not None:
         mass = body.place.units.mass * np.asarray(modes.modal_mass, float)
         return mass[waves.index], "the file or the user (not checked)"
-    raise body.error(
-        f"modes of nodal diameter {modes.nodal_diameter}",
-        "modal masses (or matrices) to rescale the modes to unit modal mass over one sector",
-        "neither",
-    )
+    expected = "modal masses (or matrices) to rescale the modes to unit modal mass over one sector"
+    raise body.error(f"modes of nodal diameter {modes.nodal_diameter}", expected, "neither")
 
 
-def _rows(body: PreparedBody, matrix: sp.csr_matrix, shapes: NDArray, item: str) -> NDArray:
-    """``matrix @ shapes``, refusing nodes without values."""
-    unknown = np.isnan(shapes[:, 0].real)
-    touched = np.unique(matrix.indices)
-    wrong = touched[unknown[touched]]
+def _check_known(body: PreparedBody, wanted: Wanted, shapes: NDArray) -> None:
+    """The modes have values at the contact faces and locations."""
+    unknown = np.isnan(shapes).any(axis=1)
+    wrong = np.intersect1d(wanted.contact.indices, np.flatnonzero(unknown))
     if len(wrong):
         number = body.given.numbers[wrong[0] // 3]
-        raise body.error(item, "values of the modes at its nodes", f"none at node {number}")
-    return matrix @ np.nan_to_num(shapes)
-
-
-def _location_modes(body: PreparedBody, locations: Mapping[str, int], shapes: NDArray) -> dict[str, NDArray]:
-    rows = location_rows(locations, shapes)
-    for name, values in rows.items():
-        body.require(not np.isnan(values.real).any(), f"location '{name}'", "values of the modes at its node", "none")
-    return rows
+        raise body.error("contact faces", "values of the modes at its nodes", f"none at node {number}")
+    for name, node in wanted.locations.items():
+        body.require(
+            not unknown[3 * node : 3 * node + 3].any(), f"location '{name}'", "values of the modes at its node", "none"
+        )
 
 
 def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray | None:
@@ -121,9 +113,8 @@ def _flexibility(body: PreparedBody, contact: sp.csr_matrix, d: int) -> NDArray 
         return None
     numbers, matrix = np.asarray(given[0].numbers), np.asarray(given[0].matrix)
     item = f"receptance of nodal diameter {d}"
-    if matrix.shape != (3 * len(numbers), 3 * len(numbers)) or not np.isfinite(matrix).all():
-        expected = f"finite numbers ({3 * len(numbers)}, {3 * len(numbers)})"
-        raise body.error(item, expected, matrix.shape)
+    shape = (3 * len(numbers), 3 * len(numbers))
+    body.require(matrix.shape == shape and np.isfinite(matrix).all(), item, f"finite numbers {shape}", matrix.shape)
     nodes = body.index(numbers, item)
     columns = (3 * nodes[:, None] + np.arange(3)).ravel()
     outside = np.setdiff1d(np.unique(contact.indices), columns)
@@ -180,16 +171,10 @@ def constrained_from_modes(body: PreparedBody, wanted: Wanted, ring: Ring) -> Bo
     for d in ring.diameters:
         omega2, shapes, source = _normalised(body, given, d, ring, wanted.n_modes)
         compare_known(body, d, omega2, ring)
-        contact_modes = _rows(body, wanted.contact, shapes, "contact faces")
+        _check_known(body, wanted, shapes)
         if d in ring.pictured:
             body.keep_pictures(d, shapes)
-        bases[d] = ModalBasis(
-            omega2=omega2,
-            damping_ratio=np.full(len(omega2), wanted.damping_ratio),
-            contact_modes=contact_modes.reshape(-1, 3, len(omega2)),
-            locations=_location_modes(body, wanted.locations, shapes),
-            flexibility=_flexibility(body, wanted.contact, d),
-        )
+        bases[d] = wanted.basis(omega2, shapes, _flexibility(body, wanted.contact, d))
         if faster:
             others = [
                 (own.given.rotor_speed, *_normalised(own, theirs, d, ring, len(omega2))[:2])
@@ -208,13 +193,13 @@ def _mass_properties(body: PreparedBody, given: MassProperties) -> MassPropertie
     q, u = body.place.rotation, body.place.units
     inertia = np.asarray(given.inertia, float)
     centre = np.asarray(given.centre, float)
-    if inertia.shape != (3, 3) or centre.shape != (3,) or not (np.isfinite(inertia).all() and np.isfinite(centre).all()):
-        found = f"{centre.shape}, {inertia.shape}"
-        raise body.error("mass properties", "a centre (3,) and an inertia (3, 3)", found)
+    good = inertia.shape == (3, 3) and centre.shape == (3,) and np.isfinite([*inertia, centre]).all()
+    found = f"{centre.shape}, {inertia.shape}"
+    body.require(good, "mass properties", "a centre (3,) and an inertia (3, 3)", found)
     moments = np.linalg.eigvalsh(inertia)
-    if not (given.mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)):
-        expected = "a mass > 0 and principal moments > 0, none larger than the sum of the others"
-        raise body.error("mass properties", expected, f"{given.mass}, {moments}")
+    good = given.mass > 0 and moments[0] > 0 and moments[2] <= (moments[0] + moments[1]) * (1 + 1e-6)
+    expected = "a mass > 0 and principal moments > 0, none larger than the sum of the others"
+    body.require(good, "mass properties", expected, f"{given.mass}, {moments}")
     return MassProperties(
         float(given.mass) * u.mass, u.length * q @ (centre - body.place.origin), u.mass * u.length**2 * q @ inertia @ q.T
     )
@@ -238,23 +223,15 @@ def free_from_modes(body: PreparedBody, wanted: Wanted) -> Body:
     motion[:, 3:] = rigid_motions(body.nodes, rigid.centre, principal.T)[:, 3:] / np.sqrt(moments)
     elastic, omega2 = _elastic_modes(body, wanted.n_modes - 6)
     omega2 = np.concatenate([np.zeros(6), omega2])
-    # Rigid motions are known everywhere, elastic modes where the file has them.
-    contact_modes = wanted.contact @ motion
-    if elastic.shape[1]:
-        contact_modes = np.hstack([contact_modes, _rows(body, wanted.contact, elastic, "contact faces")])
+    shapes = np.hstack([motion, elastic])
+    _check_known(body, wanted, shapes)
     flexibility = _flexibility(body, wanted.contact, 0)
     generalised = np.zeros(len(omega2))
     generalised[1] = rigid.mass**-0.5
     body.missing.append(f"elastic deformation of the {body.name} by its own load (no matrices): taken as zero")
     if flexibility is None:
         body.missing.append(NO_RECEPTANCE.format(name=body.name))
-    basis = ModalBasis(
-        omega2=omega2,
-        damping_ratio=np.where(omega2 > 0.0, wanted.damping_ratio, 0.0),
-        contact_modes=contact_modes.reshape(-1, 3, len(omega2)),
-        locations=_location_modes(body, wanted.locations, np.hstack([motion, elastic])),
-        flexibility=flexibility,
-    )
+    basis = wanted.basis(omega2, shapes, flexibility)
     load = BodyLoad(axes[1], generalised, np.zeros((wanted.contact.shape[0] // 3, 3)))
     return Body(
         body.name, "free", wanted.ports, {0: basis}, mass=rigid.mass, centre=rigid.centre, inertia=rigid.inertia, load=load

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from bdamper.io.from_matrices import Sectors
-from bdamper.io.prepare import NodeSet, PreparedBody, Ring, Wanted
+from bdamper.io.prepare import NodeSet, PreparedBody, Ring
 from bdamper.model.model import Body, Interface
+from bdamper.reduction.bodies import Wanted
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, damper_motion, local_basis
 from bdamper.util.errors import SettingError
 
@@ -47,7 +48,7 @@ def blade_part(
     with body.refusing("wheel", "the nodes of a blade from root to tip, with all its contact faces and locations"):
         held = None if fixed is None else body.node_set(fixed, "fixed")
         part = BladePart(body.structure, nodes, body.fixed(held), step=body.step)
-        part.check_on_blade(wanted.contact, wanted.locations)
+        part.check_on_blade(wanted)
         if np.isin(nodes, faces).any():
             raise ValueError("nodes on the faces at which the sector repeats")
     return part
@@ -65,10 +66,8 @@ def with_local_basis(
     """
     body, wanted = sectors.body, sectors.wanted
     with body.refusing("wheel", "a blade that its root holds"):
-        local = local_basis(
-            part, sectors, wanted.contact, damper_motion(wanted.ports, interfaces), wanted.locations, wanted.damping_ratio,
-            sizes, "set of nodes",
-        )  # fmt: skip
+        dampers = damper_motion(wanted.ports, interfaces)
+        local = local_basis(part, sectors, wanted, dampers, sizes, "set of nodes")
     clamped = ", ".join(f"{f:.5g}" for f in np.sqrt(local.omega2[:3]) / (2.0 * np.pi))
     worst = max(np.sqrt(local.nodal_diameter(d).omega2[0] / basis.omega2[0]) - 1.0 for d, basis in made.bases.items())
     body.checks += [

@@ -12,14 +12,17 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody
+from bdamper.io.fe_body import FEBody, by_kind
 from bdamper.io.matlab import read_mat
 from bdamper.io.matrix_market import read_market
-from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, grouped, read_body, reader
+from bdamper.io.reading import BODIES, LARGEST_COUNT, check_count, read_body, reader
 from bdamper.model.checks import require
 from bdamper.reduction.facets import N_CORNER
 from bdamper.util.errors import mismatch
 from bdamper.util.hdf5 import FilePath
+
+COMMENTS = ("#", "*", "%")
+"""How lines start that are no numbers."""
 
 
 @reader("a matrix as .npz, .npy, .mat or .mtx", library=True)
@@ -68,10 +71,9 @@ def _chosen(names: list[str], name: str | None, source: Path) -> str:
     """The name that was asked for, or the only one there is."""
     if name is None and len(names) == 1:
         return names[0]
-    if name is None or name not in names:
-        wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
-        raise mismatch(str(source), wanted, f"the arrays {names}")
-    return name
+    wanted = "the name of an array" if name is None else f"an array '{name}' of real numbers"
+    require(name in names, str(source), wanted, f"the arrays {names}")
+    return str(name)
 
 
 def _is_market(source: Path) -> bool:
@@ -91,14 +93,10 @@ _MATRICES: dict[str, Callable[[Path, str | None], sp.spmatrix | NDArray]] = {
 
 def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     """A square matrix of finite real numbers with indices in range, or an error that names ``item``."""
-    if not sp.issparse(matrix):
-        matrix = np.asarray(matrix)
-        if matrix.dtype.kind not in "fiu" or matrix.ndim != 2:
-            raise mismatch(item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
-    elif matrix.dtype.kind not in "fiu":
-        raise mismatch(item, "a real matrix", f"numbers of type {matrix.dtype}")
-    if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or matrix.shape[0] == 0:
-        raise mismatch(item, "a square matrix", f"shape {matrix.shape}")
+    matrix = matrix if sp.issparse(matrix) else np.asarray(matrix)
+    good = matrix.dtype.kind in "fiu" and matrix.ndim == 2
+    require(good, item, "a real matrix", f"an array {matrix.shape} of {matrix.dtype}")
+    require(matrix.shape[0] == matrix.shape[1] > 0, item, "a square matrix", f"shape {matrix.shape}")
     if hasattr(matrix, "check_format"):
         matrix.check_format(full_check=True)
     out = sp.coo_matrix(matrix)
@@ -113,12 +111,12 @@ def square_matrix(matrix: sp.spmatrix | NDArray, item: str) -> sp.csr_matrix:
     return out.astype(float).tocsr()
 
 
-def number_table(text: str, item: str, columns: tuple[int, ...], comments: tuple[str, ...] = ("#", "*", "%")) -> NDArray:
+def number_table(text: str, item: str, columns: tuple[int, ...]) -> NDArray:
     """Numbers separated by commas or blanks, one row a line, with the same count of columns in every row."""
     rows: list[list[float]] = []
     for k, line in enumerate(text.splitlines()):
         stripped = line.strip()
-        if not stripped or stripped.startswith(comments):
+        if not stripped or stripped.startswith(COMMENTS):
             continue
         words = stripped.replace(",", " ").replace(";", " ").split()
         try:
@@ -131,8 +129,7 @@ def number_table(text: str, item: str, columns: tuple[int, ...], comments: tuple
             wanted = len(rows[0]) if rows else " or ".join(map(str, columns))
             raise mismatch(f"{item}: line {k + 1}", f"{wanted} numbers", f"{len(row)}")
         rows.append(row)
-    if not rows:
-        raise mismatch(item, "at least one line of numbers", "none")
+    require(bool(rows), item, "at least one line of numbers", "none")
     table = np.array(rows)
     require(np.isfinite(table).all(), item, "finite numbers", "others")
     return table
@@ -217,14 +214,13 @@ def read_elements(path: Path) -> tuple[NDArray, ...]:
     elements = []
     for k, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
         words = line.replace(",", " ").replace(";", " ").split()
-        if not words or words[0].startswith(("#", "*", "%")):
+        if not words or words[0].startswith(COMMENTS):
             continue
         if len(words) not in N_CORNER or not all(w.lstrip("-").isdigit() and len(w) < 19 for w in words):
             raise mismatch(f"{path}: line {k}", f"{sorted(N_CORNER)} node numbers", f"'{line[:60]}'")
         elements.append([int(w) for w in words])
-    if not elements:
-        raise mismatch(str(path), "at least one element", "none")
-    return grouped(elements)
+    require(bool(elements), str(path), "at least one element", "none")
+    return tuple(by_kind(elements)["elements"])
 
 
 def read_arrays(
@@ -253,23 +249,19 @@ def read_arrays(
     source : str
         What messages call the body; the file of the stiffness by default.
     """
-    found: list[tuple[sp.csr_matrix, NDArray | None]] = []
-    for key, given in (("stiffness", stiffness), ("mass", mass)):
-        if isinstance(given, str | os.PathLike):
-            found.append(_with_table(given))
-        else:
-            found.append((square_matrix(given, f"{source or 'the given arrays'}: {key} matrix"), None))
-    (k, k_dofs), (m, m_dofs) = found
-    if dofs is None:
-        dofs = k_dofs
-        if k_dofs is not None and m_dofs is not None:
-            m = _reordered(m, m_dofs, k_dofs, str(mass))
-    else:
-        dofs = _loaded(dofs, read_dofs)
+    what = source or "the given arrays"
+    k, k_dofs = _with_table(stiffness, f"{what}: stiffness matrix")
+    m, m_dofs = _with_table(mass, f"{what}: mass matrix")
+    if dofs is None and k_dofs is not None and m_dofs is not None:
+        m = _reordered(m, m_dofs, k_dofs, str(mass))
+    dofs = k_dofs if dofs is None else np.asarray(_loaded(dofs, read_dofs))
     if isinstance(nodes, str | os.PathLike) and Path(nodes).suffix.lower() in BODIES:
         nodes = read_body(nodes)
-    mesh = nodes if isinstance(nodes, FEBody) else None
-    numbers, positions = _loaded(nodes, read_nodes) if mesh is None else (mesh.numbers, mesh.nodes)
+    if isinstance(nodes, FEBody):
+        mesh = nodes
+    else:
+        numbers, positions = _loaded(nodes, read_nodes)
+        mesh = FEBody(np.asarray(numbers), np.asarray(positions, float))
     node_sets: dict[str, NDArray] = {}
     face_sets: dict[str, tuple[NDArray, ...]] = {}
     for name, given_set in (sets or {}).items():
@@ -278,24 +270,11 @@ def read_arrays(
             node_sets[name] = values
         else:
             face_sets[name] = (values,)
-    if not source:
-        source = str(stiffness) if isinstance(stiffness, str | os.PathLike) else "the given arrays"
-    body = FEBody(
-        np.asarray(numbers),
-        np.asarray(positions, float),
-        k,
-        m,
-        None if dofs is None else np.asarray(dofs),
-        _loaded(elements, read_elements),
-        node_sets,
-        face_sets,
-        source=source,
-    )
-    if mesh is None:
-        return body
+    own = _loaded(elements, read_elements)
+    source = source or (str(stiffness) if isinstance(stiffness, str | os.PathLike) else what)
     return replace(
-        mesh, stiffness=k, mass=m, dofs=body.dofs, source=source, elements=body.elements or mesh.elements,
-        element_kinds=() if body.elements else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
+        mesh, stiffness=k, mass=m, dofs=dofs, source=source, elements=own or mesh.elements,
+        element_kinds=() if own else mesh.element_kinds, node_sets={**mesh.node_sets, **node_sets},
         face_sets={**mesh.face_sets, **face_sets},
     )  # fmt: skip
 
@@ -305,9 +284,12 @@ def _loaded(given: Any, read: Callable[[FilePath], Any]) -> Any:
     return read(given) if isinstance(given, str | os.PathLike) else given
 
 
-@reader("a matrix")
-def _with_table(path: Path) -> tuple[sp.csr_matrix, NDArray | None]:
-    if path.suffix.lower() == ".mtx" and not _is_market(path):
+def _with_table(given: FilePath | sp.spmatrix, item: str) -> tuple[sp.csr_matrix, NDArray | None]:
+    """A matrix, given or from a file, and the table of its rows where it is Abaqus text."""
+    if not isinstance(given, str | os.PathLike):
+        return square_matrix(given, item), None
+    path = Path(given)
+    if path.suffix.lower() == ".mtx" and path.is_file() and not _is_market(path):
         return read_abaqus_matrix(path)
     return read_matrix(path), None
 

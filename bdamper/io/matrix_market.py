@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from bdamper.io.reading import check_count
+from bdamper.io.reading import check_count, parsing
 from bdamper.model.checks import require
 from bdamper.util.errors import mismatch
 
@@ -30,36 +30,28 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     item = str(source)
     if len(words) != 5 or words[:2] != ["%%matrixmarket", "matrix"] or words[2] not in ("coordinate", "array"):
         raise mismatch(f"{item}: line 1", "%%MatrixMarket matrix coordinate|array <field> <symmetry>", lines[0][:60])
-    if words[3] not in ("real", "integer", "double"):
-        raise mismatch(f"{item}: line 1", "a real matrix", words[3])
-    if words[4] not in ("general", "symmetric"):
-        raise mismatch(f"{item}: line 1", "a general or symmetric matrix", words[4])
-    start = 1
-    while start < len(lines) and (not lines[start].strip() or lines[start].lstrip().startswith("%")):
-        start += 1
-    require(start < len(lines), item, "a line of sizes", "the end of the file")
+    require(words[3] in ("real", "integer", "double"), f"{item}: line 1", "a real matrix", words[3])
+    require(words[4] in ("general", "symmetric"), f"{item}: line 1", "a general or symmetric matrix", words[4])
+    content = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and not line.lstrip().startswith("%")]
+    require(bool(content), item, "a line of sizes", "the end of the file")
+    (number, head), *body = content
     coordinate, symmetric = words[2] == "coordinate", words[4] == "symmetric"
-    try:
-        sizes = [int(w) for w in lines[start].split()]
-    except ValueError:
-        sizes = []
-    if len(sizes) != (3 if coordinate else 2):
-        raise mismatch(f"{item}: line {start + 1}", "the sizes of the matrix", lines[start][:60])
+    with parsing(f"{item}: line {number}", "the sizes of the matrix", head):
+        sizes = [int(w) for w in head.split()]
+        if len(sizes) != (3 if coordinate else 2):
+            raise ValueError
     rows, columns = (check_count(n, f"{item}: size line", "a size") for n in sizes[:2])
-    if symmetric and rows != columns:
-        raise mismatch(f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
+    good = not symmetric or rows == columns
+    require(good, f"{item}: size line", "as many rows as columns of a symmetric matrix", f"{rows}, {columns}")
     n_values = rows * (rows + 1) // 2 if symmetric else rows * columns
     count = sizes[2] if coordinate else n_values
-    body = [line for line in lines[start + 1 :] if line.strip()]
     require(count == len(body), f"{item}: size line", f"{len(body)} entries, as many as lines follow", count)
     width = 3 if coordinate else 1
-    words = " ".join(body).split()
-    if len(words) != width * count:
-        raise mismatch(item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
-    try:
+    words = " ".join(line for _, line in body).split()
+    good = len(words) == width * count
+    require(good, item, f"{width} numbers in every line after the sizes", f"{len(words)} in {count} lines")
+    with parsing(item, "numbers after the sizes", "others"):
         table = np.array(words, dtype=float).reshape(count, width)
-    except ValueError as error:
-        raise mismatch(item, "numbers after the sizes", error) from error
     if not coordinate:
         if not symmetric:
             return table.reshape(columns, rows).T
@@ -74,9 +66,6 @@ def read_market(source: Path) -> sp.coo_matrix | NDArray:
     value = table[:, 2]
     if symmetric:
         off = row != column
-        row, column, value = (
-            np.concatenate([row, column[off]]),
-            np.concatenate([column, row[off]]),
-            np.concatenate([value, value[off]]),
-        )
+        row, column = np.concatenate([row, column[off]]), np.concatenate([column, row[off]])
+        value = np.concatenate([value, value[off]])
     return sp.coo_matrix((value, (row, column)), shape=(rows, columns))

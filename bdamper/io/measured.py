@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from bdamper.io.reading import parsing
 from bdamper.model.checks import require
 from bdamper.util import validate
 from bdamper.util.errors import BdamperError, SettingError, mismatch
@@ -136,8 +137,7 @@ class Measured:
         order = np.argsort(self.load[there])
         load, values = self.load[there][order], values[there][order]
         item = self.source or "measured points"
-        if not len(load):
-            raise mismatch(item, f"a measured {quantity}", "none")
+        require(len(load) > 0, item, f"a measured {quantity}", "none")
         if not values[0] > 0.0:
             raise mismatch(item, f"a reference {quantity} above 0 at the least load, {load[0]:g}", f"{values[0]:g}")
         return load[load > 0.0], (values / values[0])[load > 0.0]
@@ -188,17 +188,14 @@ def load_measured(path: str | PathLike[str]) -> Measured:
     lines, head = _lines(path)
     if "load" not in head or not {"amplitude", "frequency"} & set(head):
         raise mismatch(f"{path}, line {lines[0][0]}", f"the columns {COLUMNS} (one of the last two)", head)
-    values = {name: [] for name in COLUMNS}  # type: dict[str, list[float]]
+    values: dict[str, list[float]] = {name: [] for name in COLUMNS}
     for number, row in _rows(path, lines, head):
         for name in COLUMNS:
             text = row[head.index(name)].strip() if name in head and head.index(name) < len(row) else ""
-            try:
+            with parsing(f"{path}, line {number}", f"a finite number of at least 0 in column '{name}'", text):
                 value = float(text) if text and text.lower() != "nan" else np.nan
-            except ValueError:
-                value = -1.0
-            if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
-                expected = f"a finite number of at least 0 in column '{name}'"
-                raise mismatch(f"{path}, line {number}", expected, f"'{text}'")
+                if value < 0.0 or np.isinf(value) or (name == "load" and np.isnan(value)):
+                    raise ValueError
             values[name].append(value)
     return Measured(**{name: np.array(column) for name, column in values.items()}, source=str(path))
 
@@ -212,8 +209,7 @@ def _lines(path: str | PathLike[str]) -> tuple[list[tuple[int, str]], list[str]]
     except UnicodeDecodeError as error:
         raise mismatch(str(path), "text in UTF-8", f"another encoding ({error})") from error
     lines = [(i, line) for i, line in content if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise mismatch(str(path), "a header and rows of numbers", "nothing")
+    require(bool(lines), str(path), "a header and rows of numbers", "nothing")
     return lines, [name.strip().lower() for name in next(csv.reader([lines[0][1]]))]
 
 
@@ -221,9 +217,8 @@ def _rows(path: str | PathLike[str], lines: list[tuple[int, str]], head: list[st
     """Numbers of lines and values of the rows after the header."""
     for number, line in lines[1:]:
         row = next(csv.reader([line]))
-        if len(row) > len(head):
-            expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
-            raise mismatch(f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
+        expected = f"{len(head)} values separated by commas, as the header has, with points in numbers"
+        require(len(row) <= len(head), f"{path}, line {number}", expected, f"{len(row)}: '{line.strip()[:60]}'")
         yield number, row
     require(len(lines) > 1, str(path), "rows of numbers after the header", "none")
 
@@ -280,20 +275,19 @@ def read_response(path: str | PathLike[str], *, unit: str | None = None, name: s
         values.append([_finite(text, f"{path}, line {number}", column) for text, column in zip(texts, columns)])
     frequency, size, *rest = np.array(values).T
     response = size.astype(complex)
-    if rest:
-        turn = np.exp(1j * ANGLES[units["phase"][1]] * rest[0]) if second == "phase" else None
-        response = size + 1j * rest[0] if turn is None else size * turn
+    if rest and second == "phase":
+        response = size * np.exp(1j * ANGLES[units["phase"][1]] * rest[0])
+    elif rest:
+        response = size + 1j * rest[0]
     own = unit if unit is not None else units[first][1]
     return Measurement(name or Path(path).stem, frequency, response, unit=own, source=str(path))
 
 
 def _finite(text: str, where: str, column: str) -> float:
-    try:
+    with parsing(where, f"a finite number in column '{column}'", text):
         value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise mismatch(where, f"a finite number in column '{column}'", f"'{text}'")
+        if not np.isfinite(value):
+            raise ValueError
     return value
 
 

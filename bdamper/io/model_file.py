@@ -37,8 +37,8 @@ from bdamper.io.model_parts import PARTS, read_body, read_mesh, read_stress, wri
 from bdamper.model.checks import require
 from bdamper.model.model import Model
 from bdamper.model.validation import check_model
-from bdamper.util.errors import ModelError, mismatch
-from bdamper.util.hdf5 import check_folder, enter_reader, written
+from bdamper.util.errors import ModelError
+from bdamper.util.hdf5 import check_folder, enter_reader, opened, written
 
 FORMAT = "bdamper-model"
 VERSION = 1
@@ -136,19 +136,12 @@ def load_model(path: str | os.PathLike[str]) -> Model:
         If the file cannot be read as a model, or the model in it does not pass
         ``bdamper.model.validation.check_model``.
     """
-    source = Path(path)
-    if not source.exists():
-        raise FileNotFoundError(f"there is no model file '{source}'")
-    if source.is_dir():
-        raise mismatch(str(source), "a model file", "a folder")
-    try:
-        with h5py.File(source, "r") as file:
-            model = read_model(file)
-    except ModelError:
-        raise
-    except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise mismatch(str(source), "a readable HDF5 file", str(error) or type(error).__name__) from error
-    check_model(model, where=str(source))
+    if not Path(path).exists():
+        raise FileNotFoundError(f"there is no model file '{path}'")
+    require(not Path(path).is_dir(), str(path), "a model file", "a folder")
+    with opened(path, "a readable HDF5 file", ModelError) as file:
+        model = read_model(file)
+    check_model(model, where=str(path))
     return model
 
 
@@ -175,9 +168,8 @@ def read_model(file: h5py.Group) -> Model:
 def _check_root(file: h5py.Group) -> None:
     """Format, version and conventions; nothing else is looked at before these fit."""
     found = read_text(file, "format")
-    if found != FORMAT:
-        other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
-        raise mismatch(place(file, "@format"), f"'{FORMAT}'", other)
+    other = f"'{found}': bd.load reads results" if found.startswith("bdamper-") else f"'{found}'"
+    require(found == FORMAT, place(file, "@format"), f"'{FORMAT}'", other)
     version = read_integer(file, "version")
     require(version == VERSION, place(file, "@version"), f"{VERSION}", f"{version}")
     check_text(file, "time_convention", TIME_CONVENTION)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from bdamper.io.reading import MOST_EXPANDED
 from bdamper.model.checks import fits, require, shape_text
-from bdamper.util.errors import mismatch
 
 _TYPES = {
     "real": ("f", "real numbers"),
@@ -167,16 +166,16 @@ def place(parent: h5py.Group | h5py.Dataset, name: str = "") -> str:
     return f"{parent.file.filename}: {path}"
 
 
-def read_part(group: h5py.Group, part: Part, groups: Iterable[str] = ()) -> Any:
-    """The record that :func:`write_part` has written; the group may hold others of the names ``groups``."""
-    check_members(group, part.arrays, (*part.optional, *groups))
+def read_part(group: h5py.Group, part: Part) -> Any:
+    """The record that :func:`write_part` has written."""
+    check_members(group, part.arrays, part.optional)
     return part.kind(**read_fields(group, part))
 
 
 def read_fields(group: h5py.Group, part: Part) -> dict[str, Any]:
     """The values of the fields of a part that are there."""
     named = any(field.name == "name" for field in fields(cast(Any, part.kind)))
-    values: dict[str, Any] = {"name": own_name(group)} if named else {}
+    values: dict[str, Any] = {"name": group.name.rsplit("/", 1)[-1]} if named else {}
     values |= {key: read_text(group, key) for key in part.texts}
     values |= {key: read_integer(group, key) for key in part.integers}
     values |= {key: read_number(group, key) for key in part.numbers if key in group.attrs}
@@ -202,10 +201,6 @@ def diameter_groups(group: h5py.Group) -> dict[int, str]:
     return {int(name[2:]): name for name in group if re.fullmatch(r"nd\d{3,9}", name, re.ASCII)}
 
 
-def own_name(group: h5py.Group) -> str:
-    return cast(str, group.name).rsplit("/", 1)[-1]
-
-
 def check_members(group: h5py.Group, required: Iterable[str], optional: Iterable[str]) -> None:
     """Everything required is there, nothing unknown is, and nothing points elsewhere."""
     required = list(required)
@@ -226,8 +221,7 @@ def check_link(group: h5py.Group, name: str) -> None:
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
     check_link(group, name)
     member = group[name]
-    if not isinstance(member, h5py.Group):
-        raise mismatch(place(group, name), "a group", f"a {type(member).__name__.lower()}")
+    require(isinstance(member, h5py.Group), place(group, name), "a group", f"a {type(member).__name__.lower()}")
     return member
 
 
@@ -244,16 +238,15 @@ def read_array(group: h5py.Group, name: str, key: str = "", shape: tuple[int | N
     check_link(group, name)
     dataset = group[name]
     item = place(group, name)
-    if not isinstance(dataset, h5py.Dataset):
-        raise mismatch(item, "a dataset", f"a {type(dataset).__name__.lower()}")
+    require(isinstance(dataset, h5py.Dataset), item, "a dataset", f"a {type(dataset).__name__.lower()}")
     check_storage(dataset, item)
     data = DATASETS[key or name]
     letters, words = _TYPES[data.kind]
     require(dataset.dtype.kind in letters, item, words, f"data of type {dataset.dtype}")
     check_text(dataset, "units", data.units)
-    shape = shape or data.shape
-    if shape is not None and not fits(dataset.shape, shape):
-        raise mismatch(item, f"shape {shape_text(shape)}", f"{dataset.shape}")
+    shape = data.shape if shape is None else shape
+    if shape is not None:
+        require(fits(dataset.shape, shape), item, f"shape {shape_text(shape)}", f"{dataset.shape}")
     array = np.asarray(dataset[()])
     native = {"f": np.float64, "c": np.complex128, "i": np.int64, "u": np.int64, "b": np.bool_}
     return array.astype(native[array.dtype.kind], copy=False)
@@ -290,8 +283,7 @@ def as_text(value: Any, item: str) -> str:
         value = value.reshape(-1)[0]
     if isinstance(value, bytes):
         value = value.decode("utf-8", errors="replace")
-    if not isinstance(value, str):
-        raise mismatch(item, "a text", repr(value))
+    require(isinstance(value, str), item, "a text", repr(value))
     return str(value)
 
 

@@ -137,14 +137,13 @@ def basis_from_modes(
     first = body.given.rotor_speed
     omega, omega2, moved = others[-1]
     item = f"modes of nodal diameter {d} at {omega:g} rad/s"
-    if moved.shape[1] != basis.n_modes:
-        raise body.error(item, f"{basis.n_modes} modes as at {first:g} rad/s", moved.shape[1])
+    body.require(moved.shape[1] == basis.n_modes, item, f"{basis.n_modes} modes as at {first:g} rad/s", moved.shape[1])
     known = ~(np.isnan(shapes).any(axis=1) | np.isnan(moved).any(axis=1))
     overlap = np.linalg.lstsq(shapes[known], moved[known], rcond=None)[0]
     left, sizes, right = np.linalg.svd(overlap)
-    if not BOUNDS.combination[0] <= sizes[-1] <= sizes[0] <= BOUNDS.combination[1]:
-        expected = f"combinations of the modes at {first:g} rad/s (singular values of the overlap within 1 % of 1)"
-        raise body.error(item, expected, f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together")
+    expected = f"combinations of the modes at {first:g} rad/s (singular values of the overlap within 1 % of 1)"
+    overlaps = f"{sizes[-1]:.4g} to {sizes[0]:.4g}; use fewer modes, or speeds nearer together"
+    body.require(np.abs(sizes - 1.0).max() <= BOUNDS.agreement, item, expected, overlaps)
     turning = left @ right
     stiffness2 = ((turning * omega2) @ turning.conj().T - np.diag(basis.omega2)) / (omega**2 - first**2)
     stiffness2 = 0.5 * (stiffness2 + stiffness2.conj().T)

@@ -78,24 +78,17 @@ def check_rigid_motion(body: PreparedBody, structure: Structure) -> None:
         else:
             hint = "positions that do not belong to it (order, units, axes), or nodes with axes of their own"
         kind = "translation along" if worst < 3 else "rotation about"
-        raise body.error(
-            "stiffness matrix",
-            "a free body, which no rigid motion strains",
-            f"a strain of {strain[worst]:.2g} of its size under a {kind} {'XYZ'[worst % 3]}: {hint}",
-        )
+        found = f"a strain of {strain[worst]:.2g} of its size under a {kind} {'XYZ'[worst % 3]}: {hint}"
+        raise body.error("stiffness matrix", "a free body, which no rigid motion strains", found)
     body.checks.append(f"{body.name}: rigid motions strain it by {strain.max():.1g} of a stretch of equal size")
 
 
 def check_one_scale(blade: PreparedBody, damper: PreparedBody) -> None:
     """Check that both bodies come in the same unit of length: a damper is not a thousand times smaller than the sector."""
     ratio = damper.size / max(blade.size, 1e-300)
-    if not BOUNDS.damper_size[0] <= ratio <= BOUNDS.damper_size[1]:
-        raise mismatch(
-            f"{blade.where} and {damper.where}: positions",
-            "bodies in the same unit of length",
-            f"extents of {blade.size:.4g} m and {damper.size:.4g} m, a ratio of {ratio:.3g}: millimetres beside metres "
-            f"suspected; {OVERRIDE}",
-        )
+    good, item = BOUNDS.damper_size[0] <= ratio <= BOUNDS.damper_size[1], f"{blade.where} and {damper.where}: positions"
+    found = f"extents of {blade.size:.4g} m and {damper.size:.4g} m, a ratio of {ratio:.3g}: millimetres beside metres "
+    require(good, item, "bodies in the same unit of length", f"{found}suspected; {OVERRIDE}")
 
 
 def check_radial(body: PreparedBody, n_blades: int) -> None:
@@ -125,12 +118,8 @@ def check_not_swapped(body: PreparedBody) -> None:
         float(np.einsum("ik,ik->", along, matrix @ along)) / max(float(matrix.diagonal().sum()), 1e-300)
         for matrix in (body.structure.stiffness, body.structure.mass)
     )
-    if mass < 0.1 and stiffness > 0.5:
-        raise body.error(
-            "matrices",
-            "a stiffness matrix, then a mass matrix",
-            "one that resists translations as a mass does, then one that does not: they came swapped",
-        )
+    found = "one that resists translations as a mass does, then one that does not: they came swapped"
+    body.require(mass >= 0.1 or stiffness <= 0.5, "matrices", "a stiffness matrix, then a mass matrix", found)
 
 
 def wave_speed(body: PreparedBody) -> float:
@@ -186,7 +175,8 @@ def check_sizes(body: PreparedBody) -> None:
         texts.append(f"{body.name}: mass {mass:.6g} kg on free nodes, volume {body.volume:.6g} m3, {density:.4g} kg/m3")
     if body.has_matrices:
         speed, what = wave_speed(body), "a material in which longitudinal waves travel at"
-        limits = BOUNDS.wave_speed_held if body.fixed(None).any() else BOUNDS.wave_speed
+        low, high = BOUNDS.wave_speed  # what holds a body is strained, too, so only the lower bound counts there
+        limits = low, np.inf if body.fixed(None).any() else high
         hint = f"a stiffness over density about {(speed / 6000.0) ** 2:.1g} times that of a metal (some 6000 m/s), other "
         hint += "units of the stiffness or the mass matrix suspected"
         _check_within(body, "stiffness and mass matrix", what, limits, speed, "m/s", hint, digits=3)

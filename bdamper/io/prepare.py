@@ -21,7 +21,6 @@ from bdamper.io.bounds import BOUNDS
 from bdamper.io.fe_body import UNITS, FEBody, Units
 from bdamper.io.matrices import square_matrix
 from bdamper.model.checks import require
-from bdamper.model.model import Port
 from bdamper.reduction.facets import Facets, boundary_facets, enclosed_volume, facets_on_nodes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
@@ -86,7 +85,7 @@ class Ring:
     diameters : tuple of int
         Nodal diameters.
     pictured : tuple of int
-        Those whose shapes are kept for pictures.
+        Those whose shapes are kept for pictures: shapes of the surface make up most of a file.
     """
 
     n_blades: int
@@ -94,28 +93,6 @@ class Ring:
     right: NDArray
     diameters: tuple[int, ...]
     pictured: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Where and with how many modes the motion of a body is wanted.
-
-    Parameters
-    ----------
-    ports : tuple of Port
-    contact : (3 n_points, 3 n_nodes) sparse
-        From nodal displacements to the contact points of all ports.
-    locations : mapping of name to node index
-    n_modes : int
-    damping_ratio : float
-        Of all elastic modes.
-    """
-
-    ports: tuple[Port, ...]
-    contact: sp.csr_matrix
-    locations: Mapping[str, int]
-    n_modes: int
-    damping_ratio: float
 
 
 @dataclass
@@ -228,7 +205,7 @@ class PreparedBody:
         place = np.minimum(np.searchsorted(self._ascending, numbers), len(self._ascending) - 1)
         missing = self._ascending[place] != numbers
         if missing.any():
-            raise self.error(item, "numbers of existing nodes", f"{numbers[missing].ravel()[0]}")
+            raise self.error(item, "numbers of existing nodes", f"{numbers[missing][0]}")
         return self._sorted[place]
 
     def node_set(self, given: NodeSet, item: str) -> NDArray:
@@ -273,8 +250,7 @@ class PreparedBody:
             groups = (np.asarray(given),)
         else:
             nodes = self.node_set(given, item)
-            if not self.elements:
-                raise self.error(item, "faces, or elements besides the set of nodes", "nodes alone")
+            self.require(bool(self.elements), item, "faces, or elements besides the set of nodes", "nodes alone")
             found = facets_on_nodes(self.boundary, nodes)
             self.require(len(found) > 0, item, "nodes that hold at least one whole face of an element", "none")
             return found
@@ -295,9 +271,8 @@ class PreparedBody:
             raise self.error(item, "a node number or a position (3,)", repr(given))
         position = self.place.units.length * self.place.rotation @ (position - self.place.origin)
         distance = np.linalg.norm(self.nodes - position, axis=1)
-        if distance.min() > 0.1 * self.size:
-            found = f"{distance.min():.4g} m from the nearest node"
-            raise self.error(item, "a position on the body", found)
+        found = f"{distance.min():.4g} m from the nearest node"
+        self.require(distance.min() <= 0.1 * self.size, item, "a position on the body", found)
         nearest = int(distance.argmin())
         self.checks.append(f"{item}: node {self.given.numbers[nearest]}, {distance[nearest]:.2g} m from the position given")
         return nearest
@@ -339,29 +314,21 @@ class PreparedBody:
         n_eq = self.given.stiffness.shape[0]
         n = len(self.nodes)
         if self.given.dofs is None:
-            if n_eq != 3 * n:
-                expected = f"{3 * n} rows for {n} nodes, or a table of nodes and components"
-                raise self.error("stiffness", expected, f"{n_eq} rows and no table")
+            expected = f"{3 * n} rows for {n} nodes, or a table of nodes and components"
+            self.require(n_eq == 3 * n, "stiffness", expected, f"{n_eq} rows and no table")
             return np.arange(3 * n), np.zeros((n, 3), bool)
-        dofs = np.asarray(self.given.dofs)
-        if dofs.shape != (n_eq, 2) or dofs.dtype.kind not in "iu":
-            raise self.error("table of nodes and components", f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
-        if dofs[:, 1].min() < 1 or dofs[:, 1].max() > 3:
-            wrong = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)][0]
-            raise self.error(
-                "table of nodes and components",
-                "displacements only (components 1, 2, 3)",
-                f"component {wrong[1]} of node {wrong[0]}",
-            )
-        rows = 3 * self.index(dofs[:, 0], "table of nodes and components") + dofs[:, 1] - 1
-        if len(np.unique(rows)) < n_eq:
-            values, count = np.unique(rows, return_counts=True)
-            node, component = divmod(int(values[count.argmax()]), 3)
-            raise self.error(
-                "table of nodes and components",
-                "each pair once",
-                f"node {self.given.numbers[node]}, component {component + 1} repeated",
-            )
+        item, dofs = "table of nodes and components", np.asarray(self.given.dofs)
+        good = dofs.shape == (n_eq, 2) and dofs.dtype.kind in "iu"
+        self.require(good, item, f"whole numbers ({n_eq}, 2)", f"{dofs.shape}")
+        wrong = dofs[(dofs[:, 1] < 1) | (dofs[:, 1] > 3)]
+        if len(wrong):
+            found = f"component {wrong[0, 1]} of node {wrong[0, 0]}"
+            raise self.error(item, "displacements only (components 1, 2, 3)", found)
+        rows = 3 * self.index(dofs[:, 0], item) + dofs[:, 1] - 1
+        values, count = np.unique(rows, return_counts=True)
+        node, component = divmod(int(values[count.argmax()]), 3)
+        found = f"node {self.given.numbers[node]}, component {component + 1} repeated"
+        self.require(len(values) == n_eq, item, "each pair once", found)
         absent = np.ones(3 * n, bool)
         absent[rows] = False
         return rows, absent.reshape(n, 3)
@@ -376,8 +343,7 @@ class PreparedBody:
     def _expanded(self, key: str) -> sp.csr_matrix:
         given = getattr(self.given, key)
         item = f"{self.where}: {key} matrix"
-        if given is None:
-            raise mismatch(item, "a matrix", "none")
+        require(given is not None, item, "a matrix", "none")
         rows, _ = self._table
         matrix = sp.csr_matrix(given)
         n_eq = len(rows)
@@ -389,22 +355,17 @@ class PreparedBody:
         if difference.nnz and difference.data.max() > BOUNDS.symmetry * scale:
             k = int(difference.data.argmax())
             r, c = int(difference.row[k]), int(difference.col[k])
-            raise mismatch(
-                item,
-                "a symmetric matrix (both triangles)",
-                f"{matrix[r, c]:.9g} in row {r + 1}, column {c + 1} and {matrix[c, r]:.9g} in its mirror place",
-            )
+            found = f"{matrix[r, c]:.9g} in row {r + 1}, column {c + 1} and {matrix[c, r]:.9g} in its mirror place"
+            raise mismatch(item, "a symmetric matrix (both triangles)", found)
         diagonal = matrix.diagonal()
-        if diagonal.min() < 0.0:
-            k = int(diagonal.argmin())
-            raise mismatch(item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
+        k = int(diagonal.argmin())
+        require(diagonal[k] >= 0.0, item, "a diagonal without negative numbers", f"{diagonal[k]:.6g} in row {k + 1}")
         n = 3 * len(self.nodes)
         pick = sp.csr_matrix((np.ones(n_eq), (rows, np.arange(n_eq))), shape=(n, n_eq))
         full = (pick @ (0.5 * (matrix + matrix.T)) @ pick.T).tocsr()
-        turned = self._turning
-        if turned is not None:
-            full = (turned @ full @ turned.T).tocsr()
-            full = (0.5 * (full + full.T)).tocsr()
+        if (turned := self._turning) is not None:
+            full = turned @ full @ turned.T
+            full = 0.5 * (full + full.T)
         return (self.place.units.mass * full).tocsr()
 
     @cached_property
@@ -432,13 +393,10 @@ class PreparedBody:
         q = np.abs(self.place.rotation)
         plain = bool(np.all((q < 1e-9) | (q > 1 - 1e-9)))
         own = np.isin(self.given.numbers, np.array(list(self.given.node_axes), int))
-        if np.any(partly & (own | (not plain))):
-            k = int(np.flatnonzero(partly & (own | (not plain)))[0])
-            raise self.error(
-                f"node {self.given.numbers[k]}",
-                "all three components or none fixed, or axes of the file along those of the model",
-                "some fixed in axes that are turned",
-            )
+        wrong = self.given.numbers[partly & (own | (not plain))]
+        if len(wrong):
+            expected = "all three components or none fixed, or axes of the file along those of the model"
+            raise self.error(f"node {wrong[0]}", expected, "some fixed in axes that are turned")
         out = absent @ (q > 0.5).T if partly.any() else absent
         if held is not None:
             out[held] = True

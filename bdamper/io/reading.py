@@ -10,14 +10,13 @@ from __future__ import annotations
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
 from pathlib import Path
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bdamper.model.checks import require
 from bdamper.util.errors import BdamperError, ModelError, mismatch
@@ -137,6 +136,15 @@ def check_count(value: int, item: str, what: str, smallest: int = 0, largest: in
     return int(value)
 
 
+@contextmanager
+def parsing(item: str, expected: str, found: object) -> Iterator[None]:
+    """Turn numbers in the block that do not read as such, or lack, into the error for what was found."""
+    try:
+        yield
+    except (ValueError, IndexError):
+        raise mismatch(item, expected, f"'{str(found).strip()[:60]}'") from None
+
+
 class Lines:
     """The lines of a text file one after another, and errors that name the line that was read last."""
 
@@ -172,11 +180,3 @@ class Lines:
     def error(self, expected: str, found: object) -> ModelError:
         """The error for the line that was read last."""
         return mismatch(self.item, expected, found)
-
-
-def grouped(elements: Iterable[Sequence[int] | NDArray]) -> tuple[NDArray, ...]:
-    """Solid elements, given one by one by their node numbers, as an array (n, n_nodes) for each number of nodes."""
-    groups: dict[int, list[Sequence[int] | NDArray]] = {}
-    for nodes in elements:
-        groups.setdefault(len(nodes), []).append(nodes)
-    return tuple(np.array(group, np.int64) for group in groups.values())

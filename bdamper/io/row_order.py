@@ -89,8 +89,8 @@ def check_row_order(body: PreparedBody) -> None:
     hint = "positions that do not belong to the nodes, or a table in another order than the rows"
     if order is not None:
         hint = f"none if the rows come {order}: give dofs=(node, component) of each row in that order"
-    raise body.error(
-        "stiffness matrix and table of nodes and components" if body.given.dofs is not None else "stiffness matrix",
-        "rows in the order of the table" if body.given.dofs is not None else "rows x, y, z of one node after the other",
-        f"forces on {100 * share:.3g} % of the nodes away from held ones when the body moves as a rigid one; {hint}",
-    )
+    item, expected = "stiffness matrix", "rows x, y, z of one node after the other"
+    if body.given.dofs is not None:
+        item, expected = "stiffness matrix and table of nodes and components", "rows in the order of the table"
+    where = f"forces on {100 * share:.3g} % of the nodes away from held ones when the body moves as a rigid one"
+    raise body.error(item, expected, f"{where}; {hint}")

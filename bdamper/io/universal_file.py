@@ -7,16 +7,16 @@ state the nodal diameter of a mode, so the caller gives it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bdamper.io.fe_body import FEBody, modes_by_diameter
+from bdamper.io.fe_body import FEBody, by_kind, modes_by_diameter
 from bdamper.io.measured import Measurement
-from bdamper.io.reading import Lines, grouped, reader
+from bdamper.io.reading import Lines, parsing, reader
 from bdamper.model.checks import require
 from bdamper.util.errors import mismatch, needed
 
@@ -75,12 +75,10 @@ def read_unv(path: Path, nodal_diameters: Mapping[int, int] | int = 0) -> FEBody
             d = nodal_diameters if isinstance(nodal_diameters, int) else nodal_diameters.get(mode[0], -1)
             if d >= 0:
                 found.append((d, *mode[1:]))
-    if not numbers:
-        raise mismatch(str(path), "nodes (data set 15 or 2411)", "none")
+    require(bool(numbers), str(path), "nodes (data set 15 or 2411)", "none")
     labels = np.concatenate(numbers).astype(np.int64)
-    elements = _elements(path)
     modes = modes_by_diameter(found, str(path))
-    return FEBody(labels, np.concatenate(positions), elements=elements, modes=modes, source=str(path))
+    return FEBody(labels, np.concatenate(positions), **by_kind(_elements(path)), modes=modes, source=str(path))
 
 
 def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, NDArray] | None:
@@ -101,8 +99,8 @@ def _mode(data: dict[str, Any], item: str) -> tuple[int, float, float, NDArray, 
         data = {**data, **_components(data, item)}
         frequency, mass = float(data["record12_field2"]), float(data["record12_field4"])
         number = int(data["record10_field6"])
-    if any(key not in data for key in keys):
-        raise mismatch(item, "three displacements at every node", f"{[k for k in keys if k in data]}")
+    there = [key for key in keys if key in data]
+    require(len(there) == 3, item, "three displacements at every node", f"{there}")
     nodes = np.asarray(data["node_nums"]).astype(np.int64)
     shape = np.column_stack([np.asarray(data[key]) for key in keys])
     require(shape.shape == (len(nodes), 3), item, f"values of {len(nodes)} nodes", f"{shape.shape}")
@@ -116,14 +114,12 @@ def _components(data: dict[str, Any], item: str) -> dict[str, NDArray]:
     values = np.array(rows, float)
     if int(data["data_type"]) in (5, 6):
         values = values[:, 0::2] + 1j * values[:, 1::2]
-    if values.shape[1] < 3:
-        raise mismatch(item, "three displacements at every node", f"{values.shape[1]}")
+    require(values.shape[1] >= 3, item, "three displacements at every node", f"{values.shape[1]}")
     return {key: values[:, k] for k, key in enumerate("xyz")}
 
 
-def _elements(source: Path) -> tuple[NDArray, ...]:
-    """Solid elements of all data sets 2412."""
-    elements = []
+def _elements(source: Path) -> Iterator[list[int]]:
+    """Nodes of the solid elements of all data sets 2412."""
     lines = Lines(source, "latin-1")
     inside, before = False, ""
     for line in lines:
@@ -132,8 +128,7 @@ def _elements(source: Path) -> tuple[NDArray, ...]:
             inside = (before, text) == ("-1", "2412")
             before = text
             continue
-        item = lines.item
-        try:
+        with parsing(lines.item, "an element of data set 2412", text):
             head = [int(w) for w in text.split()]
             kind, count = head[1], head[5]
             if kind in (11, 21, 22, 23, 24):
@@ -141,15 +136,12 @@ def _elements(source: Path) -> tuple[NDArray, ...]:
             nodes: list[int] = []
             while len(nodes) < count:
                 nodes += [int(w) for w in lines.take("the nodes of an element").split()]
-        except (ValueError, IndexError):
-            raise mismatch(item, "an element of data set 2412", f"'{text[:60]}'") from None
         if kind in _LINEAR and len(nodes) == _LINEAR[kind]:
-            elements.append(nodes)
+            yield nodes
         elif kind in _QUADRATIC and len(nodes) == _QUADRATIC[kind][0]:
             corners = _QUADRATIC[kind][1]
             between = [n for k, n in enumerate(nodes) if k not in corners]
-            elements.append([nodes[k] for k in corners] + between)
-    return grouped(elements)
+            yield [nodes[k] for k in corners] + between
 
 
 @reader("a universal file", library=True)
@@ -165,17 +157,9 @@ def read_measurements(path: Path) -> tuple[Measurement, ...]:
         if int(data.get("abscissa_spec_data_type", 18)) != 18:
             continue  # not over frequency
         name = str(data.get("id1", "")).strip() or f"function {len(out) + 1}"
-        out.append(
-            Measurement(
-                name,
-                np.asarray(data["x"], float),
-                np.asarray(data["data"]).astype(complex),
-                int(data.get("rsp_node", 0)),
-                int(data.get("rsp_dir", 0)),
-                str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", ""),
-                str(path),
-            )
-        )
-    if not out:
-        raise mismatch(str(path), "functions over frequency (data set 58)", "none")
+        frequency, response = np.asarray(data["x"], float), np.asarray(data["data"]).astype(complex)
+        node, direction = (int(data.get(key, 0)) for key in ("rsp_node", "rsp_dir"))
+        unit = str(data.get("ordinate_axis_units_lab", "")).strip().replace("NONE", "")
+        out.append(Measurement(name, frequency, response, node, direction, unit, str(path)))
+    require(bool(out), str(path), "functions over frequency (data set 58)", "none")
     return tuple(out)

@@ -7,7 +7,7 @@ and the local basis of a wheel of unequal blades.  Others use `CyclicSector`, `F
 `local_basis`, `patches_on_faces` and `travelling_waves`.
 """
 
-from bdamper.reduction.bodies import constrained_body, free_body, needed_nodal_diameters
+from bdamper.reduction.bodies import Wanted, constrained_body, free_body, needed_nodal_diameters
 from bdamper.reduction.cyclic import CyclicSector
 from bdamper.reduction.free_body import FreeBody
 from bdamper.reduction.local_coordinates import BladePart, LocalSizes, local_basis
@@ -20,6 +20,7 @@ __all__ = [
     "FreeBody",
     "LocalSizes",
     "Patches",
+    "Wanted",
     "constrained_body",
     "free_body",
     "local_basis",

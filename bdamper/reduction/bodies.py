@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -39,15 +40,43 @@ def picture_mesh(surface: Facets, nodes: NDArray, shapes: Mapping[int, NDArray])
     return SurfaceMesh(nodes[used].copy(), compact.reshape(quads.shape).astype(np.int32), modes)
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """Where and with how many modes the motion of a body is wanted.
+
+    Parameters
+    ----------
+    ports : tuple of Port
+    contact : (3 n_points, 3 n_nodes) sparse
+        From nodal displacements to the contact points of all ports.
+    locations : mapping of name to node index
+    n_modes : int
+    damping_ratio : float
+        Of all elastic modes.
+    """
+
+    ports: tuple[Port, ...]
+    contact: sp.csr_matrix
+    locations: Mapping[str, int]
+    n_modes: int
+    damping_ratio: float
+
+    def basis(self, omega2: NDArray, shapes: NDArray, flexibility: NDArray | None = None) -> ModalBasis:
+        """Mass-normalised modes (3 n_nodes, n) of squared frequencies (n,) at the contact points and locations."""
+        return ModalBasis(
+            omega2=omega2.copy(),
+            damping_ratio=np.where(omega2 > 0.0, self.damping_ratio, 0.0),
+            contact_modes=(self.contact @ shapes).reshape(-1, 3, len(omega2)),
+            locations=location_rows(self.locations, shapes),
+            flexibility=flexibility,
+        )
+
+
 def constrained_body(
     name: str,
-    ports: tuple[Port, ...],
+    wanted: Wanted,
     sector: Callable[[int], CyclicSector],
-    contact: sp.spmatrix,
-    locations: Mapping[str, int],
     nodal_diameters: Iterable[int],
-    n_modes: int,
-    damping_ratio: float,
     flexibility_at: Collection[int],
     rotation: Rotation | None = None,
 ) -> Body:
@@ -56,14 +85,9 @@ def constrained_body(
     Parameters
     ----------
     name : str
-    ports : tuple of Port
+    wanted : Wanted
     sector : function of the nodal diameter
-    contact : (3 n_points, 3 n_nodes) sparse
-        From nodal displacements to contact points, all ports.
-    locations : mapping of name to node
     nodal_diameters : iterable of int
-    n_modes : int
-    damping_ratio : float
     flexibility_at : collection of int
         Nodal diameters at which the static receptance is wanted.
     rotation : Rotation, optional
@@ -72,50 +96,28 @@ def constrained_body(
     bases = {}
     for d in nodal_diameters:
         reduced = sector(d)
-        omega2, shapes = reduced.modes(n_modes)
-        touching = contact if d in flexibility_at else None
-        bases[d] = ModalBasis(
-            omega2=omega2.copy(),
-            damping_ratio=np.full(len(omega2), damping_ratio),
-            contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
-            locations=location_rows(locations, shapes),
-            flexibility=None if touching is None else reduced.receptance(touching),
-        )
+        touching = wanted.contact if d in flexibility_at else None
+        bases[d] = wanted.basis(*reduced.modes(wanted.n_modes), None if touching is None else reduced.receptance(touching))
         if rotation is not None:
             bases[d] = rotation.basis(bases[d], reduced, touching)
     spin = None
     if rotation is not None:
         moved = spin_displacement(sector(0))
-        places = {key: moved[3 * node : 3 * node + 3] for key, node in locations.items()}
         theory: Literal["linear", "stiffened"] = "linear" if rotation.omega_ref == 0.0 else "stiffened"
-        spin = SpinStatic((contact @ moved).reshape(-1, 3), places, theory, rotation.omega_ref)
-    return Body(name, "constrained", ports, bases, spin=spin)
+        at_points = (wanted.contact @ moved).reshape(-1, 3)
+        spin = SpinStatic(at_points, location_rows(wanted.locations, moved), theory, rotation.omega_ref)
+    return Body(name, "constrained", wanted.ports, bases, spin=spin)
 
 
-def free_body(
-    name: str,
-    ports: tuple[Port, ...],
-    free: FreeBody,
-    contact: sp.spmatrix,
-    locations: Mapping[str, int],
-    n_modes: int,
-    damping_ratio: float,
-    radial: NDArray,
-) -> Body:
+def free_body(name: str, wanted: Wanted, free: FreeBody, radial: NDArray) -> Body:
     """A free body with its rigid-body and elastic modes, under centrifugal load along ``radial`` (3,).
 
-    Parameters as in :func:`constrained_body`; ``n_modes`` counts the six rigid-body modes.
+    The six rigid-body modes are among those wanted.
     """
-    omega2, shapes = free.modes(n_modes)
+    omega2, shapes = free.modes(wanted.n_modes)
     force = free.centrifugal_load(radial)
-    basis = ModalBasis(
-        omega2=omega2,
-        damping_ratio=np.where(omega2 > 0.0, damping_ratio, 0.0),
-        contact_modes=(contact @ shapes).reshape(-1, 3, len(omega2)),
-        locations=location_rows(locations, shapes),
-        flexibility=free.receptance(contact),
-    )
-    load = BodyLoad(
-        direction=radial, generalised=shapes.T @ force, displacement=(contact @ free.elastic_response(force)).reshape(-1, 3)
-    )
-    return Body(name, "free", ports, {0: basis}, mass=free.total_mass, centre=free.centre, inertia=free.inertia, load=load)
+    basis = wanted.basis(omega2, shapes, free.receptance(wanted.contact))
+    moved = (wanted.contact @ free.elastic_response(force)).reshape(-1, 3)
+    load = BodyLoad(direction=radial, generalised=shapes.T @ force, displacement=moved)
+    mass, centre, inertia = free.total_mass, free.centre, free.inertia
+    return Body(name, "free", wanted.ports, {0: basis}, mass=mass, centre=centre, inertia=inertia, load=load)

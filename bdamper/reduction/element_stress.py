@@ -183,7 +183,7 @@ def _with_bubbles(
     local = 4.0 * (1.0 - 2.0 * points.T)[:, :, None] * np.eye(3)  # of 4 s (1 - s) along each axis
     own = np.einsum("pkj,eji->epki", local, np.linalg.inv(centre), optimize=True)
     gradient = np.concatenate([gradient, own], axis=2)
-    lame, shear = _constants(group)
+    lame, shear = lame_constants(group.youngs_modulus, group.poisson_ratio)
     h = np.einsum("ep,epki,epbj->ekibj", volume, own, gradient, optimize=True)
     stiffness = lame * h + shear * h.transpose(0, 1, 4, 3, 2)
     stiffness[:, :, range(3), :, range(3)] += shear * np.einsum("ekibi->ekb", h)
@@ -191,9 +191,8 @@ def _with_bubbles(
     return gradient, -np.linalg.solve(stiffness[:, :, 24:], stiffness[:, :, :24])
 
 
-def _constants(group: Solids) -> tuple[float, float]:
-    """Lame's constants, Pa."""
-    young, nu = group.youngs_modulus, group.poisson_ratio
+def lame_constants(young: float, nu: float) -> tuple[float, float]:
+    """Lame's constants, Pa, from Young's modulus and Poisson's ratio."""
     return young * nu / ((1 + nu) * (1 - 2 * nu)), young / (2 * (1 + nu))
 
 
@@ -245,7 +244,7 @@ def element_rows(solids: Sequence[Solids], nodes: NDArray, wanted: NDArray) -> t
 
 def _stress(group: Solids, g: NDArray) -> NDArray:
     """(m, 6, 3 n) stress by the amplitudes of shape functions with the gradients ``g`` (m, n, 3)."""
-    (m, n, _), (lame, shear) = g.shape, _constants(group)
+    (m, n, _), (lame, shear) = g.shape, lame_constants(group.youngs_modulus, group.poisson_ratio)
     blocks = np.zeros((m, 6, n, 3))
     for i in range(3):
         blocks[:, :3, :, i] += lame * g[:, None, :, i]

@@ -18,11 +18,12 @@ from numpy.typing import NDArray
 N_CORNER = {4: 4, 10: 4, 6: 6, 15: 6, 8: 8, 20: 8}
 """Corners of an element with so many nodes."""
 
-_FACES = {
+FACES = {
     4: ((0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)),
     6: ((0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)),
     8: ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)),
 }
+"""Corners of the faces of elements, in turn."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +114,7 @@ def boundary_facets(elements: Sequence[NDArray], nodes: NDArray) -> Facets:
         if n_node not in N_CORNER:
             raise ValueError(f"solid elements have {sorted(N_CORNER)} nodes, not {n_node}")
         n_corner = N_CORNER[n_node]
-        for face in _FACES[n_corner]:
+        for face in FACES[n_corner]:
             for element, corner in zip(group, group[:, face]):
                 key = frozenset(corner.tolist())
                 if len(key) >= 3:

@@ -35,7 +35,7 @@ from scipy.sparse.linalg import SuperLU
 
 from bdamper.model.local import LocalBasis
 from bdamper.model.model import Interface, Port
-from bdamper.reduction.bodies import location_rows
+from bdamper.reduction.bodies import Wanted, location_rows
 from bdamper.reduction.cyclic import CyclicSector, cyclic_transformation, factorise, fix_phase, lowest_modes
 from bdamper.reduction.structure import Structure
 from bdamper.util import validate
@@ -112,8 +112,8 @@ class BladePart:
         if len(self.own_dofs) < 12:
             raise ValueError(f"a blade of {len(self.own_dofs)} moving components besides its root")
 
-    def check_on_blade(self, contact: sp.csr_matrix, locations: Mapping[str, int]) -> None:
-        """Contact points and locations, as in :func:`local_basis`, are on the blade.
+    def check_on_blade(self, wanted: Wanted) -> None:
+        """Contact points and locations are on the blade.
 
         Raises
         ------
@@ -121,9 +121,9 @@ class BladePart:
         """
         inside = np.zeros(len(self.body.nodes), bool)
         inside[self.nodes] = True
-        if not inside[np.unique(contact.indices // 3)].all():
+        if not inside[wanted.contact.indices // 3].all():
             raise ValueError("contact points that are not on the blade")
-        for name, node in locations.items():
+        for name, node in wanted.locations.items():
             if not inside[node]:
                 raise ValueError(f"location '{name}', which is not on the blade")
 
@@ -371,10 +371,8 @@ def local_shapes(
 def local_basis(
     blade: BladePart,
     sector: Callable[[int], CyclicSector],
-    contact: sp.csr_matrix,
+    wanted: Wanted,
     dampers: tuple[NDArray, NDArray],
-    locations: Mapping[str, int],
-    damping_ratio: float,
     sizes: LocalSizes,
     region: str,
 ) -> LocalBasis:
@@ -385,13 +383,10 @@ def local_basis(
     blade : BladePart
     sector : function of the nodal diameter
         Not acyclic.
-    contact : (3 n_points, 3 n_nodes) sparse
-        From nodal displacements to the contact points of all ports, on the blade.
+    wanted : Wanted
+        All of it on the blade; ``sizes`` say how many modes.
     dampers : (3 n_points, 6) float, (3 n_points,) int
         Rigid motion of what the contact points meet, and its sector (:func:`damper_motion`).
-    locations : mapping of name to node, of the blade
-    damping_ratio : float
-        Of all modes.
     sizes : LocalSizes
     region : str
         What counts as the blade, in words.
@@ -401,8 +396,8 @@ def local_basis(
     ValueError
         If contact points or locations are not on the blade, or its root lies on a face at which the sector repeats.
     """
-    blade.check_on_blade(contact, locations)
-    body = blade.body
+    blade.check_on_blade(wanted)
+    body, contact = blade.body, wanted.contact
     found = local_shapes(blade, sector, contact, dampers, sizes)
     shapes, n = found.shapes, found.shapes.shape[1]
     own = slice(0, n - found.n_interface)
@@ -422,13 +417,13 @@ def local_basis(
     return LocalBasis(
         region=region,
         omega2=found.omega2.copy(),
-        damping_ratio=np.full(n, damping_ratio),
+        damping_ratio=np.full(n, wanted.damping_ratio),
         blade_stiffness=stiffness,
         blade_mass=mass,
         disk_stiffness=found.stiffness - strain,
         disk_mass=found.mass - mass[rest, rest],
         contact_modes=(contact @ shapes).reshape(-1, 3, n),
-        locations=location_rows(locations, shapes),
+        locations=location_rows(wanted.locations, shapes),
         flexibility=0.5 * (flexibility + flexibility.T),
     )
 

@@ -18,6 +18,7 @@ rounding.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
@@ -169,13 +170,9 @@ def _bilinear(xi: NDArray) -> NDArray:
 
 def _shape(xi: NDArray, n_nodes: int) -> NDArray:
     """Shape functions (m, n_nodes) at points of the square, or at barycentric coordinates (m, 3)."""
-    if n_nodes == 8:
-        return serendipity(xi)
-    if n_nodes == 4:
-        return _bilinear(xi)
-    if n_nodes == 3:
-        return xi
-    return np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
+    if n_nodes in (4, 8):
+        return _bilinear(xi) if n_nodes == 4 else serendipity(xi)
+    return xi if n_nodes == 3 else np.hstack([xi * (2 * xi - 1), 4 * xi * np.roll(xi, -1, axis=1)])
 
 
 def _inverse_map(corner: NDArray, x: NDArray) -> NDArray:
@@ -327,20 +324,16 @@ def _means(
         for side in (0, 1):
             total = sum(weight[side].values())
             data[side] += [(i, node, value / total) for node, value in weight[side].items()]
-    matrices: list[sp.csr_matrix | None] = []
-    points: list[NDArray | None] = []
-    for side, nodes in enumerate(bodies):
-        if nodes is None:
-            matrices.append(None)
-            points.append(None)
-            continue
-        rows, columns, values = (np.array(part) for part in zip(*data[side]))
+    turn_rows = sp.block_diag(list(frames), format="csr")
+
+    def on_body(entries: list[tuple[int, int, float]], nodes: NDArray) -> tuple[NDArray, sp.csr_matrix]:
+        rows, columns, values = (np.array(part) for part in zip(*entries))
         mean = sp.csr_matrix((values, (rows, columns)), shape=(n, len(nodes)))
-        points.append(mean @ nodes)
-        turn_rows = sp.block_diag(list(frames), format="csr")
-        matrices.append((turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr())
-    assert points[0] is not None and matrices[0] is not None
-    return PatchMeans(area, frames, points[0], points[1], matrices[0], matrices[1])
+        return mean @ nodes, (turn_rows @ sp.kron(mean, sp.identity(3), format="csr")).tocsr()
+
+    points_a, matrix_a = on_body(data[0], bodies[0])
+    points_b, matrix_b = (None, None) if bodies[1] is None else on_body(data[1], bodies[1])
+    return PatchMeans(area, frames, points_a, points_b, matrix_a, matrix_b)
 
 
 def patches_on_rectangles(
@@ -403,14 +396,8 @@ def _by_plane(patches: Patches) -> list[Patches]:
 
 
 def _joined(parts: list[PatchMeans]) -> PatchMeans:
-    return PatchMeans(
-        np.concatenate([p.area for p in parts]),
-        np.concatenate([p.frame for p in parts]),
-        np.concatenate([p.points_a for p in parts]),
-        None,
-        sp.vstack([p.matrix_a for p in parts], format="csr"),
-        None,
-    )
+    area, frame, points = (np.concatenate([getattr(p, name) for p in parts]) for name in ("area", "frame", "points_a"))
+    return PatchMeans(area, frame, points, None, sp.vstack([p.matrix_a for p in parts], format="csr"), None)
 
 
 def patches_on_faces(
@@ -461,18 +448,12 @@ def patches_on_faces(
     cells: list[list[_Piece]] = [[] for _ in range(n_1 * n_2)]
     tiny = 1e-13 * whole
     for piece in pieces:
-        span = [
-            range(
-                max(int(np.searchsorted(e, piece.polygon[:, k].min(), "right")) - 1, 0),
-                min(int(np.searchsorted(e, piece.polygon[:, k].max(), "left")), len(e) - 1),
-            )
-            for k, e in enumerate(edges)
-        ]
-        for i in span[0]:
-            for j in span[1]:
-                part = clip_to_rectangle(piece.polygon, *(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
-                if len(part) >= 3 and polygon_area(part) > tiny:
-                    cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
+        first = [max(int(np.searchsorted(e, piece.polygon[:, k].min(), "right")) - 1, 0) for k, e in enumerate(edges)]
+        last = [min(int(np.searchsorted(e, piece.polygon[:, k].max())), len(e) - 1) for k, e in enumerate(edges)]
+        for i, j in product(*map(range, first, last)):
+            part = clip_to_rectangle(piece.polygon, *(np.array([edges[0][i + k], edges[1][j + k]]) for k in (0, 1)))
+            if len(part) >= 3 and polygon_area(part) > tiny:
+                cells[i * n_2 + j].append(_Piece(part, piece.a, piece.b))
     cells = _without_small(cells, float((high - low).prod()) / len(cells), n_2)
     frames = np.broadcast_to(frame, (len(cells), 3, 3)).copy()
     return _means(cells, frames, (flat_a, flat_b), (nodes_a, nodes_b if flat_b is not None else None))

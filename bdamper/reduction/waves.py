@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 
 from bdamper.model.model import turn
 
-PAIR_TOLERANCE = 1e-4
-"""Relative difference of frequencies up to which two real shapes can be one wave."""
+PAIR_TOLERANCE, PHASE_TOLERANCE = 1e-4, 1e-3
+"""Relative difference of frequencies up to which two real shapes can be one wave; violation of the phase condition over
+the size of the shape on the faces."""
 
 
 @dataclass(frozen=True)
@@ -62,13 +63,7 @@ def _difference(shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, 
 
 
 def travelling_waves(
-    frequency: NDArray,
-    shapes: NDArray,
-    left: NDArray,
-    right: NDArray,
-    n_sectors: int,
-    nodal_diameter: int,
-    tolerance: float = 1e-3,
+    frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n_sectors: int, nodal_diameter: int
 ) -> Waves:
     """Waves toward +X from the shapes of a file.
 
@@ -80,8 +75,6 @@ def travelling_waves(
     left, right : (k,) int
         Matching nodes of the sector faces, ``right`` toward +X.
     n_sectors, nodal_diameter : int
-    tolerance : float
-        Of the phase condition, relative to the size of the shape on the faces.
 
     Raises
     ------
@@ -96,13 +89,13 @@ def travelling_waves(
     # A mode that leaves the faces at rest does not determine the phase; its size elsewhere is the scale then.
     size = np.maximum(size, 1e-6 * whole)
     if 2 * d % n == 0:
-        return _standing(frequency, shapes, left, right, n, d, size, tolerance)
+        return _standing(frequency, shapes, left, right, n, d, size)
     forward = _difference(shapes, left, right, n, d)
     if np.iscomplexobj(shapes) and np.abs(shapes.imag).max() > 1e-9 * np.abs(shapes).max():
         ahead = np.linalg.norm(forward, axis=0) / size
         behind = np.linalg.norm(_difference(shapes.conj(), left, right, n, d), axis=0) / size
         error = np.minimum(ahead, behind)
-        _refuse(error, frequency, d, tolerance, "")
+        _refuse(error, frequency, d, "")
         other = behind < ahead
         return Waves(np.arange(len(frequency)), np.where(other, shapes.conj(), shapes), error, int(other.sum()), 0)
     real = shapes.real
@@ -125,27 +118,25 @@ def travelling_waves(
         errors.append(error)
         k += 2
     found = np.array(errors)
-    _refuse(found, frequency[np.array(index, int)], d, tolerance, "the pair of shapes ")
+    _refuse(found, frequency[np.array(index, int)], d, "the pair of shapes ")
     return Waves(np.array(index, int), np.array(waves).T, found, 0, len(index))
 
 
-def _standing(
-    frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n: int, d: int, size: NDArray, tolerance: float
-) -> Waves:
+def _standing(frequency: NDArray, shapes: NDArray, left: NDArray, right: NDArray, n: int, d: int, size: NDArray) -> Waves:
     """Nodal diameters 0 and N/2: remove the common phase of each shape, and check the faces."""
     if np.iscomplexobj(shapes):
         square = np.einsum("ij,ij->j", shapes, shapes)
         shapes = shapes * np.exp(-0.5j * np.angle(square))
         rest = np.linalg.norm(shapes.imag, axis=0) / np.maximum(np.linalg.norm(shapes, axis=0), 1e-300)
-        _refuse(rest, frequency, d, tolerance, "the imaginary part of ")
+        _refuse(rest, frequency, d, "the imaginary part of ")
         shapes = shapes.real
     error = np.linalg.norm(_difference(shapes, left, right, n, d), axis=0) / size
-    _refuse(error, frequency, d, tolerance, "")
+    _refuse(error, frequency, d, "")
     return Waves(np.arange(len(frequency)), np.array(shapes), error, 0, 0)
 
 
-def _refuse(error: NDArray, frequency: NDArray, d: int, tolerance: float, what: str) -> None:
-    if len(error) and not error.max() <= tolerance:
+def _refuse(error: NDArray, frequency: NDArray, d: int, what: str) -> None:
+    if len(error) and not error.max() <= PHASE_TOLERANCE:
         k = int(np.argmax(error))
         raise ValueError(
             f"nodal diameter {d}: {what}{frequency[k]:.6g} Hz does not repeat from one sector face to the other with the "

@@ -97,10 +97,7 @@ class Stopwatch:
 
     def read(self) -> dict[str, Any]:
         """Seconds and processor seconds, as fields of :class:`Cost`."""
-        return {
-            "seconds": time.perf_counter() - self.start,
-            "processor": time.thread_time() - self.processor_start,
-        }
+        return {"seconds": time.perf_counter() - self.start, "processor": time.thread_time() - self.processor_start}
 
 
 def _summed(costs: Sequence[Any], name: str) -> Any:

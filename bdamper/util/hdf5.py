@@ -22,7 +22,7 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 import h5py
 import numpy as np
 
-from bdamper.util.errors import BdamperError
+from bdamper.util.errors import BdamperError, shortened
 from bdamper.util.status import Translated
 from bdamper.util.versions import HERE, Versions
 
@@ -124,10 +124,10 @@ def written(path: FilePath, **options: Any) -> Iterator[h5py.File]:
 
 
 @contextmanager
-def opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
-    """A file to be read, with one error where it is none or damaged."""
+def opened(path: FilePath, expected: str, kind: type[BdamperError] = BdamperError) -> Iterator[h5py.File]:
+    """A file to be read, with one error, of a kind, where it is none or damaged."""
     if Path(path).is_dir():
-        raise BdamperError(f"{path}: expected {expected}, found a folder")
+        raise kind(f"{path}: expected {expected}, found a folder")
     if not Path(path).is_file():
         raise FileNotFoundError(f"there is no file '{path}'")
     try:
@@ -136,7 +136,7 @@ def opened(path: FilePath, expected: str) -> Iterator[h5py.File]:
     except BdamperError:
         raise
     except Exception as error:  # a damaged file can make HDF5 and h5py raise almost anything
-        raise BdamperError(f"{path}: expected {expected}, found something else ({error})") from error
+        raise kind(f"{path}: expected {expected}, found something else ({shortened(error)})") from error
 
 
 def _read(cls: type[Storable], oldest: int, newest: int, path: FilePath) -> Storable:
@@ -199,16 +199,15 @@ class Formerly:
     name: str
 
 
-def _former(cls: type[Any]) -> dict[str, str]:
-    """Former names of fields."""
-    hints = get_type_hints(cls, include_extras=True)
-    marks = ((name, mark) for name, hint in hints.items() for mark in getattr(hint, "__metadata__", ()))
-    return {name: mark.name for name, mark in marks if isinstance(mark, Formerly)}
+def _marks(cls: Any) -> Iterator[tuple[str, Any]]:
+    """Names of fields with what their annotated types are marked by."""
+    for name, hint in get_type_hints(cls, include_extras=True).items():
+        yield from ((name, mark) for mark in getattr(hint, "__metadata__", ()))
 
 
 def _take(cls: type[Any], group: h5py.Group, made_with: Versions) -> Any:
     """A result from the fields in a file, made with the versions that it names, or else with those given."""
-    hints, former = get_type_hints(cls), _former(cls)
+    hints, former = get_type_hints(cls), {name: m.name for name, m in _marks(cls) if isinstance(m, Formerly)}
     made_with = Versions.stored(group.attrs) if "bdamper_version" in group.attrs else made_with
     found: dict[str, Any] = {"made_with": made_with}
     for name in (f.name for f in fields(cls)):
@@ -228,10 +227,9 @@ def _take(cls: type[Any], group: h5py.Group, made_with: Versions) -> Any:
 
 def _translated(cls: Any, found: dict[str, Any]) -> dict[str, Any]:
     """Fields of a result in today's words for statuses."""
-    for name, hint in get_type_hints(cls, include_extras=True).items():
-        for mark in getattr(hint, "__metadata__", ()):
-            if isinstance(mark, Translated) and name in found:
-                found[name] = mark.read(found[name])
+    for name, mark in _marks(cls):
+        if isinstance(mark, Translated) and name in found:
+            found[name] = mark.read(found[name])
     return found
 
 

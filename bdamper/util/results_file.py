@@ -44,8 +44,7 @@ class ResultsFile:
     def __init__(self, path: str | Path, header: Mapping[str, Any], work: str = "sweep") -> None:
         self.path = Path(path)
         self.header = dict(header)
-        self.expected = f"a results file of a {work}"
-        self.work = work
+        self.expected, self.work = f"a results file of a {work}", work
         self.records: dict[int | str, dict[str, Any]] = {}
         check_folder(self.path)
         self.file = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o666)
@@ -64,9 +63,10 @@ class ResultsFile:
         try:
             fcntl.flock(self.file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise BdamperError(
-                f"{self.path}: expected a results file of its own, found one that another run uses"
-            ) from error
+            raise self._refused("a results file of its own", "one that another run uses") from error
+
+    def _refused(self, expected: str, found: str) -> BdamperError:
+        return BdamperError(f"{self.path}: expected {expected}, found {found}")
 
     def _read(self) -> None:
         content = b""
@@ -77,41 +77,35 @@ class ResultsFile:
         lines = content[:whole].splitlines()
         if not lines:
             if content and not as_line(self.header).startswith(content[: len(as_line(self.header))]):
-                raise BdamperError(f"{self.path}: expected {self.expected}, found something else")
+                raise self._refused(self.expected, "something else")
             os.ftruncate(self.file, 0)
             self._write(self.header)
             return
         try:
             found = json.loads(lines[0])
         except ValueError as error:
-            raise BdamperError(f"{self.path}: expected {self.expected}, found something else") from error
+            raise self._refused(self.expected, "something else") from error
         self._compare(found)
         for number, line in enumerate(lines[1:], 2):
             try:
                 record = json.loads(line)
                 self.records[record["index"]] = record
             except (ValueError, KeyError, TypeError) as error:
-                raise BdamperError(
-                    f"{self.path}, line {number}: expected one finished part, found {line[:60]!r}"
-                ) from error
+                raise self._refused(f"one finished part in line {number}", repr(line[:60])) from error
         if whole < len(content):  # incomplete, since the run that wrote it was killed
             os.ftruncate(self.file, whole)
 
     def _compare(self, found: Any) -> None:
         if not isinstance(found, dict) or found.get("format") != self.header["format"]:
-            raise BdamperError(f"{self.path}: expected {self.expected}, found something else")
+            raise self._refused(self.expected, "something else")
         own, other = (Versions.stored(header).bdamper for header in (self.header, found))
         if own != other:
-            raise BdamperError(
-                f"{self.path}: expected results of bdamper {own}, found those of bdamper {other}, "
-                "which this version cannot continue"
-            )
+            those = f"those of bdamper {other}, which this version cannot continue"
+            raise self._refused(f"results of bdamper {own}", those)
         for name, expected in json.loads(as_line(self.header)).items():
             if name not in HERE.attributes() and found.get(name) != expected:
-                raise BdamperError(
-                    f"{self.path}: expected results of this {self.work}, found those of another one: {name} is "
-                    f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
-                )
+                values = f"{cut(json.dumps(found.get(name)), 100)}, here {cut(json.dumps(expected), 100)}"
+                raise self._refused(f"results of this {self.work}", f"those of another one: {name} is {values}")
 
     def _write(self, record: Mapping[str, Any]) -> None:
         line = as_line(record)

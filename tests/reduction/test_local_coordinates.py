@@ -9,11 +9,15 @@ pytest.importorskip("skfem", reason="scikit-fem is not installed (extra bdamper[
 from bdamper.fe import Geometry, SectorFE
 from bdamper.fe.contact_points import wedge_patches
 from bdamper.model import check_model
-from bdamper.reduction import BladePart, LocalSizes, local_basis
+from bdamper.reduction import BladePart, LocalSizes, Wanted, local_basis
 from bdamper.reduction.free_body import rigid_motions
 from tests.annulus import Annulus, dampers_between, small_sector, small_wheel, wheel_matrices
 
 DEVIATION = np.random.default_rng(0).standard_normal(8)
+
+
+def wanted(contact, **locations):
+    return Wanted((), contact, locations, 1, 0.002)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +101,7 @@ def test_frequencies_of_65_blades():
     fe = SectorFE(Geometry())
     faces = [wedge_patches(fe.geometry, side, 9) for side in ("left", "right")]
     dampers = dampers_between(*faces)
-    local = local_basis(fe.blade_part(), fe.cyclic, fe.blade_contact(*faces), dampers, {}, 0.002, LocalSizes(), "blade")
+    local = local_basis(fe.blade_part(), fe.cyclic, wanted(fe.blade_contact(*faces)), dampers, LocalSizes(), "blade")
     limits = 1e-2 * np.array([3e-4, 2e-3, 3e-3, 0.15, 0.1, 0.02])
     for d in (0, 1, 2, 7, 19, 32):
         error = np.sqrt(local.nodal_diameter(d).omega2[:6] / fe.cyclic(d).modes(6)[0]) - 1.0
@@ -109,7 +113,7 @@ def test_without_the_blades_own_matrix_only_the_strain_of_the_root_is_missing(an
     """Tuned wheels are the same; blades clamped at their roots are; deviations of 5 % move family 1 by 0.05 % less."""
     part, exact = annulus.part, model.bodies["blade"].local
     bare = BladePart(part.body, part.nodes, part.fixed)
-    local = local_basis(bare, annulus.fe.cyclic, annulus.contact, annulus.dampers, {}, 0.002, LocalSizes(), "blade")
+    local = local_basis(bare, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, LocalSizes(), "blade")
     for d in (0, 1, 3):
         np.testing.assert_allclose(local.modes(d)[0], exact.modes(d)[0], rtol=1e-9)
     np.testing.assert_allclose(local.omega2, exact.omega2, rtol=1e-9)
@@ -126,10 +130,10 @@ def test_a_blade_that_does_not_fit_is_refused(annulus):
     sizes = LocalSizes(4, 4, 4)
     own = BladePart(body, disk, part.fixed)
     with pytest.raises(ValueError, match="contact points that are not on the blade"):
-        local_basis(own, annulus.fe.cyclic, annulus.contact, annulus.dampers, {}, 0.0, sizes, "disk")
+        local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "disk")
     with pytest.raises(ValueError, match="location 'rim', which is not on the blade"):
-        local_basis(part, annulus.fe.cyclic, annulus.contact, annulus.dampers, {"rim": int(disk[0])}, 0.0, sizes, "blade")
+        local_basis(part, annulus.fe.cyclic, wanted(annulus.contact, rim=int(disk[0])), annulus.dampers, sizes, "blade")
     wide = np.union1d(part.nodes, annulus.fe.left[:2])
     own = BladePart(body, wide, part.fixed)
     with pytest.raises(ValueError, match="lies on a face at which the sector repeats"):
-        local_basis(own, annulus.fe.cyclic, annulus.contact, annulus.dampers, {}, 0.0, sizes, "blade")
+        local_basis(own, annulus.fe.cyclic, wanted(annulus.contact), annulus.dampers, sizes, "blade")
