@@ -147,19 +147,17 @@ def build_model(
     ModelError, SettingError
         At the first thing that is wrong, naming it, what was expected and what was found.
     """
-    place = placement(axis, radial, origin, units)
     n_blades = validate.whole("n_blades", n_blades, least=1)
     counts = {"blade": validate.whole("n_modes", n_modes, 1, BOUNDS.modes)}
     counts["damper"] = validate.whole("n_damper_modes", n_damper_modes, 6, BOUNDS.modes)
     damping_ratio = validate.number("damping_ratio", damping_ratio, least=0.0, below=1.0)
-    bodies = _prepared(blade, damper, place, validate.flag("strict", strict))
+    bodies = _prepared(blade, damper, placement(axis, radial, origin, units), validate.flag("strict", strict))
     contacts = _given_contacts(contacts)
     diameters, excited, reason = _diameters(n_blades, engine_order, harmonics, nodal_diameters, blade)
     bodies["blade"].expected = _known_frequencies(expected_frequencies, diameters)
     bodies["blade"].checks.append(f"{len(diameters)} nodal diameters, {reason}")
     _check_bodies(bodies, n_blades, validate.flag("check_units", check_units))
-    left, right = _sector_faces(bodies["blade"], sector_faces, n_blades)
-    ring = Ring(n_blades, left, right, diameters, excited or diameters)
+    ring = Ring(n_blades, *_sector_faces(bodies["blade"], sector_faces, n_blades), diameters, excited or diameters)
     contacts, bodies = from_first_sector(contacts, bodies, n_blades)
     laid, places = lay_contacts(contacts, bodies, n_blades), _locations(locations, bodies)
     rows = stress_rows(bodies["blade"], stress, elasticity, laid, ring)
